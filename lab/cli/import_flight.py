@@ -26,6 +26,7 @@ Examples:
   ins-lab import Data.csv --unit Plane_Altitude=m --set curve="air data" --set wind=none
   ins-lab import track.gpx --set vehicle=car
   ins-lab import flight.ulg --as log
+  ins-lab import Accelerometer.csv Gyroscope.csv Location.csv --as log --vehicle car
 The format is detected from the content. --set takes curve, time_stamps, longest_gap, smoothing,
 smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
 rate; the message about a refused value lists the accepted ones."""
@@ -76,6 +77,29 @@ def import_flight(
             "--as", help="Add the flight, to simulate sensors on it; or add the IMU and GPS data as a log."
         ),
     ] = Kind.FLIGHT,
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column",
+            metavar="HEADING=QUANTITY[UNIT]",
+            help="What a column of a csv is, such as a1=force_x[g], az=-force_z[m/s²] or, for one that is "
+            "not read, b=-; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            "--axes",
+            metavar="X,Y,Z",
+            help="With --as log: the axes of a csv's IMU that point forward, right and down, such as y,x,-z.",
+            show_default="found by gravity and motion",
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str,
+        typer.Option("--vehicle", help="With --as log: kind of vehicle of a csv.", show_default=False),
+    ] = "",
     card: Annotated[
         str | None,
         typer.Option(
@@ -96,11 +120,17 @@ def import_flight(
     from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
 
     if kind is Kind.LOG:
-        _add_log(files, name, title, preview, as_json)
+        given = _units(units) | _columns(columns)
+        chosen = [axis.strip() for axis in axes.split(",")] if axes else []
+        _add_log(files, name, title, preview, as_json, given, chosen, vehicle)
         return
+    if axes or vehicle:
+        raise CommandError(
+            "--axes and --vehicle are of logs: they need --as log (--set vehicle=... for flights)"
+        )
     settings = ImportSettings()
     settings.set_texts(assignments or [])
-    given = _units(units)
+    given = _units(units) | _columns(columns)
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
         read = prepare_import(files, settings, given, _noise(card))
@@ -115,7 +145,16 @@ def import_flight(
         raise CommandError(f"{files[0]}: not added, since it is implausible; to add it anyway: --implausible")
 
 
-def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool, as_json: bool) -> None:
+def _add_log(
+    files: Sequence[Path],
+    name: str | None,
+    title: str,
+    preview: bool,
+    as_json: bool,
+    units: dict[str, str],
+    axes: Sequence[str],
+    named_vehicle: str,
+) -> None:
     """Add the IMU and GPS data of a file as a sensor log."""
     from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
@@ -123,9 +162,11 @@ def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool,
 
     if preview:
         raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")
+    if named_vehicle not in ("", *VEHICLES):
+        raise CommandError(f"--vehicle {named_vehicle}: accepted are {', '.join(VEHICLES)}")
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
-        log = read_log(files)
+        log = read_log(files, units, axes, named_vehicle)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
@@ -161,6 +202,17 @@ def _units(texts: Sequence[str] | None) -> dict[str, str]:
             raise CommandError(f"--unit {text}: accepted is COLUMN=UNIT, such as Plane_Altitude=ft")
         units[column.strip()] = unit.strip()
     return units
+
+
+def _columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """Return quantities by column."""
+    columns = {}
+    for text in texts or []:
+        column, sign, quantity = text.rpartition("=")
+        if not sign or not column.strip() or not quantity.strip():
+            raise CommandError(f"--column {text}: accepted is HEADING=QUANTITY[UNIT], such as a1=force_x[g]")
+        columns[column.strip()] = quantity.strip()
+    return columns
 
 
 def _noise(card: str | None) -> SensorNoise:

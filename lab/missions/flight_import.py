@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,6 +27,8 @@ from lab.repair.time_repair import AS_RECORDED, RepairedFlight, repair
 
 RECONSTRUCTED = "attitude reconstructed"
 """Tag of a mission whose attitude is not recorded."""
+_MAX_IN_FOLDER = 200
+"""Most files of a folder that are looked at: exports of phones have some twenty."""
 IMPORTED = "imported"
 """Tag of every mission that was imported."""
 
@@ -48,6 +51,8 @@ class FlightImport:
         Settings for the plausibility checks.
     settings : ImportSettings
         How it was rebuilt.
+    units : Mapping
+        Units that overrule those of the files, by column.
     """
 
     paths: tuple[Path, ...]
@@ -56,6 +61,7 @@ class FlightImport:
     rebuilt: Reconstruction
     report: ImportReport
     settings: ImportSettings
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def recording(self) -> Recording:
@@ -66,7 +72,7 @@ class FlightImport:
     def log(self) -> SensorLog | None:
         """The recorded IMU and GPS data, if the file has both; read at first use."""
         try:
-            return read_log(self.paths)
+            return read_log(self.paths, self.units)
         except MissionError:
             return None
 
@@ -152,28 +158,74 @@ def prepare_import(
     MissionError
         If a file cannot be read, or no flight can be made of it.
     """
-    files = (paths,) if isinstance(paths, str | os.PathLike) else tuple(paths)
-    return prepare_flight(read_raw(files, units), settings, sensor, tuple(Path(file) for file in files))
+    named = (paths,) if isinstance(paths, str | os.PathLike) else tuple(paths)
+    files = tuple(_files([Path(path) for path in named]))
+    return prepare_flight(read_raw(files, units), settings, sensor, files, units)
 
 
-def read_log(paths: Sequence[Path]) -> SensorLog:
-    """Return the recorded IMU and GPS of a file that has both, with the recorder's own solution.
+def read_log(
+    paths: Sequence[Path],
+    units: Mapping[str, str] | None = None,
+    axes: Sequence[str] = (),
+    vehicle: str = "",
+) -> SensorLog:
+    """Return the recorded IMU and GPS of files that have both, with the recorder's own solution.
+
+    Parameters
+    ----------
+    paths
+        The file; for tables with named columns also several, or a folder with them.
+    units
+        For such tables, corrections by column: a unit, or a quantity with its unit.
+    axes
+        For such tables, the axes of the IMU that point forward, right and down; empty: found in the data.
+    vehicle
+        For such tables, the kind of vehicle.
 
     Raises
     ------
     MissionError
         If it cannot be read, or has not both.
     """
-    if len(paths) != 1:
-        raise MissionError(f"{len(paths)} files; a log of an IMU and a GPS receiver is read from one")
-    reader = reader_of(paths[0])
+    files = _files(paths)
+    readers = [reader_of(file, units) for file in files]
+    reader = next((one for one in readers if one.read_logs is None), readers[0])
+    if reader.read_logs is not None:
+        return reader.read_logs(files, units or {}, axes, vehicle)
+    if len(files) != 1:
+        raise MissionError(
+            f"{len(files)} files, and {files[readers.index(reader)]} is {reader.name}; a log of an IMU and a "
+            "GPS receiver is read from one file, or from several tables with named columns"
+        )
+    if axes or vehicle:
+        raise MissionError(f"{files[0]}: {reader.name} states its axes and its vehicle; they are not given")
     if reader.read_log is None:
         logs = ", ".join(other.name for other in READERS if other.read_log is not None)
-        raise MissionError(f"{paths[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
-    log = reader.read_log(paths[0])
+        raise MissionError(f"{files[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
+    log = reader.read_log(files[0])
     return replace(
-        log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, paths[0], log.epoch))
+        log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, files[0], log.epoch))
     )
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    """Return files; of a folder, the tables with named columns in it."""
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        tables = []
+        for inside in sorted(path.iterdir())[:_MAX_IN_FOLDER]:
+            with contextlib.suppress(MissionError):
+                if inside.is_file() and reader_of(inside).read_logs is not None:
+                    tables.append(inside)
+        if not tables:
+            raise MissionError(
+                f"{path}: the folder holds no table with named columns; accepted are csv files"
+            )
+        files += tables
+    return files
 
 
 def own_solution(reader: Reader, path: Path, epoch: float) -> tuple[Comparison, ...]:
@@ -206,6 +258,7 @@ def prepare_flight(
     settings: ImportSettings | None = None,
     sensor: SensorNoise | None = None,
     paths: Sequence[Path] = (),
+    units: Mapping[str, str] | None = None,
 ) -> FlightImport:
     """Return the same for a flight that has been read, such as one recorded live.
 
@@ -217,6 +270,8 @@ def prepare_flight(
         As of `prepare_import`.
     paths
         The files it was read from.
+    units
+        Units that were given for their columns.
 
     Raises
     ------
@@ -230,4 +285,5 @@ def prepare_flight(
         rebuilt = reconstruct(flight, chosen)
     except MissionError as error:
         raise MissionError(f"{where}{error}") from error
-    return FlightImport(tuple(paths), raw, flight, rebuilt, report(raw, flight, rebuilt, sensor), chosen)
+    judged = report(raw, flight, rebuilt, sensor)
+    return FlightImport(tuple(paths), raw, flight, rebuilt, judged, chosen, dict(units or {}))

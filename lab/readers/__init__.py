@@ -27,6 +27,7 @@ from lab.readers import (
     nmea,
     own_csv,
     sdlog2,
+    sensor_csv,
     tcx,
     ulog,
     xplane_data,
@@ -56,12 +57,21 @@ class Reader:
         Raises `MissionError` for whatever is wrong, and nothing else.
     read_log : callable or None
         Reads the recorded IMU and GPS of a log that has both.
+    read_logs : callable or None
+        The same of several files, with corrections by a person: units or quantities by column, the axes of
+        the IMU that point forward, right and down, and the vehicle.
     """
 
     name: str
     recognises: Callable[[bytes], bool]
     read: Callable[[Sequence[Path], Mapping[str, str]], RawFlight]
     read_log: Callable[[Path], SensorLog] | None = None
+    read_logs: Callable[[Sequence[Path], Mapping[str, str], Sequence[str], str], SensorLog] | None = None
+
+
+def _is_other_table(head: bytes) -> bool:
+    """Return whether a file is a table with named columns, and of no format with a reader of its own."""
+    return sensor_csv.recognises(head) and not any(one.recognises(head) for one in READERS[:-1])
 
 
 READERS: tuple[Reader, ...] = (
@@ -83,23 +93,39 @@ READERS: tuple[Reader, ...] = (
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
     Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
+    Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
 )
 """All readers; at most one recognises a file."""
 
 
+_TABLE = (
+    "It looks like a table whose headings do not say what its columns are: --column HEADING=QUANTITY[UNIT] "
+    "does, with the number of a column where there is no header."
+)
 _NOT_READ = (
-    (re.compile(rb"PK\x03\x04"), "It is a zip archive: unpack it first."),
+    (
+        re.compile(rb"PK\x03\x04"),
+        "It is a zip archive: unpack it first. Zip files of csv files are read as they are.",
+    ),
     (
         re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
         "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
         "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
     ),
+    (re.compile(rb"[^\0]{0,2000}?\n[^\0A-Za-z]*\d[^\0A-Za-z]*[,;\t ][^\0A-Za-z]*\d"), _TABLE),
 )
 """How files of known formats that are not read begin, and the advice that is reported."""
 
 
-def reader_of(path: Path) -> Reader:
+def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     """Return the reader of a file, by its content.
+
+    Parameters
+    ----------
+    path
+        The file.
+    units
+        What a person says of columns; quantities among them make any table one with named columns.
 
     Raises
     ------
@@ -110,6 +136,8 @@ def reader_of(path: Path) -> Reader:
     for reader in READERS:
         if reader.recognises(head):
             return reader
+    if units and any(sensor_csv.names_quantity(text) for text in units.values()):
+        return READERS[-1]
     hint = next((f" {advice}" for mark, advice in _NOT_READ if mark.match(head)), "")
     raise MissionError(
         f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"
@@ -136,7 +164,7 @@ def read_raw(
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     if not 1 <= len(files) <= MAX_FILES:
         raise MissionError(f"{len(files)} files given; accepted are 1 to {MAX_FILES} of one flight")
-    readers = [reader_of(path) for path in files]
+    readers = [reader_of(path, units) for path in files]
     for path, reader in zip(files, readers, strict=True):
         if reader is not readers[0]:
             raise MissionError(

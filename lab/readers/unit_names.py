@@ -10,15 +10,15 @@ from lab.recordings.mission_error import MissionError
 from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0},
-    "angle": {"°": DEGREE, "rad": 1.0},
-    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0},
+    "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0},
+    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE},
+    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,
-        "ft/min": FOOT / 60,
+        "ft/min": FOOT / 60, "cm/s": 0.01, "mm/s": 1e-3,
     },
-    "angular rate": {"°/s": DEGREE, "rad/s": 1.0},
-    "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "ft/s²": FOOT},
+    "angular rate": {"°/s": DEGREE, "rad/s": 1.0, "mrad/s": 1e-3, "m°/s": 1e-3 * DEGREE},
+    "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s²": FOOT},
 }  # fmt: skip
 """Factor to SI of each unit, by quantity; angles in radians."""
 

@@ -25,6 +25,7 @@ from writers import (
     nmea,
     own_csv,
     sdlog2,
+    sensor_csv,
     tcx,
     ulog,
     xplane_data,
@@ -49,5 +50,6 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "PX4 sdlog2": sdlog2.write,
     "ArduPilot DataFlash": ardupilot.write,
     "MAVLink tlog": mavlink.write,
+    "csv with named columns": sensor_csv.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""

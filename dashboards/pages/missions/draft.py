@@ -155,7 +155,7 @@ class Draft:
                 progress("Reading", 0.0)
                 flight = read_raw(paths, units) if raw is None else raw
                 progress("Rebuilding", 0.0)
-                read = prepare_flight(flight, settings, white_noise(sensors, "the chosen IMU"), paths)
+                read = prepare_flight(flight, settings, white_noise(sensors, "the chosen IMU"), paths, units)
             except MissionError as error:
                 # The folder of the upload is not shown.
                 raise MissionError(

@@ -1,0 +1,366 @@
+"""Heading names: what the columns of a stranger's csv are, by their headings: quantity, axis and unit.
+
+A heading such as ``linear_acceleration.x``, ``AccX``, ``accel_x_g`` or ``Gyroscope y (rad/s)`` is cut into
+words, an axis and a unit; the words name the quantity. A column that a heading does not name is not read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lab.readers.unit_names import UNITS, unit_name
+from lab.recordings.mission_error import MissionError
+
+VECTORS = {"rate": "angular rate", "force": "acceleration", "gravity": "acceleration"}
+"""Quantities with three axes, and the kind of their unit."""
+SCALARS = {
+    "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
+    "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
+    "north": "speed", "east": "speed", "down": "speed", "up": "speed",
+    "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
+}  # fmt: skip
+"""Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
+their fraction, or a date and a clock."""
+QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
+"""What a column may be."""
+IGNORED = "-"
+"""Stands for a column that is not read."""
+
+_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
+_CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
+_INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
+_GLUED = re.compile(
+    r"(?i)^(?:.*[\s_.:/-])?(a|acc|accel|g|gyr|gyro|w|omega|gf|f|angvel|linacc|rate|accelerometer|gyroscope)"
+    r"([xyz])$"
+)
+_LEADING = re.compile(r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate)\b")
+_UNIT = re.compile(
+    r"(?i)[\s_.-](rad[_/ ]?s(?:ec)?|radps|rps|rad_per_s(?:ec)?|dps|deg[_/ ]?s(?:ec)?|degps|deg_per_s(?:ec)?|"
+    r"mdps|mrad_s|m[_/ ]?s\^?2|m_s_2|mps2|mpss|m_per_s2|m/s/s|mg|milli_?g|g|m[_/]s|mps|km[_/]?h|kph|kmh|"
+    r"knots|knot|kts|kt|mph|ft_s|fps|deg|degrees|rad|m|meters|metres|ft|feet|mm|cm|s|sec|secs|seconds|ms|"
+    r"msec|millis|us|usec|micros|ns|nsec|nanos|1e7|e7)$"
+)
+_SPELLINGS = {
+    "rads": "rad/s", "rad_s": "rad/s", "rad s": "rad/s", "radsec": "rad/s", "rad_sec": "rad/s",
+    "rad_per_s": "rad/s", "rad_per_sec": "rad/s", "rps": "rad/s", "rads^-1": "rad/s", "rad*s^-1": "rad/s",
+    "r/s": "rad/s", "dps": "°/s", "deg_s": "°/s", "degs": "°/s", "degsec": "°/s", "deg_sec": "°/s",
+    "deg_per_s": "°/s", "deg_per_sec": "°/s", "deg/sec": "°/s", "deg*s^-1": "°/s", "d/s": "°/s", "º/s": "°/s",
+    "degrees/s": "°/s", "degrees/sec": "°/s", "degree/s": "°/s", "mdps": "m°/s", "mrad_s": "mrad/s",
+    "m_s2": "m/s²", "m_s^2": "m/s²", "ms2": "m/s²", "ms^2": "m/s²", "m_s_2": "m/s²", "mpss": "m/s²",
+    "m_per_s2": "m/s²", "m/s/s": "m/s²", "ms^-2": "m/s²", "m*s^-2": "m/s²", "m/sec^2": "m/s²",
+    "m/sec2": "m/s²", "m/s**2": "m/s²", "meters/s^2": "m/s²",
+    "gs": "g", "gravity": "g", "millig": "mg", "milli_g": "mg", "m_s": "m/s", "meters/second": "m/s",
+    "meter/s": "m/s", "meters/s": "m/s", "m/sec": "m/s", "km_h": "km/h", "kmph": "km/h", "km/hr": "km/h",
+    "ft_s": "ft/s", "ft/sec": "ft/s", "secs": "s", "msec": "ms", "millis": "ms", "usec": "µs",
+    "micros": "µs", "μs": "µs", "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "1e7": "1e-7°",
+    "e7": "1e-7°", "dege7": "1e-7°", "º": "°", "wgs84": "°",
+}  # fmt: skip
+_QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate"}
+_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_WORD = re.compile(r"[a-zµμ]+|%|\d+")
+
+_NOT_SENSORS = {
+    "bias", "covariance", "cov", "variance", "var", "std", "stddev", "sigma", "noise", "temp", "temperature",
+    "accuracy", "orientation", "quaternion", "quat", "vector", "delta", "magnitude", "norm", "clip",
+    "clipping", "offset", "scale", "magnetic", "mag", "magnetometer", "time", "timestamp", "count", "rotvec",
+    "attitude", "euler", "error", "jerk", "abs", "mean",
+}  # fmt: skip
+_GYRO = {"gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "omega", "angvel", "angularvelocity",
+         "rotationrate"}  # fmt: skip
+_ACCEL = {"accelerometer", "accelerometers", "accel", "acc", "acceleration", "accelerations", "accelero",
+          "linacc", "acce"}  # fmt: skip
+_SHORT_RATE = {"w", "g", "imug", "imuw", "rate", "rates", "wrss"}
+_SHORT_FORCE = {"a", "f", "gf", "imua", "arss"}
+"""Short names; those with rs and s are of EuRoC: w_RS_S_x."""
+_WORSE = {
+    "total": -1, "uncalibrated": 4, "uncal": 4, "raw": 1, "filtered": 2, "lpf": 2, "linear": 2, "lin": 2,
+    "user": 3, "free": 3, "est": 8, "estimate": 8, "estimated": 8, "estimator": 8, "ekf": 8, "kf": 8,
+    "truth": 9,
+    "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
+    "setpoint": 9, "sp": 9, "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
+    "pressure": 6, "last": 9, "local": 6,
+}  # fmt: skip
+"""How much worse a column is for words in its heading: what is estimated, relative or of another origin."""
+_RECEIVER = {"gps", "gnss", "location", "fix", "navsatfix"}
+_TIMES = {"time", "timestamp", "timestamps", "stamp", "t", "millis", "micros", "utc", "epoch", "elapsed",
+          "unixtime", "timems", "timeus", "timens", "timesec", "datetime", "gmt", "msec", "usec"}  # fmt: skip
+_NOT_TIMES = {"rate", "accuracy", "zone", "relative", "dt", "delta", "offset", "error", "since", "local",
+              "week", "fix", "diff", "latency", "duration", "day"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a column is.
+
+    Attributes
+    ----------
+    text : str
+        Its heading, as in the file.
+    quantity : str
+        One of `SCALARS` or `VECTORS`.
+    axis : str
+        "x", "y" or "z" of a vector.
+    sensor : str
+        The words that columns of one sensor have in common.
+    unit : str
+        The unit that the heading names; empty if it names none.
+    rank : int
+        The lowest is the best of several columns of one quantity.
+    sign : int
+        -1 for a column that is to be negated.
+    """
+
+    text: str
+    quantity: str
+    axis: str = ""
+    sensor: str = ""
+    unit: str = ""
+    rank: int = 0
+    sign: int = 1
+
+    @property
+    def kind(self) -> str:
+        """Kind of its unit, a key of `UNITS`."""
+        return VECTORS.get(self.quantity) or SCALARS[self.quantity]
+
+
+def heading_of(text: str, file: str = "") -> Heading | None:
+    """Return what a column is by its heading; None for one that names nothing that is read.
+
+    Parameters
+    ----------
+    text
+        The heading.
+    file
+        Name of the file, which names the sensor where headings are x, y and z.
+    """
+    stem, axis, unit = _cut(text)
+    words = _words(stem)
+    given = set(words)
+    rank = sum(_WORSE.get(word, 0) for word in given)
+    if axis:
+        return _vector(text, axis, unit, words, file, rank)
+    if found := _stamp(text, words, unit, rank):
+        return found
+    return _scalar(text, words, unit, rank)
+
+
+def given_heading(text: str, column: str) -> Heading | None:
+    """Return what a person says that a column is: ``force_x[m/s²]``, ``-rate_z`` or ``-``.
+
+    Parameters
+    ----------
+    text
+        What the person writes.
+    column
+        The heading of the column.
+
+    Returns
+    -------
+    Heading or None
+        None for a column that is not to be read.
+
+    Raises
+    ------
+    MissionError
+        If this is no quantity, or no unit of it.
+    """
+    text = text.strip()
+    if text == IGNORED:
+        return None
+    name, _, unit = text.lstrip("+-").rstrip("]").partition("[")
+    name = name.strip()
+    if name not in QUANTITIES:
+        raise MissionError(
+            f"column {column}: {name!r} is no quantity; accepted are {', '.join(QUANTITIES)}, each with a "
+            f"unit in brackets and with a minus before it, and {IGNORED} for a column that is not read"
+        )
+    vector = name[:-2] if name[:-2] in VECTORS else ""
+    quantity = vector or name
+    kind = VECTORS.get(quantity) or SCALARS[quantity]
+    known = unit_of(kind, unit) if unit else ""
+    if unit and not known:
+        accepted = ", ".join(UNITS.get(kind, {})) or "none"
+        raise MissionError(f"column {column}: {unit!r} is no unit of {quantity}; accepted are {accepted}")
+    sign = -1 if text.startswith("-") else 1
+    return Heading(column, quantity, name[-1] if vector else "", "given", known, -100, sign)
+
+
+def unit_of(kind: str, spelling: str) -> str:
+    """Return a unit as `UNITS` has it; empty for what is no unit of the kind."""
+    spelling = spelling.strip("[]() ")
+    text = "".join(spelling.split()).lower()
+    try:
+        return unit_name(kind, _SPELLINGS.get(spelling.lower(), _SPELLINGS.get(text, spelling)))
+    except (MissionError, KeyError):
+        return ""
+
+
+def _cut(text: str) -> tuple[str, str, str]:
+    """Cut a heading into words, axis and unit."""
+    stem, axis, unit = text.strip().strip("\"'\ufeff#% ").strip(), "", ""
+    if found := _INDEX.search(stem):
+        stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
+    insides = [inside for inside in _BRACKETS.findall(stem) if inside]
+    stem = _BRACKETS.sub(" ", stem).strip(" :,;")
+    for inside in insides:
+        if re.fullmatch(r"(?i)([xyz])([\s-]*axis)?", inside):
+            axis = axis or inside[0].lower()
+        elif not unit and any(unit_of(kind, inside) for kind in UNITS):
+            unit = inside
+        else:
+            stem = f"{stem} {inside}"
+    for _ in range(2):
+        if not axis:
+            found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)
+            if found:
+                stem, axis = stem[: found.start()], found[1].lower()
+            elif found := _GLUED.search(stem):
+                stem, axis = stem[:-1], found[2].lower()
+            elif found := _LEADING.search(stem):
+                stem, axis = stem[found.end(1) :], found[1].lower()
+        if not unit and (found := _UNIT.search(stem)):
+            stem, unit = stem[: found.start()], found[1]
+    return stem.strip(), axis, unit
+
+
+def _words(stem: str) -> list[str]:
+    return _WORD.findall(_CAMEL.sub(" ", stem).lower())
+
+
+def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, rank: int) -> Heading | None:
+    """Return what a column with an axis is: of a gyro, an accelerometer, or the direction of gravity."""
+    names = [word for word in words if not word.isdigit()]
+    if not names:
+        # Columns x, y and z are of the sensor that their unit or the name of the file names.
+        names = _words(file.partition(".")[0])
+        rank = sum(_WORSE.get(word, 0) for word in names)
+    given = set(names)
+    if given & (_NOT_SENSORS - {"raw"}):
+        return None
+    joined = "".join(names)
+    sensor = " ".join(words) or file
+    if given & {"gravity", "grav"}:
+        return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank)
+    quantity = _sensor_of(given, joined)
+    if not quantity:
+        found = next((ours for kind, ours in _QUANTITY_OF_UNIT.items() if unit and unit_of(kind, unit)), "")
+        if not found or words:
+            return None
+        quantity = found
+    if quantity == "rate" and unit_of("acceleration", unit) == "g" and joined == "g":
+        quantity = "force"
+    if joined == "g" and not unit and text.strip().startswith("G("):  # of Torque: G(x)
+        quantity, unit = "force", "g"
+    if joined in {"gf", "gforce"} and not unit:
+        unit = "g"
+    known = unit_of(VECTORS[quantity], f"{unit}/s" if unit == "rad" else unit) if unit else ""
+    if unit and not known:
+        return None if unit_of("angle", unit) or unit_of("speed", unit) else Heading(
+            text, quantity, axis, sensor, "", rank + 1
+        )  # fmt: skip
+    return Heading(text, quantity, axis, sensor, known, rank)
+
+
+def _sensor_of(given: set[str], joined: str) -> str:
+    """Return the quantity that words name; empty if they name none."""
+    turning = "angular" in given and given & {"velocity", "rate", "rates", "vel", "speed"}
+    if given & _GYRO or turning or {"rotation", "rate"} <= given or joined in _SHORT_RATE:
+        return "rate"
+    pushing = {"specific", "force"} <= given or {"g", "force"} <= given or "specificforce" in given
+    return "force" if ("angular" not in given and given & _ACCEL) or pushing or joined in _SHORT_FORCE else ""
+
+
+_NAMED_STAMPS = {
+    **dict.fromkeys(("date", "lcldate", "utcdate", "gpsdate"), ("date", "", 0)),
+    **dict.fromkeys(("tow", "gpstow", "timeofweek"), ("time", "", 6)),
+    "itow": ("time", "ms", 6),
+    "yyyymoddhhmisssss": ("time", "", 4),
+    "sampletimefine": ("time", "1e-4 s", 2),
+}
+"""Quantity, unit and rank of stamps with names of their own."""
+
+
+def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
+    """Return a time stamp, or a part of one."""
+    given = set(words)
+    joined = "".join(words)
+    if "header" in given or "stamp" in given:
+        whole = given & {"secs", "sec"} or unit_of("time", unit) == "s"
+        part = given & {"nsecs", "nanosec", "nsec", "nanosecs"} or unit_of("time", unit) == "ns"
+        if whole or part:
+            return Heading(text, "seconds" if whole else "fraction", unit="s" if whole else "ns")
+    if joined in _NAMED_STAMPS:
+        quantity, known, worse = _NAMED_STAMPS[joined]
+        return Heading(text, quantity, unit=unit_of("time", unit) or known, rank=worse)
+    since = "since" in given
+    if (not given & _TIMES | given & {"seconds"} and joined not in {"ms", "us"}) or (
+        given & _NOT_TIMES and not since
+    ):
+        return None
+    if since and "start" not in given:
+        return Heading(text, "time", unit=unit_of("time", unit), rank=8)  # of one sensor, since reboot
+    if not unit:
+        last = next((word for word in reversed(words) if unit_of("time", word)), "")
+        unit = {"millis": "ms", "micros": "us"}.get(joined, last if last not in {"h", "min"} else "")
+    # A receiver's own time differs from the logger's clock, by leap seconds at least.
+    worse = 3 * bool(given & (_RECEIVER | {"utc", "gmt"})) + bool(given & {"elapsed", "seconds"})
+    device = -1 if "device" in given else 0
+    return Heading(text, "time", unit=unit_of("time", unit) if unit else "", rank=2 + worse + rank + device)
+
+
+_SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
+    ("horizontal_sigma", re.compile(
+        r"(?:location|gps|gnss|fix)*(?:horizontal|pos|position|h)?(?:accuracy|acc)(?:horizontal|h|horiz)?|eph")),
+    ("vertical_sigma", re.compile(r"(?:location|gps|gnss|fix)*(?:vertical|altitude|v)(?:accuracy|acc)|epv")),
+    ("speed_sigma", re.compile(
+        r"(?:location|gps|gnss|fix)*(?:speed|velocity|s)(?:accuracy|acc)|svariance|speedaccuracyms")),
+    ("latitude", re.compile(r".*latitude|(?:.*(?:gps|gnss|position|pos|fix|location))?lat")),
+    ("longitude", re.compile(
+        r".*longitude|(?:.*(?:gps|gnss|position|pos|fix|location))?(?:lon|long|lng)")),
+    ("north", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:n|north|ned0)(?:velocity|speed)?|northvelocity|northvel|"
+        r"(?:gps|gnss)?vnorth|velnms")),
+    ("east", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:e|east|ned1)(?:velocity|speed)?|eastvelocity|eastvel")),
+    ("down", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
+    ("up", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb")),
+    ("height", re.compile(
+        r".*(?:altitude|elevation)(?:msl|ellipsoid|google|wgs)?|(?:.*(?:gps|gnss|position|pos|fix|location))?"
+        r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:msl|ellipsoid)?")),
+    ("speed", re.compile(
+        r"(?:.*(?:gps|gnss|location|position))?(?:ground)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
+        r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
+    ("course", re.compile(
+        r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|trackangle|headmot|"
+        r"courseoverground|groundcourse|motionheading|orientation)|headingofmotion")),
+)  # fmt: skip
+"""What a column is by its words, put together."""
+
+
+def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
+    kept = [
+        word
+        for word in words
+        if word not in {"field", "msg", "data", "imu", "of", "over"} | set("0123456789")
+    ]
+    joined = "".join(kept)
+    for quantity, pattern in _SCALAR_WORDS:
+        if not pattern.fullmatch(joined):
+            continue
+        known = unit_of(SCALARS[quantity], unit) if unit else ""
+        if quantity == "course" and not (set(words) & _RECEIVER) and "heading" in words:
+            rank += 3  # a compass has a heading too
+        if quantity == "course" and "orientation" in words and not set(words) & _RECEIVER:
+            return None
+        if set(words) & _RECEIVER:
+            rank -= 2
+        if unit and not known and unit_of("speed" if quantity != "speed" else "length", unit):
+            return None
+        return Heading(text, quantity, unit=known, rank=rank)
+    return None

@@ -1,0 +1,238 @@
+"""Sensor csv: tables with named columns from phones, ROS, loggers and exports of autopilots.
+
+A log may be one file or several. The headings say what columns are (`lab.readers.heading_names`); what they
+do not say is guessed by the numbers, and every guess is reported. A person corrects both: for each heading a
+unit, such as ``g``, or a quantity with a unit, such as ``force_x[g]``. A zip file is read as the files in it.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lab.logs.auxiliary_data import AuxiliaryData
+from lab.logs.sensor_log import SensorLog, repaired
+from lab.readers.fields import SEA_LEVEL
+from lab.readers.heading_names import IGNORED, QUANTITIES
+from lab.readers.sheet import Sheet, as_utf8, layout_of, read_sheet
+from lab.readers.sheet_axes import oriented
+from lab.readers.sheet_clock import times_of
+from lab.readers.sheet_fixes import Fixes, fixes_of
+from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
+from lab.readers.track import Track
+from lab.readers.unit_names import refuse_unknown
+from lab.recordings.decompression import whole
+from lab.recordings.mission_error import MissionError
+from lab.recordings.named_columns import MAX_BYTES
+from lab.recordings.text_blocks import MAX_RATIO
+from lab.repair.raw_flight import ColumnUnit, RawFlight
+
+NAME = "csv with named columns"
+
+MAX_MEMBERS = 200
+"""Most files in a zip: exports of phones have some twenty."""
+_ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+_ZIP = b"PK\x03\x04"
+_MIN_QUANTITIES = 3
+"""Fewest quantities that the headings of a file must name: time, and two more."""
+_MAX_REPORT = 1500
+"""Longest report of columns in a message [characters]."""
+_POSITION = ("latitude", "longitude")
+_PHONE_WORDS = ("accelerometer", "acceleration")
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
+    if head.startswith(_ZIP):
+        return any(ending.encode() in head for ending in _ENDINGS[:2])
+    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in as_utf8(head):
+        return False
+    # Columns x, y and z are of a sensor that the name of the file tells.
+    layout = layout_of(as_utf8(head), "accelerometer")
+    if layout is None:
+        return False
+    quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
+    names = {name for name, _ in quantities}
+    has_time = bool(names & {"time", "seconds", "clock", "date"})
+    return len(quantities) >= _MIN_QUANTITIES and has_time and (set(_POSITION) <= names or "rate" in names
+                                                               or "force" in names)  # fmt: skip
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the positions of the receiver in the files as a track.
+
+    Raises
+    ------
+    MissionError
+        If there are none, or a column that a person names is not there.
+    """
+    sheets = sheets_of(paths, units)
+    fixes = fixes_of(sheets)
+    gnss = fixes.gnss
+    columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets))}
+    places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
+    flight = Track(
+        path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
+        longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
+        course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2, columns=places,
+        rows_read=len(gnss.time), remarks=(*fixes.remarks, SEA_LEVEL),
+    ).flight()  # fmt: skip
+    return replace(flight, units=tuple(columns.values()))
+
+
+def read_log(path: Path) -> SensorLog:
+    """Read the IMU and the receiver in one file; see `read_logs`."""
+    return read_logs([path])
+
+
+def read_logs(
+    paths: Sequence[Path], units: Mapping[str, str] | None = None, axes: Sequence[str] = (), vehicle: str = ""
+) -> SensorLog:
+    """Read the IMU and the receiver in the files.
+
+    Parameters
+    ----------
+    paths
+        One file with both, or several of one clock; a zip file counts as the files in it.
+    units
+        What a person says of columns, by heading: a unit, or a quantity with its unit.
+    axes
+        Which axes of the IMU point forward, right and down; empty: found by gravity and motion.
+    vehicle
+        Kind of vehicle, as `lab.logs.vehicle` has them; empty if unknown.
+
+    Raises
+    ------
+    MissionError
+        If something is missing or implausible, saying what was understood.
+    """
+    sheets = sheets_of(paths, units or {})
+    imu = imu_of(sheets)
+    fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
+    name = (
+        str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
+    )
+
+    def build(samples: np.ndarray) -> SensorLog:
+        return repaired(name, imu.time, samples, fixes.gnss, auxiliary=AuxiliaryData(vehicle=vehicle))
+
+    try:
+        log = oriented(imu.samples, build, axes, _is_phone(imu))
+    except MissionError as error:
+        other = in_other_unit(imu)
+        if other is None:
+            raise MissionError(_with_report(error, imu, fixes)) from None
+        try:
+            log = oriented(other.samples, build, axes, _is_phone(imu))
+        except MissionError:
+            raise MissionError(_with_report(error, imu, fixes)) from None
+        imu = other
+    unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
+    remarks = [*imu.remarks, *fixes.remarks]
+    if unread:
+        remarks.append(f"Columns not read: {', '.join(unread)}.")
+    return replace(log, repairs=(*remarks, *log.repairs))
+
+
+def _with_report(error: MissionError, imu: Imu, fixes: Fixes) -> str:
+    """Return a message with what the columns were taken for, since a wrong guess may be the cause."""
+    return f"{error}. The columns were read so: {' '.join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]}"
+
+
+def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
+    """Return the tables in files, those in zip files included.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read, or a person names a column that no file has.
+    """
+    overrides = {heading: _override(text) for heading, text in units.items()}
+    sheets = []
+    for path in paths:
+        data = whole(path, MAX_BYTES)
+        for name, text in _members(path, data) if data.startswith(_ZIP) else ((path.name, data),):
+            try:
+                sheet = read_sheet(name, as_utf8(text), overrides)
+            except MissionError as error:
+                raise MissionError(f"{path}: {error}") from error
+            if sheet is not None:
+                sheets.append(sheet)
+    headings = [text for one in sheets for text in (*(known.text for known in one.headings), *one.unknown)]
+    refuse_unknown(", ".join(map(str, paths)), units, headings)
+    if not any(len(sheet) for sheet in sheets):
+        raise MissionError(
+            f"{', '.join(map(str, paths))}: no header with known columns and rows of numbers below it found; "
+            f"accepted are columns of {', '.join(QUANTITIES)}"
+        )
+    return sheets
+
+
+def names_quantity(text: str) -> bool:
+    """Return whether what a person says of a column is a quantity, and not a unit."""
+    return "[" in text or text.strip() == IGNORED or text.strip().lstrip("+-").strip() in QUANTITIES
+
+
+def _override(text: str) -> str:
+    """Return what `lab.readers.sheet` takes: a quantity as it is, a unit in brackets."""
+    return text if names_quantity(text) else f"[{text}]"
+
+
+def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
+    """Return the tables in a zip file, by name."""
+    found = []
+    left = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            infos = [one for one in archive.infolist() if one.filename.lower().endswith(_ENDINGS)]
+            for info in infos[:MAX_MEMBERS]:
+                if info.filename.startswith("__MACOSX") or info.flag_bits & 1:
+                    continue
+                with archive.open(info) as member:
+                    text = member.read(left + 1)
+                left -= len(text)
+                if left < 0:
+                    raise MissionError(f"{path}: grows too much when decompressed; accepted are logs")
+                found.append((Path(info.filename).name, text))
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        OSError,
+        EOFError,
+        ValueError,
+        NotImplementedError,
+        RuntimeError,
+    ) as error:
+        if isinstance(error, MissionError):
+            raise
+        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
+    if not found:
+        raise MissionError(
+            f"{path}: the zip file has no {', '.join(_ENDINGS)} in it; accepted are zip files of such files"
+        )
+    return found
+
+
+def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
+    """Return the columns of the IMU with their units, so that a person can correct them."""
+    try:
+        imu = imu_of(sheets)
+    except MissionError:
+        return []
+    return [
+        ColumnUnit(heading.text, triad.unit, triad.source)
+        for triad in (imu.gyro, imu.accelerometer)
+        for heading in triad.headings
+    ]
+
+
+def _is_phone(imu: Imu) -> bool:
+    """Return whether the sensors are named as phones name them, each by itself."""
+    words = imu.accelerometer.headings[0].sensor.lower()
+    return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)

@@ -1,0 +1,308 @@
+"""Sheet: a csv of a stranger's logger as columns of numbers: any separator, encoding, header and clock.
+
+Cells are separated by commas, semicolons, tabs, ``|`` or blanks; numbers may have decimal commas. The text is
+UTF-8, UTF-16 or Latin; the header is the line, among the first hundred, whose headings name the most
+quantities.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.readers.heading_names import Heading, given_heading, heading_of, unit_of
+from lab.readers.stamps import seconds_of_texts
+from lab.readers.unit_names import UNITS
+from lab.recordings.mission_error import MissionError
+
+FloatArray = NDArray[np.float64]
+
+_DELIMITERS = (",", ";", "\t", "|", " ")
+_MAX_HEADER_LINE = 100
+"""Last line on which the header may stand."""
+_MAX_LINE = 65_536
+"""Characters of a line in which a header is looked for."""
+_MAX_COLUMNS = 1000
+"""Most columns: exports of phones have some hundred."""
+_CHUNK = 20_000
+"""Rows that are text at a time where cells are not all numbers: a cell takes some 60 bytes as text."""
+_NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN", "NAN", "inf", "-inf", "∞")
+"""How loggers write an unknown value."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_TIMES = ("time", "seconds", "fraction", "date", "clock")
+
+Overrides = Mapping[str, str]
+"""What a person says of columns, by heading: a quantity with its unit, as `given_heading` reads it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The columns of one csv that are known.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    headings : tuple of Heading
+        What each column is.
+    columns : tuple of (n,) arrays
+        Their numbers, in the unit of the file; NaN where a cell is empty or no number. Time stamps that are
+        text are seconds.
+    texts : frozenset of str
+        Headings of time stamps that are text.
+    unknown : tuple of str
+        Headings of columns that are not read.
+    """
+
+    name: str
+    headings: tuple[Heading, ...]
+    columns: tuple[FloatArray, ...]
+    texts: frozenset[str]
+    unknown: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.columns[0]) if self.columns else 0
+
+    def all_of(self, quantity: str) -> list[tuple[Heading, FloatArray]]:
+        """Return all columns of a quantity, the best first."""
+        found = [
+            pair for pair in zip(self.headings, self.columns, strict=True) if pair[0].quantity == quantity
+        ]
+        return sorted(found, key=lambda pair: pair[0].rank)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where the header stands, and what is in it."""
+
+    line: int
+    delimiter: str
+    headings: tuple[str, ...]
+    known: tuple[Heading | None, ...]
+
+    @property
+    def worth(self) -> int:
+        """How many quantities are named; a time alone is not worth much."""
+        return len({(one.quantity, one.axis) for one in self.known if one is not None})
+
+
+def as_utf8(data: bytes) -> bytes:
+    """Return a text in UTF-8, whatever it was written in."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", "replace").encode()
+    head = data[:1000]
+    if head[1::2].count(0) > len(head) // 4:
+        return data.decode("utf-16-le", "replace").encode()
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    try:
+        data[: 2**16].rpartition(b"\n")[0].decode()
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace").encode()
+    return data
+
+
+def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> _Layout | None:
+    """Return the header of a csv; None if no line names a quantity.
+
+    Parameters
+    ----------
+    head
+        The first bytes, in UTF-8.
+    name
+        Name of the file, which names the sensor where headings are x, y and z.
+    overrides
+        What a person says of columns.
+    """
+    if overrides and all(one.isdigit() for one in overrides):
+        return _numbered(head, overrides)
+    best: _Layout | None = None
+    for place, line in enumerate(head.split(b"\n", _MAX_HEADER_LINE)[:_MAX_HEADER_LINE]):
+        text = line[:_MAX_LINE].decode("utf-8", "replace").strip("\r")
+        if not re.search("[A-Za-z]", text):
+            continue
+        for delimiter in _DELIMITERS:
+            if delimiter not in text:
+                continue
+            cells = _cells(text, delimiter)
+            if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
+                continue
+            layout = _Layout(place, delimiter, cells, _known(cells, name, overrides or {}))
+            if best is None or layout.worth > best.worth:
+                best = layout
+    return best if best is not None and best.worth else None
+
+
+def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sheet | None:
+    """Return the columns of a csv that are known; None if its header names none.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    data
+        Its bytes, in UTF-8.
+    overrides
+        What a person says of columns, by heading.
+
+    Raises
+    ------
+    MissionError
+        If a person names a quantity or unit that is not accepted, or the rows cannot be read.
+    """
+    layout = layout_of(data[: 2**18], name, overrides)
+    if layout is None:
+        return None
+    start = 0
+    for _ in range(layout.line + 1):
+        start = data.find(b"\n", start) + 1
+    if not start and layout.line >= 0:
+        return None
+    units, start = _units_below(data, start, layout)
+    places = [place for place, known in enumerate(layout.known) if known is not None]
+    headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
+                if (known := layout.known[place]) is not None]  # fmt: skip
+    columns, texts = _numbers(name, data[start:], layout, places, headings)
+    kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
+    return Sheet(
+        name=name,
+        headings=tuple(headings[i] for i in kept),
+        columns=tuple(columns[i] for i in kept),
+        texts=frozenset(headings[i].text for i in kept if i in texts),
+        unknown=tuple(
+            text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
+        ),
+    )
+
+
+def _numbered(head: bytes, overrides: Overrides) -> _Layout | None:
+    """Return the layout of a csv without a header whose columns a person names by their numbers, from 1."""
+    lines = [line.decode("utf-8", "replace").strip() for line in head.split(b"\n")[:_MAX_HEADER_LINE]]
+    for place, text in enumerate(lines):
+        for delimiter in _DELIMITERS:
+            cells = _cells(text, delimiter) if delimiter in text else ()
+            if len(cells) > 1 and all(map(_NUMBER.fullmatch, cells)):
+                names = tuple(str(number) for number in range(1, len(cells) + 1))
+                known = tuple(
+                    given_heading(overrides[one], one) if one in overrides else None for one in names
+                )
+                return _Layout(place - 1, delimiter, names, known)
+    return None
+
+
+def _cells(text: str, delimiter: str) -> tuple[str, ...]:
+    if delimiter == " ":
+        return tuple(text.lstrip("#% ").split())
+    try:
+        cells = next(csv.reader([text.lstrip("#%/ ")], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        cells = text.split(delimiter)
+    return tuple(cell.strip().strip("\"'\ufeff").strip() for cell in cells)
+
+
+def _known(cells: Sequence[str], name: str, overrides: Overrides) -> tuple[Heading | None, ...]:
+    """Return what columns are; the first of two with one heading counts."""
+    known: list[Heading | None] = []
+    for place, cell in enumerate(cells):
+        if cell in cells[:place]:
+            known.append(None)
+        elif cell in overrides:
+            known.append(_corrected(cell, overrides[cell], name))
+        else:
+            known.append(heading_of(cell, name) if cell else None)
+    return tuple(known)
+
+
+def _corrected(cell: str, text: str, name: str) -> Heading | None:
+    """Return what a person says of a column: a quantity with its unit, or, in brackets, a unit alone."""
+    if not text.startswith("["):
+        return given_heading(text, cell)
+    known = heading_of(cell, name)
+    if known is None:
+        raise MissionError(
+            f"column {cell}: its heading does not say what it is; accepted is a quantity with its unit, "
+            "such as force_x[g]"
+        )
+    unit = unit_of(known.kind, text)
+    if not unit:
+        raise MissionError(
+            f"column {cell}: {text.strip('[]')!r} is no unit of {known.quantity}; accepted are "
+            f"{', '.join(UNITS.get(known.kind, {}))}"
+        )
+    return replace(known, unit=unit)
+
+
+def _units_below(data: bytes, start: int, layout: _Layout) -> tuple[dict[int, str], int]:
+    """Return units by column if the row below the header holds them, and where the rows begin."""
+    end = data.find(b"\n", start)
+    cells = _cells(
+        data[start : end if end > 0 else len(data)].decode("utf-8", "replace").strip("\r"), layout.delimiter
+    )
+    units = {}
+    for place, known in enumerate(layout.known[: len(cells)]):
+        if known is not None and cells[place] and known.kind and (unit := unit_of(known.kind, cells[place])):
+            units[place] = unit
+    return (units, end + 1) if units and end > 0 else ({}, start)
+
+
+def _numbers(
+    name: str, data: bytes, layout: _Layout, places: list[int], headings: list[Heading]
+) -> tuple[list[FloatArray], set[int]]:
+    """Return the known columns as numbers, and which of them were text."""
+    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
+
+    how: dict[str, Any] = {
+        "header": None, "names": list(range(len(layout.headings))), "usecols": places, "index_col": False,
+        "sep": layout.delimiter if layout.delimiter != " " else r"\s+", "engine": "c", "encoding": "utf-8",
+        "encoding_errors": "replace", "on_bad_lines": "skip", "skipinitialspace": True, "comment": None,
+    }  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        try:
+            frame = pd.read_csv(io.BytesIO(data), dtype=np.float64, na_values=list(_NO_NUMBER), **how)
+            return [frame[place].to_numpy() for place in places], set()
+        except (ValueError, OverflowError, pd.errors.ParserError):
+            pass
+        parts: list[list[FloatArray]] = [[np.empty(0)] for _ in places]
+        texts: set[int] = set()
+        try:
+            for chunk in pd.read_csv(
+                io.BytesIO(data), dtype=object, na_filter=False, chunksize=_CHUNK, **how
+            ):
+                for i, place in enumerate(places):
+                    cells = chunk[place].astype(str)
+                    numbers = _parsed(cells, headings[i].quantity in _TIMES, i, texts)
+                    parts[i].append(numbers)
+        except (ValueError, OverflowError, pd.errors.ParserError) as error:
+            raise MissionError(f"{name}: its rows cannot be read: {error}") from error
+    return [np.concatenate(part) for part in parts], texts
+
+
+def _parsed(cells: Any, is_time: bool, place: int, texts: set[int]) -> FloatArray:
+    """Return the numbers of a column of texts; times that are no numbers as seconds."""
+    import pandas as pd  # noqa: PLC0415 - see above
+
+    cells = cells.str.strip().str.strip("\"'")
+    numbers = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+    numbers[~np.isfinite(numbers)] = np.nan
+    if np.isfinite(numbers).mean() > 0.5 and place not in texts:
+        return numbers
+    if is_time and (place in texts or not np.isfinite(numbers).any()):
+        stamps = seconds_of_texts(list(cells))
+        if np.isfinite(stamps).any():
+            texts.add(place)
+            return stamps
+    comma = cells.str.fullmatch(_COMMA_NUMBER.pattern)
+    if comma.any():  # decimal commas
+        numbers = np.array(
+            pd.to_numeric(cells.where(~comma, cells.str.replace(",", ".")), errors="coerce"), dtype=np.float64
+        )
+    return numbers

@@ -1,0 +1,138 @@
+"""Sheet axes: which axes of a stranger's IMU point forward, right and down, from gravity and from the motion.
+
+Gravity shows which axis points down. Forward is the axis with which the log passes `lab.logs.log_check`; if
+several pass, the motion does not show it, and the usual one is taken and reported as an assumption.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.logs.log_check import check_log
+from lab.logs.sensor_log import SensorLog
+from lab.recordings.mission_error import MissionError
+
+FloatArray = NDArray[np.float64]
+Axes = tuple[str, str, str]
+
+NAMES = ("x", "y", "z")
+_TILTED = np.radians(20.0)
+"""Angle between gravity and the nearest axis from which it is reported [rad]."""
+
+
+def axes_matrix(axes: Sequence[str]) -> FloatArray:
+    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down.
+
+    Raises
+    ------
+    MissionError
+        If the axes are not three different ones that make a right-handed set.
+    """
+    C = np.zeros((3, 3))
+    known = {sign + name for sign in ("", "-") for name in NAMES}
+    if len(axes) == len(NAMES) and all(axis in known for axis in axes):
+        for row, axis in enumerate(axes):
+            C[row, NAMES.index(axis[-1])] = -1 if axis.startswith("-") else 1
+    if round(np.linalg.det(C)) != 1:
+        raise MissionError(
+            f"axes {','.join(axes)}: accepted are the axes of the IMU that point forward, right and down, of "
+            "a right-handed set, such as y,x,-z"
+        )
+    return C
+
+
+def oriented(
+    samples: FloatArray,
+    build: Callable[[FloatArray], SensorLog],
+    given: Sequence[str] = (),
+    phone: bool = False,
+) -> SensorLog:
+    """Return a log in forward, right, down.
+
+    Parameters
+    ----------
+    samples : (n, 6) array
+        Angular rate and specific force in the axes of the IMU.
+    build
+        Returns the log of samples in forward, right, down.
+    given
+        The axes that point forward, right and down, if a person gives them.
+    phone
+        Whether the IMU is that of a phone, whose y axis points to its top.
+
+    Raises
+    ------
+    MissionError
+        If the log is implausible whatever the axes, or with those given.
+    """
+    if given:
+        log = build(_turned(samples, given))
+        check_log(log)
+        return _reported(log, f"Axes: {_words(given)}, as given.")
+    passed: list[tuple[Axes, SensorLog]] = []
+    refused: list[MissionError] = []
+    for axes in _candidates(samples, phone):
+        log = build(_turned(samples, axes))
+        try:
+            check_log(log)
+        except MissionError as error:
+            refused.append(error)
+        else:
+            passed.append((axes, log))
+    if not passed:
+        raise refused[0]
+    axes, log = passed[0]
+    why = (
+        "gravity and the motion show them"
+        if len(passed) == 1
+        else "gravity shows down; the motion does not show forward, which is assumed"
+    )
+    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.")
+
+
+def _turned(samples: FloatArray, axes: Sequence[str]) -> FloatArray:
+    C = axes_matrix(axes)
+    return np.column_stack((samples[:, :3] @ C.T, samples[:, 3:] @ C.T))
+
+
+def _gravity(samples: FloatArray) -> FloatArray:
+    return np.asarray(np.nanmedian(samples[:, 3:], axis=0))
+
+
+def _candidates(samples: FloatArray, phone: bool) -> Iterator[Axes]:
+    """Yield the axes that fit gravity, the usual ones first."""
+    up = _gravity(samples)
+    vertical = int(np.argmax(np.abs(up)))
+    down = np.zeros(3)
+    down[vertical] = -np.sign(up[vertical])
+    # A phone lies with its top forward, or stands with its screen, z, to the rear.
+    first = (("y", "x") if phone else ("x", "y")) if vertical == NAMES.index("z") else ("-z",)
+    order = [*first, *(name for name in ("x", "y", "z", "-x", "-y", "-z") if name not in first)]
+    for name in order:
+        forward = np.zeros(3)
+        forward[NAMES.index(name[-1])] = -1 if name.startswith("-") else 1
+        if forward[vertical] == 0:
+            yield _name(forward), _name(np.cross(down, forward)), _name(down)
+
+
+def _name(axis: FloatArray) -> str:
+    place = int(np.argmax(np.abs(axis)))
+    return f"{'-' if axis[place] < 0 else ''}{NAMES[place]}"
+
+
+def _words(axes: Sequence[str]) -> str:
+    return f"forward is {axes[0]}, right is {axes[1]}, down is {axes[2]} of the IMU"
+
+
+def _tilt(samples: FloatArray) -> str:
+    up = _gravity(samples)
+    angle = float(np.arccos(np.abs(up).max() / np.linalg.norm(up)))
+    return f"; gravity is {np.degrees(angle):.0f}° off the nearest axis" if angle > _TILTED else ""
+
+
+def _reported(log: SensorLog, sentence: str) -> SensorLog:
+    return replace(log, repairs=(sentence, *log.repairs))

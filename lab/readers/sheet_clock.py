@@ -1,0 +1,102 @@
+"""Sheet clock: the time stamps of a sheet in seconds: which column they are in, and their unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.readers.heading_names import Heading
+from lab.readers.sheet import Sheet
+from lab.readers.unit_names import UNITS
+from lab.units import DAY
+
+FloatArray = NDArray[np.float64]
+
+SINCE_1970 = 1e9
+"""Time from which it counts from 1970 [s]: the year 2001."""
+_EPOCHS = ((1e17, "ns"), (1e14, "µs"), (1e11, "ms"))
+"""Size from which a stamp that counts from 1970 has this unit: in 2001 it is 1e18 ns, 1e15 µs, 1e12 ms."""
+_USUAL_STEP = {True: 0.02, False: 0.5}
+"""Usual step between samples of an IMU, and between fixes [s]; the unit whose step comes nearest is taken: an
+IMU has 0.6 to 600 ms, a receiver 16 ms to 16 s."""
+_MIN_KNOWN = 0.5
+"""Smallest part of the rows in which a time stamp has to be known."""
+_MIN_FORWARD = 0.5
+"""Smallest part of the steps that do not go backwards in a column that is time."""
+
+
+class Clock(NamedTuple):
+    """Time stamps.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Time of each row [s]; NaN where unknown.
+    column : str
+        The headings of the columns they are from.
+    unit : str
+        Their unit.
+    guessed : bool
+        Whether the unit is guessed.
+    """
+
+    time: FloatArray
+    column: str
+    unit: str
+    guessed: bool
+
+
+def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = ()) -> Clock | None:
+    """Return the time stamps of a sheet; None if no column has them.
+
+    Parameters
+    ----------
+    sheet
+        The sheet.
+    fast
+        Whether its rows are samples of an IMU, and not fixes.
+    wanted
+        Headings of time stamps that another sheet of the same log has: these are of the same clock.
+    """
+    seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
+    if seconds and fractions:
+        (whole, a), (part, b) = seconds[0], fractions[0]
+        return Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False)
+    candidates = sheet.all_of("time") + sheet.all_of("clock") + seconds
+    candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
+    dates = sheet.all_of("date")
+    for heading, values in candidates:
+        known = np.isfinite(values)
+        if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:
+            continue
+        if (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
+            continue
+        if heading.text in sheet.texts:
+            if dates and values[known].max() < 2 * DAY:
+                return Clock(dates[0][1] + values, f"{dates[0][0].text} + {heading.text}", "text", False)
+            return Clock(values, heading.text, "text", False)
+        unit = heading.unit or _guessed_unit(values[known], fast)
+        return Clock(values * UNITS["time"][unit], heading.text, unit, not heading.unit)
+    return None
+
+
+def times_of(sheet: Sheet) -> list[Heading]:
+    """Return the headings of time stamps of a sheet."""
+    return [heading for heading in sheet.headings if heading.quantity in ("time", "clock")]
+
+
+def _guessed_unit(values: FloatArray, fast: bool) -> str:
+    size = float(np.median(np.abs(values)))
+    for limit, unit in _EPOCHS:
+        if size > limit:
+            return unit
+    if size >= SINCE_1970 and np.ptp(values) < 10 * DAY:
+        return "s"
+    steps = np.diff(values)
+    steps = steps[steps > 0]
+    step = float(np.median(steps)) if steps.size else 1.0
+    units = ("s", "ms", "µs", "ns")
+    return min(units, key=lambda unit: abs(np.log(step * UNITS["time"][unit] / _USUAL_STEP[fast])))

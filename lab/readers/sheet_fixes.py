@@ -1,0 +1,263 @@
+"""Sheet fixes: the fixes of a receiver out of the sheets of a log, with a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.displacement import metres_per_radian
+from lab.logs.sensor_log import GnssLog, believed_sigma
+from lab.readers.heading_names import SCALARS
+from lab.readers.sheet import Sheet
+from lab.readers.sheet_clock import Clock, clock_of
+from lab.readers.sheet_imu import in_order
+from lab.readers.unit_names import UNITS
+from lab.recordings.mission_error import MissionError
+from lab.repair.raw_flight import ColumnUnit
+from lab.units import DEGREE
+
+FloatArray = NDArray[np.float64]
+
+_HELD = 0.5
+"""Part of the rows that repeat the position before, from which a logger holds the last fix."""
+_MAX_DEGREES = 360.0
+"""Largest coordinate in degrees: larger whole numbers are 1e-7°."""
+_MAX_METRES = 10_000.0
+"""Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
+_SIGMA_OF_RADIUS = 1.515
+"""Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
+sqrt(-2 ln 0.32)."""
+_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s")
+_FAST_ENOUGH = 2.0
+"""Speed from which positions show the unit of the speed [m/s]."""
+_MIN_LEGS = 10
+"""Fewest legs that show it."""
+_UNIT_TOLERANCE = 0.1
+"""Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
+
+
+class Fixes(NamedTuple):
+    """Fixes of a receiver.
+
+    Attributes
+    ----------
+    sheet : Sheet
+        Where they are from.
+    gnss : GnssLog
+        The fixes.
+    speed, course : (m,) arrays
+        Speed [m/s] and course [rad] over ground; NaN where unknown.
+    units : tuple of ColumnUnit
+        The columns that were used.
+    remarks : tuple of str
+        The report.
+    """
+
+    sheet: Sheet
+    gnss: GnssLog
+    speed: FloatArray
+    course: FloatArray
+    units: tuple[ColumnUnit, ...]
+    remarks: tuple[str, ...]
+
+
+class _Column(NamedTuple):
+    name: str
+    values: FloatArray
+    unit: str
+    source: str
+
+
+def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
+    """Return the fixes of the best receiver in the sheets.
+
+    Parameters
+    ----------
+    sheets
+        The sheets of the log.
+    wanted
+        Headings of the time stamps of the IMU, whose clock the fixes should have.
+
+    Raises
+    ------
+    MissionError
+        If no sheet has latitude, longitude, height and time.
+    """
+    places = [one for one in sheets if one.all_of("latitude") and one.all_of("longitude")]
+    timed = [
+        (one, clock) for one in places if (clock := clock_of(one, fast=False, wanted=wanted)) is not None
+    ]
+    if not timed:
+        names = ", ".join(one.name for one in sheets)
+        lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
+        raise MissionError(
+            f"{names}: no {lacks} found; accepted are headings such as time, latitude, longitude, altitude, "
+            "speed and course, or what the columns are: --column HEADING=latitude[°]"
+        )
+    sheet, clock = min(timed, key=lambda one: _preference(one[0]))
+    others = [one.name for one, _ in timed if one is not sheet]
+    fixes = _fixes(sheet, clock)
+    if others:
+        fixes = fixes._replace(remarks=(*fixes.remarks, f"Fixes of {', '.join(others)} are not used."))
+    return fixes
+
+
+def _preference(sheet: Sheet) -> tuple[float, ...]:
+    rank = sheet.all_of("latitude")[0][0].rank + 5 * ("network" in sheet.name.lower())
+    motion = any(sheet.all_of(name) for name in ("speed", "north"))
+    return (not sheet.all_of("height"), rank, not motion, -len(sheet))
+
+
+def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
+    latitude, longitude = (_column(sheet, name) for name in ("latitude", "longitude"))
+    height = _column(sheet, "height")
+    assert latitude is not None and longitude is not None
+    latitude, longitude = _degrees(latitude), _degrees(longitude)
+    remarks = [
+        f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
+    ]
+    if height is None:
+        raise MissionError(
+            f"{sheet.name}: no column with the height of the fixes found; accepted are headings such as "
+            "altitude, alt_m or height, or --column HEADING=height[m]"
+        )
+    height = _metres(height, latitude)
+    known = np.isfinite(latitude.values) & np.isfinite(longitude.values) & np.isfinite(height.values)
+    rows, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
+    rows, held = _changes(rows, latitude.values, longitude.values)
+    time = clock.time[rows]
+    position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
+    how = " (guessed by its size and steps)" if clock.guessed else ""
+    remarks += [
+        f"Heights: {height.name}, in {height.unit} ({height.source}).",
+        f"Time of the GPS: {clock.column}, in {clock.unit}{how}.", *sorted_, *held,
+    ]  # fmt: skip
+    velocity, speed, course, units, words = _velocity(sheet, rows, time, position)
+    sigmas, more = _sigmas(sheet, rows)
+    gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
+    used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
+    return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more))
+
+
+def _column(sheet: Sheet, quantity: str) -> _Column | None:
+    """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
+    found = sheet.all_of(quantity)
+    if not found:
+        return None
+    heading, values = found[0]
+    kind = SCALARS[quantity]
+    unit = heading.unit or next(iter(UNITS[kind]))
+    source = "named in the heading" if heading.unit else "assumed"
+    return _Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def _degrees(column: _Column) -> _Column:
+    if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
+        return column._replace(values=column.values * 1e-7, unit="1e-7°", source="guessed by its size")
+    return column
+
+
+def _metres(height: _Column, latitude: _Column) -> _Column:
+    whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
+    if (
+        height.source == "assumed"
+        and latitude.unit == "1e-7°"
+        and whole
+        and np.nanmax(height.values) > _MAX_METRES
+    ):
+        return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
+    return height
+
+
+def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.intp], list[str]]:
+    """Return the rows with a new fix, where a logger writes the latest fix into every row."""
+    same = np.ones(max(len(rows) - 1, 0), dtype=bool)
+    for column in columns:
+        same &= np.diff(column[rows]) == 0
+    if not same.size or same.mean() < _HELD:
+        return rows, []
+    return rows[np.append(True, ~same)], [
+        f"{same.sum()} rows repeat the position of the row before and count as no fix: the logger writes the "
+        "latest one into every row."
+    ]
+
+
+def _velocity(
+    sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, list[_Column], list[str]]:
+    """Return velocity north, east, down, speed, course, the columns they are from, and a report."""
+    velocity = np.full((len(rows), 3), np.nan)
+    north, east, down, up = (_column(sheet, name) for name in ("north", "east", "down", "up"))
+    speed, course = _column(sheet, "speed"), _column(sheet, "course")
+    used: list[_Column] = []
+    remarks: list[str] = []
+    pace, angle = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+    if north is not None and east is not None:
+        used += [north, east]
+        velocity[:, 0], velocity[:, 1] = north.values[rows], east.values[rows]
+        pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
+    elif speed is not None and course is not None:
+        speed = _speed_unit(speed, rows, time, position)
+        used += [speed, course]
+        pace, angle = speed.values[rows], course.values[rows]
+        pace, angle = np.where(pace >= 0, pace, np.nan), np.where(angle >= -np.pi, angle, np.nan)
+        angle = np.where(pace == 0, np.nan_to_num(angle), angle)
+        velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
+    vertical = down if down is not None else up
+    if vertical is not None:
+        used.append(vertical)
+        velocity[:, 2] = vertical.values[rows] * (1 if down is not None else -1)
+    if used:
+        words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
+        remarks.append(f"Velocity: {words}.")
+    return velocity, pace, angle, used, remarks
+
+
+def _speed_unit(speed: _Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> _Column:
+    """Return the speed in the unit that the positions show, if its heading names none."""
+    if speed.source != "assumed" or len(rows) < _MIN_LEGS:
+        return speed
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    dt = np.diff(time)
+    north = np.diff(position[:, 0]) * per_latitude[1:]
+    east = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:]
+    moved = np.hypot(north, east)
+    stated = speed.values[rows]
+    stated = (stated[1:] + stated[:-1]) / 2
+    fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
+    if fast.sum() < _MIN_LEGS:
+        return speed
+    ratio = float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast]))
+    unit = min(_SPEEDS, key=lambda one: abs(np.log(ratio / UNITS["speed"][one])))
+    if unit == "m/s" or abs(np.log(ratio / UNITS["speed"][unit])) > _UNIT_TOLERANCE:
+        return speed
+    return speed._replace(
+        values=speed.values * UNITS["speed"][unit],
+        unit=unit,
+        source=f"guessed: the positions move {ratio:.3g} times as fast as in m/s",
+    )
+
+
+def _sigmas(sheet: Sheet, rows: NDArray[np.intp]) -> tuple[FloatArray, list[str]]:
+    """Return σ of position and velocity (m, 6), and a report."""
+    sigmas = np.full((len(rows), 6), np.nan)
+    remarks = []
+    horizontal, vertical, speed = (
+        _column(sheet, f"{name}_sigma") for name in ("horizontal", "vertical", "speed")
+    )
+    if horizontal is not None:
+        sigmas[:, :2] = horizontal.values[rows, None] / _SIGMA_OF_RADIUS
+        remarks.append(
+            f"σ of the horizontal position: {horizontal.name} over {_SIGMA_OF_RADIUS}, as the radius with "
+            "68 % of the fixes."
+        )
+    if vertical is not None:
+        sigmas[:, 2] = vertical.values[rows]
+        remarks.append(f"σ of the height: {vertical.name}.")
+    if speed is not None:
+        sigmas[:, 3:5] = speed.values[rows, None]
+        remarks.append(f"σ of the horizontal velocity: {speed.name}.")
+    return believed_sigma(sigmas), remarks
