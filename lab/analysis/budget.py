@@ -226,8 +226,6 @@ class _Propagation:
         self.columns = np.zeros((self.estimates.stop, sum(self.widths)))
         self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
         self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
-        estimated = np.concatenate([source.estimate for source in constants], axis=1)
-        self.columns[self.estimates, : self.drawn] = estimated[self.decaying]
         errors = run.experiment.sensors.gps
         bad = within(errors.quality_steps, run.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)

@@ -64,14 +64,11 @@ class Constant(NamedTuple):
         Initial error states for one standard deviation of each number, as many as the filter has.
     coupling : (c, 6, 6) array
         Maps angular rate and specific force in b to the errors of gyros and accelerometers.
-    estimate : (n, c) array
-        Part of the initial errors that is an estimate, of an alignment; the rest is minus the truth.
     """
 
     name: str
     start: FloatArray
     coupling: FloatArray
-    estimate: FloatArray
 
 
 class Process(NamedTuple):
@@ -154,13 +151,10 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
         found += sources
         if not aligning:
             found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
-    estimated = aligned.kept - np.eye(len(STATES))
-    found = [
-        source._replace(start=aligned.kept @ source.start, estimate=estimated @ source.start)
-        for source in found
-    ]
+    # An alignment takes its estimate off the output of the gyros: the filter's own estimate starts at zero.
+    found = [source._replace(start=aligned.kept @ source.start) for source in found]
     uncoupled = np.zeros((aligned.noise.shape[1], 6, 6))
-    noise = Constant("noise of the alignment", aligned.noise, uncoupled, aligned.noise)
+    noise = Constant("noise of the alignment", aligned.noise, uncoupled)
     found = [_with_room(source, names) for source in (*found, noise)]
     if aligning:
         found += [
@@ -173,10 +167,10 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
 
 def _with_room(source: Constant, names: Sequence[str]) -> Constant:
     """Return a source with as many rows as a filter with some further blocks has states."""
-    start, estimate = np.zeros((2, blocks.count(names), source.start.shape[1]))
+    start = np.zeros((blocks.count(names), source.start.shape[1]))
     known = N + sum(blocks.block(name).size for name in names if name in blocks.SCALES)
-    start[:known], estimate[:known] = source.start[:known], source.estimate[:known]
-    return source._replace(start=start, estimate=estimate)
+    start[:known] = source.start[:known]
+    return source._replace(start=start)
 
 
 def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> list[Constant]:
@@ -200,14 +194,14 @@ def _of_block(name: str, names: Sequence[str], block: str, values: FloatArray) -
     """Return a source of initial errors of all states of a further block, given by their values."""
     start = np.zeros((blocks.count(names), 1))
     start[blocks.states_of(names, block), 0] = values
-    return Constant(name, start, np.zeros((1, 6, 6)), np.zeros_like(start))
+    return Constant(name, start, np.zeros((1, 6, 6)))
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:
     """Return a source of initial errors, from (c, 3) values of one block of states."""
     start = np.zeros((len(STATES), columns.shape[0]))
     start[block] = columns.T
-    return Constant(name, start, np.zeros((columns.shape[0], 6, 6)), np.zeros_like(start))
+    return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
 
 
 def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
@@ -215,7 +209,7 @@ def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Con
     coupling = np.zeros((matrices.shape[0], 6, 6))
     coupling[:, rows, columns] = matrices
     none = np.zeros((len(STATES), matrices.shape[0]))
-    return Constant(name, none, coupling, none)
+    return Constant(name, none, coupling)
 
 
 def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) -> list[Process]:

@@ -90,7 +90,7 @@ def sigmas(
 ) -> dict[str, np.ndarray]:
     """Return σ in time of each quantity, in SI units, of all sources together."""
     none = np.zeros((15, 1))
-    constants = [*constants] or [Constant("none", none, np.zeros((1, 6, 6)), none)]
+    constants = [*constants] or [Constant("none", none, np.zeros((1, 6, 6)))]
     constants = [source._replace(start=source.start[:15]) for source in constants]
     epochs = budget.epochs_of(result)
     variance = budget._Propagation(result, constants, list(processes)).run(epochs)
@@ -284,6 +284,13 @@ def test_gauss_markov_biases_of_a_matched_filter_sum_to_its_covariance(correctio
     ]
     found = error_budget(made(*SMALL, *processes, f"navigator.correction={correction}").run())
     assert np.allclose(found.total / found.believed, 1, atol=5e-3)
+
+
+def test_a_bias_that_an_alignment_took_off_does_not_come_back() -> None:
+    """The filter's estimate starts at zero and decays; the alignment's, thousands of σ here, does not."""
+    settings = "sensors.gyro.bias_sigma=1", "sensors.gyro.instability=1", "sensors.gyro.correlation_time=60"
+    found = error_budget(made(*SMALL, *settings, "navigator.alignment=900").run())
+    assert np.allclose(found.total / found.believed, 1, atol=0.02)
 
 
 def test_shares_sum_to_the_whole_and_are_those_of_the_variances() -> None:
