@@ -49,18 +49,18 @@ class Epochs(NamedTuple):
 def epochs_of(run: Run) -> Epochs:
     """Return the epochs: start, used measurements, end, and samples between, none far from the next.
 
-    At one sample, the filter uses fixes before other measurements.
+    At one sample, the filter uses fixes after other measurements.
     """
     end, solution = run.time.size - 1, run.solution_arrays
     fixes, aids = np.flatnonzero(solution.fix_sample >= 0), np.flatnonzero(solution.aid_sample >= 0)
     at_fix, at_aid = solution.fix_sample[fixes], solution.aid_sample[aids]
     grid = np.append(np.arange(0, end, max(1, round(INTERVAL / usual_step(run)))), end)
     grid = np.setdiff1d(grid, at_fix)
-    sample = np.concatenate((at_fix, at_aid, grid))
+    sample = np.concatenate((at_aid, at_fix, grid))
     order = np.argsort(sample, kind="stable")
     sample = sample[order]
     fix, aid = np.full((2, sample.size), -1)
-    fix[: fixes.size], aid[fixes.size : fixes.size + aids.size] = fixes, aids
+    aid[: aids.size], fix[aids.size : aids.size + fixes.size] = aids, fixes
     last = np.append(np.diff(sample) > 0, True)
     return Epochs(sample, fix[order], aid[order], last & np.isin(sample, np.concatenate((at_fix, grid))))
 

@@ -110,6 +110,8 @@ def take_measurements(
 ) -> int:
     """Apply the measurements due at sample k to a navigator; return `SETTLED` or `PENDING`.
 
+    Fixes come last, so that P after a fix is P after the sample.
+
     A loop over samples skips the call if no measurement is due: with so many arrays, a call takes half the
     time of a sample.
     """
@@ -129,6 +131,7 @@ def take_measurements(
             correct(state, w, T)
             clock[0] = time
             pending = False
+    pending = take_aids(run, out, k, time, dt, schedule, pending)
     while fix_due:
         age = time - fix_time[m]
         if age <= dt * (1 + SLACK):
@@ -150,7 +153,7 @@ def take_measurements(
         m += 1
         counts[0] = m
         fix_due = m < fix_time.size and fix_time[m] <= time + SLACK * dt
-    return PENDING if take_aids(run, out, k, time, dt, schedule, pending) else SETTLED
+    return PENDING if pending else SETTLED
 
 
 @loop_kernel

@@ -107,10 +107,10 @@ def navigate(
         if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
             out.rest[k + 1] = True
             feedback.apply(state, kalman, time, dt)
-        for m in due:
-            _use_fix(out, m, k, state, kalman, model, belief, schedule, fixes, turned[m], feedback, time, dt)
         for a in due_aids:
             _use_aid(out, a, k, state, kalman, model, schedule, aids, feedback, time, dt)
+        for m in due:
+            _use_fix(out, m, k, state, kalman, model, belief, schedule, fixes, turned[m], feedback, time, dt)
         next_fix, next_aid = next_fix + len(due), next_aid + len(due_aids)
         _store(out, k + 1, state, kalman, model)
         if progress and k % 1000 == 0:

@@ -346,11 +346,11 @@ def backwards(
         _smooth(run.w, later, Later, half, P)
         state = corrected(kept.state[at], run.w, run.T, x, spare)
         store(out, k + 1, state, run.w, run.T)
-        _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
         for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
             if out.fix_sample[m] == k + 1:
                 store_fix(out.fix_covariance[m], state, run.w, run.T)
                 _before_update(run.scalars[m], later, Later, x)
+        _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
         if out.rest[k + 1]:
             _before_update(kept.rest[at], later, Later, x)
         for b in range(DRIVEN):

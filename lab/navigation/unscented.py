@@ -438,6 +438,7 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
         if rest_due and _update_at_rest(run):
             out.rest[k + 1] = True
             _show(run)
+        take_aids(run, out, k, time, dt, schedule)
         while fix_due:
             age = time - fixes.time[m]
             if age <= dt * (1 + SLACK):
@@ -454,7 +455,6 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
             m += 1
             run.counts[0] = m
             fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-        take_aids(run, out, k, time, dt, schedule)
         _store(out, k + 1, run)
 
 

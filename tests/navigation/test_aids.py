@@ -77,6 +77,27 @@ def test_memory_of_measurements_is_counted() -> None:
     assert bytes_per_aid(solution.states) * found.time.size == sum(array.nbytes for array in arrays)
 
 
+@pytest.mark.parametrize(
+    "own",
+    [
+        {},
+        {"navigator.correction": "feedforward"},
+        {"navigator.model": "nonlinear"},
+        {"navigator.engine": "filterpy", "trajectory.imu_rate": 10.0},
+    ],
+)
+def test_covariance_after_a_fix_is_that_of_its_sample(own: dict[str, Any]) -> None:
+    """A reading at the time of a fix is in both: errors are those after the sample, and NEES holds them
+    against P of the fix."""
+    sensors = {"sensors.barometer.fitted": True, "sensors.heading.fitted": True, "sensors.heading.noise": 0.1}
+    found = of(sensors | own).run().solution_arrays
+    fixes = np.flatnonzero(found.fix_sample >= 0)
+    at = found.fix_sample[fixes]
+    assert np.isin(found.aid_sample, at).any()
+    variance = np.diagonal(found.fix_covariance[fixes], axis1=1, axis2=2)
+    np.testing.assert_allclose(variance, found.variance[at], rtol=1e-12)
+
+
 def state_at(rng: np.random.Generator) -> np.ndarray:
     """Return a north-slaved navigator that moves and turns, away from its last step."""
     state = np.zeros(strapdown.LENGTH)
