@@ -87,8 +87,7 @@ def test_memory_of_measurements_is_counted() -> None:
     ],
 )
 def test_covariance_after_a_fix_is_that_of_its_sample(own: dict[str, Any]) -> None:
-    """A reading at the time of a fix is in both: errors are those after the sample, and NEES holds them
-    against P of the fix."""
+    """NEES holds the errors after the sample, with its other readings, against P of the fix."""
     sensors = {"sensors.barometer.fitted": True, "sensors.heading.fitted": True, "sensors.heading.noise": 0.1}
     found = of(sensors | own).run().solution_arrays
     fixes = np.flatnonzero(found.fix_sample >= 0)
