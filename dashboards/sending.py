@@ -7,10 +7,12 @@ from contextlib import contextmanager
 
 from bokeh.document import Document
 
+from dashboards.patch_messages import one_message
+
 
 @contextmanager
 def together(document: Document) -> Iterator[None]:
-    """Hold back the changes made inside, and send them at the end, each property once.
+    """Hold back the changes made inside, and send them at the end as one message, each property once.
 
     This is Bokeh's hold, not Panel's (`panel.io.hold`). Panel's drops changes if the browser has fetched the
     document but has not yet reported that it is ready. It can also delay a message when two of its write
@@ -23,4 +25,5 @@ def together(document: Document) -> Iterator[None]:
     try:
         yield
     finally:
-        document.unhold()
+        with one_message(document):
+            document.unhold()

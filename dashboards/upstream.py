@@ -61,6 +61,8 @@ from tornado.web import Application, OutputTransform
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
+from dashboards.patch_messages import speed_up_patches
+
 MOST_PATHS = 1024
 """Most pairs of file and folder whose relation is cached; a page needs 60."""
 MOST_VALUES = 64
@@ -177,6 +179,7 @@ def speed_up() -> None:
     their document, too.
     """
     _lock_events()
+    speed_up_patches()
     if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
         RememberedDefaults().install()
         cut_cycles()

@@ -65,7 +65,7 @@ def check(
         typer.Option("--run", help="Also run each check on its solution and on its wrong settings."),
     ] = False,
 ) -> None:
-    """Check the file of a lesson; the first thing that is wrong is reported, with the step and the key."""
+    """Check the file of a lesson; the first thing that is wrong is reported, with line, step and key."""
     from lab.lessons.fields import LessonError  # noqa: PLC0415 - takes a second
     from lab.lessons.lesson_file import read_lesson  # noqa: PLC0415 - takes a second
 

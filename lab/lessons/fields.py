@@ -93,7 +93,7 @@ def try_settings(trial: Experiment, settings: Mapping[str, Any], where: str) -> 
     if trial.mission not in found:
         accepted = names_in_words(found)
         raise LessonError(
-            f"{where}: there is no mission {trial.mission[:60]!r}; accepted is one of {accepted}"
+            f"{where}: mission: there is no mission {trial.mission[:60]!r}; accepted is one of {accepted}"
         )
 
 

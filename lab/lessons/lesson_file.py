@@ -1,4 +1,4 @@
-"""Lesson file: a lesson from TOML. Every key is checked; a message says step, key, and what is accepted."""
+"""Lesson file: a lesson from TOML. Every key is checked; a message says where, and what is accepted."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from lab.lessons.fields import (
     try_settings,
 )
 from lab.lessons.lesson import PAGES, Lesson, Step
+from lab.lessons.place import line_of
 from lab.setting_kinds import AxisQuantity, QuantityOrNone
 from lab.toml_file import TomlError, parse_toml, read_text
 
@@ -48,11 +49,17 @@ def read_lesson(path: Path) -> Lesson:
         If the file cannot be read, or is no lesson.
     """
     try:
-        return lesson_of(path.stem, parse_toml(_bounded_text(path)))
+        text = _bounded_text(path)
+        tables = parse_toml(text)
     except OSError as error:
         raise LessonError(f"{path.name}: cannot be read: {error.strerror or error}") from error
     except (TomlError, LessonError) as error:
         raise LessonError(f"{path.name}: {error}") from error
+    try:
+        return lesson_of(path.stem, tables)
+    except LessonError as error:
+        message = str(error)
+        raise LessonError(f"{path.name}, line {line_of(text, message)}: {message}") from error
 
 
 def _bounded_text(path: Path) -> str:

@@ -96,9 +96,81 @@ def test_what_is_wrong_is_said_with_its_place(
     with pytest.raises(LessonError) as caught:
         read_lesson(written(tmp_path, top, step))
     message = str(caught.value)
-    assert message.startswith("mine.toml: ")
+    assert message.startswith("mine.toml, line ")
     for word in words:
         assert word in message
+
+
+LONG = """title = "Mine"
+summary = "A text with check = 1 and
+settings in it"
+[settings]
+mission = "los_angeles"
+
+[[step]]
+title = "First"
+text = '''
+page = "no page"
+[[step]]
+'''
+settings = {}
+
+[[step]]
+title = "Second"
+text = "Two."
+page = "Errors"
+question = "How large?"
+answer = 1
+tolerance = 0.1
+check = "nis < 2"
+solution = { navigator.r_scale = 1 }
+[step.settings]
+seed = 3
+navigator.q_scale = 2
+""".replace("and\n", "and ")
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "where"),
+    [
+        ('title = "Mine"', 'titel = "Mine"', "titel"),
+        ('title = "Mine"', "title = 3", "title"),
+        ("[settings]", "fault = 'typo'\n[settings]", "fault"),
+        ('mission = "los_angeles"', 'mission = "nowhere"', "mission"),
+        ('mission = "los_angeles"', 'mision = "los_angeles"', "mision"),
+        ("settings = {}", "settings = 3", "settings = 3"),
+        ("settings = {}", "settings = { seed = -1 }", "seed = -1"),
+        ('title = "Second"', "", "SECOND STEP"),
+        ('text = "Two."', 'text = "$\\\\foo$"', "text"),
+        ('page = "Errors"', 'page = "Erors"', "page"),
+        ('page = "Errors"', "time = 'soon'", "time"),
+        ('question = "How large?"', "", "answer"),
+        ("tolerance = 0.1", "tolerance = -1", "tolerance"),
+        ("tolerance = 0.1", "", "answer"),
+        ("answer = 1", "answer = 1\nchoices = ['a', 'a']", "choices"),
+        ('check = "nis < 2"', 'check = "nis <"', "check"),
+        ('check = "nis < 2"', "check = 3", "check = 3"),
+        ("navigator.r_scale = 1", "navigator.r_scale = -1", "solution"),
+        ("seed = 3", 'seed = "x"', "seed"),
+        ("navigator.q_scale = 2", "navigator.q_scal = 2", "q_scal"),
+    ],
+)
+def test_the_line_is_that_of_the_mistake(tmp_path: Path, good: str, bad: str, where: str) -> None:
+    head, _, tail = LONG.rpartition(good)
+    text = head + bad + tail
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(LessonError) as caught:
+        read_lesson(path)
+    found = re.match(r"mine\.toml, line (\d+): ", str(caught.value))
+    assert found is not None, str(caught.value)
+    line = text.split("\n")[int(found[1]) - 1]
+    if where == "SECOND STEP":
+        assert int(found[1]) == 1 + text.count("\n", 0, text.rindex("[[step]]"))
+    else:
+        assert where in line
+        assert "no page" not in line
+    assert re.search("accepted|Accepted|expected", str(caught.value))
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path, make_pipe: Callable[[Path], None]) -> None:
