@@ -47,8 +47,8 @@ THEME = "theme"
 """What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
 SOON, PERIOD = 50, 500
-"""Time until a change is in the address, so that a reload keeps it, and between two updates [ms]: a person who
-moves a slider leaves two entries a second in the history of the browser."""
+"""Time until a change is in the address, so that a reload keeps it, and between two updates [ms]: who moves a
+slider leaves two entries a second in the history of the browser."""
 
 
 class Download(pmui.FileDownload):

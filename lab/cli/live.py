@@ -117,10 +117,9 @@ def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = Fals
                 flush=True,
             )
         status = opened.status
-        print(f"ins-lab: {status.sentence}", file=sys.stderr)
-        _conclude(status)
-    if status.state == "ended" and not status.samples + status.fixes:
-        raise CommandError(f"{source}: {status.sentence}")
+    _check_came(source, status)
+    print(f"ins-lab: {status.sentence}", file=sys.stderr)
+    _conclude(status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -167,7 +166,10 @@ def record(
                 break
         opened.stop_recording()
         status = opened.status
-        _conclude(status)
+    if not status.statistics.bytes:
+        path.unlink(missing_ok=True)  # the name is free for another attempt
+    _check_came(source, status)
+    _conclude(status)
     print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
@@ -223,6 +225,7 @@ def navigate(
                     print(_solution_line(known, time.monotonic() - begin), flush=True)
         finally:
             station.close()
+        _check_came(source, opened.status)
         _conclude(opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
@@ -369,6 +372,15 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         state["time"] = float(last["time"][0])
         state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
     return state
+
+
+def _check_came(source: str, status: Status) -> None:
+    """Refuse a source that sent nothing, or nothing that could be read."""
+    if status.samples + status.fixes:
+        return
+    seen = status.statistics.bytes
+    what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
+    raise CommandError(f"{source}: no sample came, {what}. {status.sentence}")
 
 
 def _conclude(status: Status) -> None:

@@ -29,8 +29,8 @@ MAX_SLEW = 5e-3
 FEWEST = 5
 """Fewest least delays with a σ of the drift: fewer are mostly those with which the mapping began."""
 NARROWED = 3.0
-"""σ of the drift in that of a loop with a constant band: this one's narrows. Measured on simulated delays of a
-quiet and a busy host and of a network: 95 % of the errors were within 1.7 σ."""
+"""σ of the drift in that of a loop with a constant band: this one's narrows. Measured on simulated delays of
+a quiet and a busy host and of a network: 95 % of the errors were within 1.7 σ."""
 STEP = 0.25
 """Jump of the device's clock against the host's that says that it was set [s]; and least delay from which
 samples of a counted stream are missing: a busy host is not late by so much for all of `LOOK`."""
@@ -165,7 +165,7 @@ class DeviceClock:
         self._least, self._look_ends = math.inf, arrival + LOOK
 
     def _judge(self, least: float, band: float) -> None:
-        """Take the σ of the drift from the scatter of the least delays, over the time that the loop remembers.
+        """Take the σ of the drift from the scatter of the least delays that the loop remembers.
 
         White delays of variance s² make a variance of the slope of LOOK·band³·s²/(2√2) in a loop with a
         damping of 1/√2: Gardner, Phaselock Techniques, on the noise of the integrator.

@@ -3,7 +3,7 @@
 The same rules as in `lab.logs.sensor_log` apply: a row that repeats the six values of the row before is
 dropped and the next interval reaches back, a row with a spike is dropped as if it were lost, short gaps are
 filled linearly, longer ones break the stream. A row with the values of the row before waits until the
-repetition ends or is too long for a polled sensor, at most four rows; one with a jump waits for at most eight.
+repetition ends or is too long for a polled sensor, at most four rows; at a jump, it waits for eight at most.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_aids import LiveAids
+from lab.live.live_aids import FirstReadings, LiveAids
 from lab.live.rolling import Rolling
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
@@ -39,6 +39,8 @@ COPY: Final = 0.25
 """Time between two copies [s]: a fix costs half of it in samples that are computed again."""
 REFRESH: Final = 0.5
 """Time without a fix after which a fix may show a rest [s]: `standstill` wants one within the second."""
+NONE: Final = FirstReadings(0, 0)
+"""The first readings of a filter that uses none."""
 _ENDLESS: Final = 2**62  # samples of a stream
 _ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
 _SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
@@ -401,7 +403,7 @@ class LiveFilter:
         aids, reading = (
             self._aids.within(self._begun, self._until(self.at), self._until(end))
             if self._aids.are_used
-            else (NO_AIDS, 0)
+            else (NO_AIDS, NONE)
         )
         run = run._replace(aids=read_only(aids))
         run.noise[:] = noise

@@ -130,7 +130,7 @@ class LiveNavigator:
         self._intake = Intake()
         self._fix_intake = FixIntake(self._assumed, navigator, self._latency)
         self._heights = Heights()
-        self._unread = np.empty(0, TIMED_IMU)  # rows before the first stream, whose pressures are not taken
+        self._unread = np.empty(0, TIMED_IMU)  # rows before the first stream, whose readings are not taken
         self._history = History()
         self._rows: list[NDArray[np.void]] = []  # not yet taken
         self._taken = -np.inf  # time of the last row when rows were taken
@@ -286,7 +286,13 @@ class LiveNavigator:
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""
         self._stream = Stream(epoch, self._model.states)
-        self._aids = LiveAids(self._sensors, self._navigator, self._stream.readings, self._stream.samples)
+        self._aids = LiveAids(
+            self._sensors,
+            self._navigator,
+            self._stream.readings,
+            self._stream.fields,
+            self._stream.samples,
+        )
         self._start = LiveStart(self._navigator, self._assumed.noise[:3])
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history
@@ -298,13 +304,14 @@ class LiveNavigator:
             self._rows = []
             for part in self._intake.accept(rows):
                 self._take(part)
-            self._take_pressures(rows)
+            self._take_readings(rows)
 
-    def _take_pressures(self, rows: NDArray[np.void]) -> None:
-        """Append the heights by pressure of rows that arrived."""
+    def _take_readings(self, rows: NDArray[np.void]) -> None:
+        """Append the heights by pressure and the magnetic fields of rows that arrived."""
         self._unread = np.concatenate((self._unread, rows[usable_imu(rows)]))
         if np.isnan(self._stream.epoch):
             return
+        self._aids.take_fields(self._unread["time"] - self._stream.epoch, self._unread["magnetic"])
         time, height = self._heights.take(self._unread)
         self._unread = self._unread[:0]
         if time.size:
@@ -374,7 +381,7 @@ class LiveNavigator:
         if not len(stream.samples):
             return
         stream.forget(self._kept)  # before a start is sought among the rest
-        self._shift_heights()
+        self._begin_readings()
         if stream.attitude is not None:
             self._seek(stream.attitude)
         if stream.filter is not None:
@@ -385,15 +392,16 @@ class LiveNavigator:
             self._history.add(stream.samples, shown, stream.epoch, phase, has_position=stream.has_position)
         self._shown = stream.end
 
-    def _shift_heights(self) -> None:
-        """Begin the heights by pressure at the first fix, and take note of what becomes of them."""
-        first, readings, epoch = self._fix_intake.first, self._stream.readings, self._stream.epoch
-        if len(readings) and first is not None and self._stream.now + epoch >= first[0]:
+    def _begin_readings(self) -> None:
+        """Begin heights by pressure and the declination at the first fix, and note what becomes of them."""
+        stream = self._stream
+        first, readings, epoch = self._fix_intake.first, stream.readings, stream.epoch
+        if len(readings) and first is not None and stream.now + epoch >= first[0]:
             self._heights.begin_at(*first, readings.column("time") + epoch, readings.column("value"))
         self._aids.shift = self._heights.shift
-        remark = self._aids.remark
-        if remark:
-            self._notes["barometer"] = remark
+        if stream.fixes.end and not stream.fixes.first:
+            self._aids.begin_at(stream.fixes.column("position")[0])
+        self._notes |= {name: remark for name, remark in self._aids.remarks.items() if remark}
 
     def _navigate(self, run: LiveFilter) -> None:
         """Advance the full navigator, or stop it if its solution means nothing any more."""

@@ -175,10 +175,10 @@ def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk]]:
+def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk], None, bool]:
     """Yield the records of a raw recording: `DATA` or `EVENT`, and the bytes with their time.
 
-    It ends where the file was cut off.
+    It ends where the file was cut off, and returns whether it was cut off within a record.
 
     Raises
     ------
@@ -193,8 +193,9 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk]]:
                 _check_record(kind, arrival, size, f"{path}: damaged at byte {file.tell() - _RECORD.size}")
                 data = file.read(size)
                 if len(data) < size:
-                    return
+                    return True
                 yield kind, Chunk(arrival, data)
+            return bool(head)
     except RecordingError:
         raise
     except OSError as error:

@@ -49,7 +49,8 @@ class Replay:
             self.header = read_header(path)
         except RecordingError as error:
             raise TransportError(str(error)) from error
-        self._records: Generator[tuple[int, Chunk]] | None = None
+        self._records: Generator[tuple[int, Chunk], None, bool] | None = None
+        self._end = "The recording has ended."
         self._next: tuple[int, Chunk] | None = None
         self._begin = (0.0, 0.0)
 
@@ -57,7 +58,7 @@ class Replay:
         """Begin, or go on behind the place where the device was lost."""
         if self._records is None:
             self._records = records(self.path)
-            self._next = next(self._records, None)
+            self._next = self._following()
         if self._next is not None:
             self._begin = (time.monotonic(), self._next[1].arrival)
 
@@ -72,7 +73,7 @@ class Replay:
             At its end.
         """
         if self._next is None or self._records is None:
-            raise EOFError("The recording has ended.")
+            raise EOFError(self._end)
         kind, chunk = self._next
         due = self._begin[0] + (chunk.arrival - self._begin[1]) / self.speed
         wait = due - time.monotonic()
@@ -81,7 +82,7 @@ class Replay:
         if wait > longest:
             return Chunk(chunk.arrival, b"")
         try:
-            self._next = next(self._records, None)
+            self._next = self._following()
         except RecordingError as error:
             raise EOFError(str(error)) from error
         if kind == DATA:
@@ -94,6 +95,16 @@ class Replay:
         except TransportError as error:
             raise EOFError(f"{self.path}: damaged: {error}") from error
         return Chunk(chunk.arrival, b"")
+
+    def _following(self) -> tuple[int, Chunk] | None:
+        """Return the next record; None at the end, which may be amid a record."""
+        assert self._records is not None
+        try:
+            return next(self._records)
+        except StopIteration as stop:
+            if stop.value:
+                self._end = "The recording has ended: it was cut off within a record, which is left out."
+            return None
 
     def close(self) -> None:
         """Nothing: the recording goes on with the next `open`."""

@@ -20,7 +20,7 @@ from lab.live.transport import TransportError
 TICK = 1e-3
 """Shortest time between two sendings [s]: one sample of a device with 1 kHz."""
 PATIENCE = 10.0
-"""Time without room on the line after which nobody reads it [s]: a busy computer holds up a reader for less."""
+"""Time without room on the line after which nobody reads it [s]: a busy computer delays a reader for less."""
 FIX_DELAY = 0.1
 """Time from the validity of a fix to its sending [s], as of receivers that send 10 fixes a second."""
 

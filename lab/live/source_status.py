@@ -57,7 +57,8 @@ class Status:
     loss : Loss
         Losses between the device and the filter.
     drift, drift_sigma : float
-        How much faster the device's clock runs than the host's, as a part of 1, and its σ; NaN without samples.
+        How much faster the device's clock runs than the host's, as a part of 1, and its σ; NaN without
+        samples.
     offset : float
         Host's clock minus the device's [s].
     recording : str

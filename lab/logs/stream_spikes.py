@@ -2,7 +2,8 @@
 
 The rule is that of `lab.logs.spikes`, but for what only a whole log shows. A live stream and the log that was
 recorded of it follow it both, so the decision depends on the samples alone, and not on the pieces in which
-they arrive. Only samples near a jump wait for later ones: four, and eight if they are far from their neighbours.
+they arrive. Only samples near a jump wait for later ones: four, and eight if they are far from their
+neighbours.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class StreamSpikes:
             if decides >= end and not whole:
                 end = at
                 break
-            found[at] = any(self._is_spike(at, axis) for axis in np.flatnonzero(axes))
+            found[at] = any(self._is_spike(at, axis) for axis in np.flatnonzero(axes).tolist())
         self._waiting = len(values) - end
         self._forget()
         return found[begin:end]

@@ -67,7 +67,7 @@ def aids_of(
     for name, one in readings.items():
         variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
         part = of_one_kind(one.time, KINDS[name], one.value, variance)
-        parts.append(_magnetic(sensors, part, one.field) if one.field.size else part)
+        parts.append(of_fields(sensors, part, one.field) if one.field.size else part)
     length = (imu.time[-1] - imu.time[0]) / CONDITION_PERIOD
     seconds = imu.time[0] + CONDITION_PERIOD * np.arange(1, int(length + ROUNDING) + 1)
     if navigator.no_slip:
@@ -93,7 +93,7 @@ def of_one_kind(time: FloatArray, kind: int, value: FloatArray, variance: float)
     return Aids(time, kinds, value, variances, np.zeros((size, 3)), np.zeros(3))
 
 
-def _magnetic(sensors: SensorSuite, headings: Aids, field: FloatArray) -> Aids:
+def of_fields(sensors: SensorSuite, headings: Aids, field: FloatArray) -> Aids:
     """Return measurements of the magnetic field (a, 3) in b, with the declination that the filter assumes."""
     own = sensors.heading.declination
     value = headings.value if own is None else np.full(headings.time.size, np.radians(own))

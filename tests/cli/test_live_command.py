@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -70,6 +72,10 @@ def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> N
     again = ask("live", "watch", f"replay:{raw}?speed=max")
     assert again.exit_code == 0
     assert "The recording has ended." in again.stderr
+    cut = tmp_path / "cut.inslab"
+    cut.write_bytes(raw.read_bytes()[:-3])
+    again = ask("live", "watch", f"replay:{cut}?speed=max")
+    assert "The recording has ended: it was cut off within a record" in again.stderr
     refused(ask("live", "record", "simulated:montreal", "drive", "--out", folder), "drive exists")
     raw_alone = ask("live", "record", f"replay:{raw}?speed=max", "twice", "--out", folder)
     assert raw_alone.exit_code == 0, raw_alone.output
@@ -106,6 +112,38 @@ def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> No
     assert "No mission: the source sent no fixes" in answer.stdout
     assert (tmp_path / "bare.inslab").is_file()
     assert not (tmp_path / "bare").exists()
+
+
+def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path: Path) -> None:
+    nobody = f"tcp:127.0.0.1:{free_port()}"
+    words = ("no sample came, and no byte", "Not reached: Connection refused")
+    for command in ("watch", "navigate"):
+        answer = ask("live", command, nobody, "--seconds", "0.5")
+        assert answer.exit_code == 2
+        assert all(word in answer.stderr for word in words)
+    refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(tmp_path)), *words)
+    assert not list(tmp_path.glob("drive*"))
+
+
+def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
+    noise = bytes(random.Random(1).randrange(256) for _ in range(6000))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def send() -> None:
+            client, _ = server.accept()
+            client.sendall(noise)
+            ended.wait()
+            client.close()
+
+        ended = threading.Event()
+        thread = threading.Thread(target=send)
+        thread.start()
+        source = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+        answer = ask("live", "record", source, "drive", "--seconds", "2", "--out", str(tmp_path))
+        ended.set()
+        thread.join()
+    refused(answer, "no sample came, only", " bytes. ")
+    assert (tmp_path / "drive.inslab").stat().st_size > 6000
 
 
 @pytest.mark.parametrize(

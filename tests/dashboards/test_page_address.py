@@ -17,6 +17,7 @@ class Document:
         self.due: list[int] = []
 
     def add_timeout_callback(self, _callback: Callable[[], None], due: int) -> None:
+        """Note when it is due."""
         self.due.append(due)
 
 

@@ -1,4 +1,4 @@
-"""Spikes of an IMU in a stream: dropped as lost samples are, counted, and with one solution live and in batch."""
+"""Spikes of an IMU in a stream: dropped as lost samples are, counted, and with one solution in batch."""
 
 from __future__ import annotations
 

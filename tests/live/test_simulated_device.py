@@ -1,4 +1,4 @@
-"""Simulated device: it loses nothing that it was not told to lose; what finds no room comes late, in order."""
+"""Simulated device: it loses nothing that it was not told to lose; what finds no room comes late."""
 
 from __future__ import annotations
 
@@ -43,11 +43,14 @@ class Narrow:
     def __init__(self, most: int) -> None:
         self.most, self.taken = most, bytearray()
 
-    def plug(self) -> None: ...
+    def plug(self) -> None:
+        """Nothing: it is there."""
 
-    def unplug(self) -> None: ...
+    def unplug(self) -> None:
+        """Nothing: it stays there."""
 
     def write(self, data: bytes) -> int:
+        """Take the first bytes."""
         self.taken += data[: self.most]
         return min(len(data), self.most)
 
