@@ -232,7 +232,8 @@ def navigate(
         if sentence:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     if station.verdict:
-        print(f"Verdict on the innovations: {station.verdict}")
+        out = sys.stderr if as_json else sys.stdout  # objects stay alone, one a line
+        print(f"Verdict on the innovations: {station.verdict}", file=out)
 
 
 @live.command("simulate", epilog=EXAMPLES)

@@ -47,7 +47,7 @@ def test_a_simulated_device_in_another_process_is_watched() -> None:
     ) as device:
         assert device.stdout is not None
         assert f"ins-lab live watch tcp:127.0.0.1:{port}" in device.stdout.readline()
-        answer = ask("live", "watch", f"tcp:127.0.0.1:{port}", "--seconds", "3.5", "--json")
+        answer = ask("live", "watch", f"tcp:127.0.0.1:{port}", "--seconds", "12", "--json")
         device.send_signal(signal.SIGINT)
         rest = device.stdout.read()
     assert device.returncode == 0
@@ -89,7 +89,7 @@ def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
     replay = f"replay:{tmp_path}/still.inslab?speed=10"
     answer = ask("live", "navigate", replay, "--set", "navigator.initial_heading=-137.5", "--json")
     assert answer.exit_code == 0, answer.output
-    last = json.loads(answer.stdout.splitlines()[-1])
+    last = [json.loads(line) for line in answer.stdout.splitlines()][-1]
     assert last["phase"] == "navigating"
     assert abs(last["euler"][1] * 57.3 - 2.45) < 1  # the pitch at the start of the flight
     assert last["position_sigma"][0] < 5
@@ -116,12 +116,12 @@ def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> No
 
 def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path: Path) -> None:
     nobody = f"tcp:127.0.0.1:{free_port()}"
-    words = ("no sample came, and no byte", "Not reached: Connection refused")
+    words = "no sample came, and no byte. "
     for command in ("watch", "navigate"):
         answer = ask("live", command, nobody, "--seconds", "0.5")
         assert answer.exit_code == 2
-        assert all(word in answer.stderr for word in words)
-    refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(tmp_path)), *words)
+        assert words in answer.stderr
+    refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(tmp_path)), words)
     assert not list(tmp_path.glob("drive*"))
 
 
