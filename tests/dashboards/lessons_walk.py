@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import panel_material_ui as pmui
-from walking import PATIENCE, TITLES, Walk
+from walking import PATIENCE, PAUSE, TITLES, Walk
 
 from dashboards.pages.lessons.lessons import Lessons
 
@@ -23,5 +23,6 @@ def click(walk: Walk, label: str) -> None:
     button.clicks += 1
     until = time.monotonic() + PATIENCE
     while page(walk)._judging.busy:
+        time.sleep(PAUSE)
         assert time.monotonic() < until
     walk.settle()

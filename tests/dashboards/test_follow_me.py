@@ -11,7 +11,7 @@ from typing import Any
 import panel_material_ui as pmui
 import pytest
 from panel.io.state import set_curdoc
-from walking import PATIENCE, TITLES, Walk, walking
+from walking import PATIENCE, PAUSE, TITLES, Walk, walking
 
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.teaching import teacher
@@ -93,6 +93,7 @@ def settle(*walks: Walk) -> None:
     for walk in walks:
         walk.settle()
         while walk.page.session._runs.busy:
+            time.sleep(PAUSE)
             assert time.monotonic() < until
         walk.settle()
 
@@ -261,7 +262,7 @@ def test_a_check_of_a_student_who_follows_counts(room: Room) -> None:
     with set_curdoc(student._document):
         lessons(student)._ask(entry.lesson.steps[0].answer)
     while lessons(student)._judging.busy:
-        pass
+        time.sleep(PAUSE)
     settle(student)
     room.look()
     assert "step 1 solved by <b>1</b> of 1" in words(room.teacher)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from walking import Walk, walking
+from walking import PAUSE, Walk, walking
 
 from lab.experiment import Experiment
 
@@ -29,6 +29,7 @@ def test_the_table_comes_and_is_applied(walk: Walk) -> None:
     identifying._asked()
     until = time.monotonic() + 120
     while identifying._work.busy:
+        time.sleep(PAUSE)
         assert time.monotonic() < until
         walk.settle()
     walk.settle()

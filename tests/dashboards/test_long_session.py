@@ -9,7 +9,7 @@ from weakref import ref
 
 import pytest
 from panel.io.state import set_curdoc
-from walking import Walk, walking
+from walking import PAUSE, Walk, walking
 
 from lab import histories, stages
 from lab import run as arrays
@@ -47,7 +47,7 @@ def settle(walk: Walk) -> None:
     session = walk.page.session
     while session._runs.busy or session._arrived is not None:
         walk.settle()
-        time.sleep(0.001)
+        time.sleep(PAUSE)
         assert time.monotonic() < until
     walk.settle()
 

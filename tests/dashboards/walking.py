@@ -28,6 +28,9 @@ from lab.result import Result
 
 PATIENCE = 600.0
 """Longest time a page may take to work out what it shows [s]; the first time its kernels are compiled."""
+PAUSE = 0.005
+"""Time between two looks whether a page has worked out what it shows [s]: a loop that only looks takes a
+processor, and the interpreter from the thread that works."""
 TITLES = tuple(page.title for page in PAGES)
 
 
@@ -79,6 +82,8 @@ class Walk:
                     callback()
             if not waiting and not busy:
                 return
+            if not waiting:
+                time.sleep(PAUSE)
             assert time.monotonic() < until, f"{self.title} is still worked on"
 
     @property

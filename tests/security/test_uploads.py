@@ -165,6 +165,8 @@ def _settle(document: Document, work: Job | LatestWins[bytes]) -> None:
             callback()
         if not busy and not waiting:
             return
+        if not waiting:
+            time.sleep(0.005)  # the thread that works needs the interpreter
         assert time.monotonic() < until
 
 
