@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, new_context, watched
+from tests.browser.conftest import DRAWN, new_context, wait_for, watched
 from tests.security.conftest import serving
 
 pytestmark = pytest.mark.browser
@@ -40,7 +40,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         teacher.goto(address + found[0])
         assert "key" not in teacher.url
         teacher.goto(f"{address}/?{FLIGHT}")
-        teacher.wait_for_function(DRAWN)
+        wait_for(teacher, DRAWN)
         teacher.get_by_role("button", name="Start a class").click()
         code = teacher.get_by_role("img", name="QR code of the link for students")
         box = code.bounding_box()
@@ -52,27 +52,27 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         teacher.keyboard.press("Escape")
         phone = new_context(chromium, **PHONE).new_page()
         phone.goto(f"{address}/?{link.rpartition('?')[2]}")
-        phone.wait_for_function(DRAWN)
+        wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
         bar(teacher, "follow")
         teacher.get_by_role("tab", name="Height", exact=True).click()
         teacher.evaluate(f"{TIME} = 42")
-        phone.wait_for_function(f"{TIME} === 42")
+        wait_for(phone, f"{TIME} === 42")
         expect(phone.get_by_role("tab", name="Height", exact=True)).to_have_attribute("aria-selected", "true")
         phone.get_by_role("tab", name="Ground track", exact=True).click()
         bar(phone, "You are on your own.")
         teacher.get_by_role("tab", name="Errors", exact=True).click()
-        teacher.wait_for_function(DRAWN)
+        wait_for(teacher, DRAWN)
         expect(phone.get_by_role("tab", name="Ground track", exact=True)).to_have_attribute(
             "aria-selected", "true"
         )
         phone.get_by_role("button", name="Return to the teacher").click()
-        phone.wait_for_function(DRAWN)
+        wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
         assert phone.evaluate("document.documentElement.scrollWidth") <= 390
         size = teacher.evaluate(TITLE_SIZE)
         teacher.get_by_role("button", name="Projector").click()
-        teacher.wait_for_function(f"({TITLE_SIZE}) > {1.4 * size}")
+        wait_for(teacher, f"({TITLE_SIZE}) > {1.4 * size}")
         expect(teacher.get_by_role("combobox", name="Mission")).not_to_be_visible()
         teacher.get_by_role("button", name="Close the class").click()
         bar(phone, "The class has ended.")

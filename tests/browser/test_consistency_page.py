@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from dashboards.computing import SupersededError
 from dashboards.ensembles import ensemble
 from lab.experiment import Experiment
+from tests.browser.conftest import wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -35,7 +36,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
     expect(advice).to_contain_text("Tried: NIS per degree of freedom")
     assert page.get_by_role("cell", name="position north").count() == 2
     nees = "Bokeh.documents[0].get_model_by_name('time_gps:nees').data"
-    page.wait_for_function(f"{nees}.nees.length > 100 && {nees}.nees_band_high[5] > 27")
+    wait_for(page, f"{nees}.nees.length > 100 && {nees}.nees_band_high[5] > 27")
 
 
 def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..., Page]) -> None:
@@ -45,16 +46,16 @@ def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..
     expect(page.get_by_text("10 flights, seeds 1 to 10")).to_be_visible()
     expect(page.get_by_text("Judged by 10 runs")).to_be_visible()
     averages = "Bokeh.documents[0].get_model_by_name('time:anees')?.data"
-    page.wait_for_function(f"{averages}.anees.length > 90 && {averages}.anees_band_high[5] < 19")
-    page.wait_for_function(TABLES_FOLLOW_THE_PLOTS)
+    wait_for(page, f"{averages}.anees.length > 90 && {averages}.anees_band_high[5] < 19")
+    wait_for(page, TABLES_FOLLOW_THE_PLOTS)
     seed = page.get_by_role("textbox").first
     seed.fill("5")
     seed.press("Enter")
     expect(page.get_by_text("10 flights, seeds 5 to 14")).to_be_visible()
     choose(page, "1 seed")
     expect(page.get_by_text("Judged by 1 run,")).to_be_visible()
-    page.wait_for_function(TABLES_FOLLOW_THE_PLOTS)
-    page.wait_for_function("Bokeh.documents[0].get_model_by_name('time_gps:nees')?.data.nees.length > 90")
+    wait_for(page, TABLES_FOLLOW_THE_PLOTS)
+    wait_for(page, "Bokeh.documents[0].get_model_by_name('time_gps:nees')?.data.nees.length > 90")
 
 
 def choose(page: Page, runs: str) -> None:

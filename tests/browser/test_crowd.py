@@ -10,7 +10,7 @@ from urllib.parse import urlparse
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, ROOT, complaint, new_context
+from tests.browser.conftest import DRAWN, ROOT, complaint, new_context, remember, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -74,22 +74,22 @@ def test_pages_opened_at_once_arrive_whole_and_work(
     before = len(written(address))
     with crowd(chromium, address, complaints) as pages:
         for page in pages:
-            page.wait_for_function(DRAWN)
+            wait_for(page, DRAWN)
             expect(page.get_by_role("slider")).to_have_count(len(names))
             assert settings(page) == names
             assert page.evaluate(PLOTS) == 9
-            page.wait_for_function(f"{FILES}.length === {len(files)}")  # the buttons for files come last
+            wait_for(page, f"{FILES}.length === {len(files)}")  # the buttons for files come last
             assert page.evaluate(FILES) == files
             assert page.get_by_role("slider", name="Time").bounding_box() == time_bar
             expect(page.get_by_role("alert")).to_have_count(0)
         assert 0 in [page.evaluate("window.plots_at_first") for page in pages], "no page came in steps"
         for page in pages:
-            page.evaluate(f"window.before = {DATA}")
+            remember(page, "before", DATA)
             page.get_by_role("slider", name="White noise").first.press("End")
         for page in pages:
-            page.wait_for_function(f"{DATA} !== window.before")
+            wait_for(page, f"{DATA} !== window.before")
             expect(page.get_by_role("alert")).to_have_count(0)
-            page.wait_for_function("location.search.includes('sensors.gyro.noise_density=0.5')")
+            wait_for(page, "location.search.includes('sensors.gyro.noise_density=0.5')")
     assert "Traceback" not in written(address)[before:]
 
 

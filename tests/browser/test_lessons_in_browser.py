@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.conftest import wait_for
 from tests.cli.asking import ask
 
 pytestmark = pytest.mark.browser
@@ -34,7 +35,7 @@ def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Pag
     page.get_by_role("button", name="Check the answer").click()
     expect(page.get_by_text("1 of 3 solved")).to_be_visible()
     page.get_by_role("button", name="Next step").click()
-    page.wait_for_function("location.search.includes('navigator.r_scale=0.1')")
+    wait_for(page, "location.search.includes('navigator.r_scale=0.1')")
     page.get_by_role("button", name="Look at Consistency").click()
     expect(page.get_by_text("R position is about").first).to_be_visible()
     expect(page.get_by_text("Tuning R, step 2 of 3")).to_be_visible()

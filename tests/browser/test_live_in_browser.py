@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
-from tests.browser.conftest import IDLE
+from tests.browser.conftest import IDLE, wait_for
 
+SMALL: ViewportSize = {"width": 900, "height": 600}
+"""Size of the window [px]: a stream is drawn all the time, without a graphics card."""
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"
 
 VISIBLE = (
@@ -21,7 +23,7 @@ def connect(page: Page) -> None:
     page.get_by_role("tab", name="Live").click()
     page.get_by_role("button", name="Connect", exact=True).click()
     page.get_by_role("button", name="Disconnect").wait_for()
-    page.wait_for_function(f"{RATES}.length > 20")
+    wait_for(page, f"{RATES}.length > 20")
 
 
 def newest(page: Page) -> float:
@@ -32,27 +34,28 @@ def newest(page: Page) -> float:
 @pytest.mark.browser
 def test_a_stream_is_drawn_as_it_comes(shared_page: Page) -> None:
     page = shared_page
+    page.set_viewport_size(SMALL)
     connect(page)
     before = newest(page)
-    page.wait_for_function(f"{RATES}.at(-1) > {before} + 2")
+    wait_for(page, f"{RATES}.at(-1) > {before} + 2")
     expect(page.get_by_text("streaming", exact=True)).to_be_visible()
     # The plots end at the newest sample, of all figures.
     ages = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.age"
-    page.wait_for_function(f"{ages}.at(-1) >= 0 && {ages}.at(-1) < 0.5 && {ages}.length === {RATES}.length")
+    wait_for(page, f"{ages}.at(-1) >= 0 && {ages}.at(-1) < 0.5 && {ages}.length === {RATES}.length")
 
     page.get_by_text("forward", exact=True).first.click()
-    page.wait_for_function(f"{VISIBLE}.join() === 'false,true,true'")
+    wait_for(page, f"{VISIBLE}.join() === 'false,true,true'")
     page.get_by_text("forward", exact=True).first.click()
-    page.wait_for_function(f"{VISIBLE}.join() === 'true,true,true'")
+    wait_for(page, f"{VISIBLE}.join() === 'true,true,true'")
 
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("button", name="Go on").wait_for()
-    page.wait_for_function(IDLE)
+    wait_for(page, IDLE)
     paused = newest(page)
     page.wait_for_timeout(1000)
     assert newest(page) == paused
     page.get_by_role("button", name="Go on").click()
-    page.wait_for_function(f"{RATES}.at(-1) > {paused} + 1")
+    wait_for(page, f"{RATES}.at(-1) > {paused} + 1")
 
     page.get_by_role("button", name="Unplug for 3 s").click()
     expect(page.get_by_text("lost", exact=True)).to_be_visible()

@@ -10,6 +10,8 @@ import pytest
 from playwright.sync_api import Page
 from sensor_logs import tables, write
 
+from tests.browser.conftest import wait_for
+
 pytestmark = pytest.mark.browser
 
 Open = Callable[..., Page]
@@ -32,7 +34,7 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     assert not page.get_by_text("Temperature", exact=True).first.is_visible()
     page.get_by_role("tab", name="Innovations").click()
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
-    page.wait_for_function(f"{source}?.data.time?.length > 20")
+    wait_for(page, f"{source}?.data.time?.length > 20")
     page.get_by_role("tab", name="Budget").click()
     page.get_by_text("and the error budget needs them").wait_for()
     page.get_by_role("tab", name="Summary").click()
@@ -46,7 +48,7 @@ def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(open_page: Open, ow
     page = open_page("?mission=drive")
     page.get_by_role("button", name="GPS outage").click()
     shaded = "Bokeh.documents[0].get_model_by_name('time without GPS').data"
-    page.wait_for_function(f"{shaded}.start?.length === 1")
+    wait_for(page, f"{shaded}.start?.length === 1")
     assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
     written = page.get_by_role("textbox", name="Outages").input_value()
     assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)

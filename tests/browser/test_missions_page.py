@@ -14,7 +14,7 @@ from xplane_sender import XPlaneSender
 
 from lab.flying.airports import runway
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
-from tests.browser.conftest import RANGE_END
+from tests.browser.conftest import RANGE_END, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -70,7 +70,7 @@ def test_missions_are_browsed_filtered_and_chosen(mine: Path, shared_page: Page)
     card(page, "mine").get_by_role("button", name="Choose My flight").click()
     expect(chooser(page)).to_have_text("My flight")
     expect(page.get_by_text("/ 105 s")).to_be_visible()
-    page.wait_for_function("location.search.includes('mission=mine')")
+    wait_for(page, "location.search.includes('mission=mine')")
     expect(card(page, "mine")).to_have_class("card chosen")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import IDLE
+from tests.browser.conftest import DATA, IDLE, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -42,9 +42,7 @@ WORDS = {
 
 def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&navigator.states=21", drawn=False)
-    page.wait_for_function(
-        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
-    )
+    wait_for(page, f"{DATA}?.time?.length > 100")
     for title in page.get_by_role("tab").all_inner_texts():
         name = next(name for name in (*FIRST, *WORDS, "3-D") if name.casefold() == title.casefold())
         tab = page.get_by_role("tab", name=name, exact=True)
@@ -53,8 +51,8 @@ def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page:
         for words in WORDS.get(name, ()):
             expect(page.get_by_text(words).first).to_be_visible()
         if name in FIRST:
-            page.wait_for_function(f"{TITLES}[0] === {FIRST[name]!r}")
-            page.wait_for_function(IDLE)
+            wait_for(page, f"{TITLES}[0] === {FIRST[name]!r}")
+            wait_for(page, IDLE)
             expect(page.locator("canvas").first).to_be_visible()
             strange = [first for other, first in FIRST.items() if other != name]
             assert not set(strange) & set(page.evaluate(TITLES)) - {"Position error, up [m]"}
@@ -62,16 +60,16 @@ def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page:
             expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
         assert page.get_by_text("could not be drawn").count() == 0
     page.get_by_role("tab", name="Covariance", exact=True).click()
-    page.wait_for_function(f"{TITLES}.includes('σ of the gyro scale factors [%]: zero')")
+    wait_for(page, f"{TITLES}.includes('σ of the gyro scale factors [%]: zero')")
     page.get_by_role("tab", name="Errors", exact=True).click()
-    page.wait_for_function(f"{TITLES}[0] === {FIRST['Errors']!r}")
-    page.wait_for_function(
-        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.position_east?.length > 100"
+    wait_for(page, f"{TITLES}[0] === {FIRST['Errors']!r}")
+    wait_for(
+        page, "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.position_east?.length > 100"
     )
 
 
-def test_what_a_button_says_is_wider_than_one_word(open_page: Callable[..., Page]) -> None:
-    page = open_page()
+def test_what_a_button_says_is_wider_than_one_word(shared_page: Page) -> None:
+    page = shared_page
     for name, lines in (("GPS outage", 5), ("Whole flight", 1), ("Another seed", 1)):
         page.get_by_role("button", name=re.compile(f"^{name}")).hover()
         tip = page.get_by_role("tooltip").locator(".MuiTooltip-tooltip")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.conftest import IDLE
+from tests.browser.conftest import IDLE, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -75,4 +75,4 @@ def test_components_that_change_their_size_share_a_layout(shared_page: Page) -> 
     assert counts["fields"] >= 10
     assert 1 <= counts["layouts"] <= 2
     shared_page.evaluate(COUNTED, "")
-    shared_page.wait_for_function(IDLE)
+    wait_for(shared_page, IDLE)

@@ -13,7 +13,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tests.browser.conftest import DRAWN, IDLE, new_context, serving
+from tests.browser.conftest import DRAWN, IDLE, new_context, serving, wait_for
 from tests.browser.test_live_in_browser import connect
 
 pytestmark = pytest.mark.browser
@@ -54,7 +54,7 @@ def ports(server: psutil.Process) -> int:
 
 
 def leave_when(page: Page) -> None:
-    page.wait_for_function(DRAWN)
+    wait_for(page, DRAWN)
     page.get_by_role("tab", name="3-D", exact=True).click()
     expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
 
@@ -83,7 +83,7 @@ def test_a_closed_page_leaves_no_upload_and_no_recording(chromium: Browser, serv
         context = new_context(chromium)
         page = context.new_page()
         page.goto(address)
-        page.wait_for_function(DRAWN)
+        wait_for(page, DRAWN)
         page.get_by_role("tab", name="Missions", exact=True).click()
         page.get_by_role("button", name="Import", exact=True).click()
         page.locator("input[type=file][multiple]").set_input_files(
@@ -119,7 +119,7 @@ def test_closed_pages_with_a_stream_leave_no_thread_and_no_port(chromium: Browse
         for context in contexts:
             page = context.new_page()
             page.goto(address)
-            page.wait_for_function(IDLE)
+            wait_for(page, IDLE)
             connect(page)
         for context in contexts:
             context.close()

@@ -10,9 +10,9 @@ from urllib.request import urlopen
 
 import netCDF4
 import pytest
-from playwright.sync_api import FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
+from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END
+from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END, remember, wait_for, watched
 
 pytestmark = pytest.mark.browser
 
@@ -24,11 +24,11 @@ CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor').location"
 
 
 def remember_data(page: Page) -> None:
-    page.evaluate(f"window.before = {DATA}")
+    remember(page, "before", DATA)
 
 
 def wait_for_new_data(page: Page) -> None:
-    page.wait_for_function(f"{DATA} !== window.before")
+    wait_for(page, f"{DATA} !== window.before")
 
 
 def noise(page: Page) -> tuple:
@@ -47,7 +47,7 @@ def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
     busy computer even one move may take longer: one drags again, as a person does.
     """
     for _attempt in range(6):
-        page.wait_for_function(IDLE)
+        wait_for(page, IDLE)
         box = plot.bounding_box()
         assert box is not None
         middle = box["y"] + box["height"] / 2
@@ -57,7 +57,7 @@ def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
         page.mouse.move(box["x"] + end * box["width"], middle, steps=4)
         page.mouse.up()
         try:
-            page.wait_for_function(f"{RANGE_END} < 180", timeout=10_000)  # it waits for no server
+            wait_for(page, f"{RANGE_END} < 180", timeout=10_000)  # it waits for no server
         except TimeoutError:
             continue
         return box
@@ -84,14 +84,14 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
     wait_for_new_data(page)
     expect(box).to_have_value("0.5")
     expect(variance).to_have_value("50")
-    page.wait_for_function("location.search.includes('sensors.gyro.noise_density=0.5')")
+    wait_for(page, "location.search.includes('sensors.gyro.noise_density=0.5')")
     remember_data(page)
     variance.fill("0.5")
     variance.press("Enter")
     wait_for_new_data(page)
     expect(box).to_have_value("0.05")
-    page.wait_for_function("!location.search.includes('noise_density')")
-    page.wait_for_function(IDLE)
+    wait_for(page, "!location.search.includes('noise_density')")
+    wait_for(page, IDLE)
     remember_data(page)
     box.fill("99")
     box.press("Enter")
@@ -106,7 +106,7 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
 
 def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -> None:
     page = open_page("?mission=los_angeles&sensors.gyro.noise_density=0.2")
-    page.wait_for_function(f"{RANGE_END} < 120")
+    wait_for(page, f"{RANGE_END} < 120")
     expect(noise(page)[1]).to_have_value("0.2")
     expect(page.get_by_role("alert")).to_have_count(0)
     with page.expect_download() as download:
@@ -137,33 +137,33 @@ def test_nonsense_in_the_address_is_answered(open_page: Open, query: str, words:
 
 def test_a_page_that_was_left_is_not_sent_and_is_there_again(shared_page: Page) -> None:
     page = shared_page
-    page.evaluate(f"window.drawn = {CURVE}")
+    remember(page, "drawn", CURVE)
     views = (
         "Array.from(Bokeh.index.query((view) => view.model.title?.text?.startsWith('Position error'))).length"
     )
     show(page, "Covariance")
-    page.wait_for_function(f"{views} === 0")
+    wait_for(page, f"{views} === 0")
     show(page, "Errors")
-    page.wait_for_function(f"{views} === 3 && {IDLE}")
+    wait_for(page, f"{views} === 3 && {IDLE}")
     assert page.evaluate(f"{CURVE} === window.drawn")
     slider, _ = noise(page)
     remember_data(page)
     slider.press("End")
     wait_for_new_data(page)
-    page.wait_for_function(IDLE)
+    wait_for(page, IDLE)
 
     innovations = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
     assert page.evaluate(innovations) is None
-    page.evaluate("window.errors = Bokeh.documents[0].get_model_by_name('time:position_east')")
-    page.evaluate("window.before = window.errors.data")
+    remember(page, "errors", "Bokeh.documents[0].get_model_by_name('time:position_east')")
+    remember(page, "before", "window.errors.data")
     show(page, "Innovations")
-    page.wait_for_function(f"{innovations}?.data.time.length > 100")
-    page.evaluate(f"window.first = {innovations}.data")
+    wait_for(page, f"{innovations}?.data.time.length > 100")
+    remember(page, "first", f"{innovations}.data")
     slider.press("Home")
-    page.wait_for_function(f"{innovations}.data !== window.first")
+    wait_for(page, f"{innovations}.data !== window.first")
     assert page.evaluate("window.errors.data === window.before")
     show(page, "Errors")
-    page.wait_for_function("window.errors.data !== window.before")
+    wait_for(page, "window.errors.data !== window.before")
 
 
 def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
@@ -175,17 +175,17 @@ def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
     box = zoom(page, plot, 0.5, 0.55)
     middle = box["y"] + box["height"] / 2
     wait_for_new_data(page)
-    page.wait_for_function(f"{DATA}.time.at(-1) - {DATA}.time[0] < 30")
+    wait_for(page, f"{DATA}.time.at(-1) - {DATA}.time[0] < 30")
     page.get_by_role("button", name="Whole flight", exact=True).click()
-    page.wait_for_function(f"{RANGE_END} > 200")
+    wait_for(page, f"{RANGE_END} > 200")
 
     page.mouse.click(box["x"] + box["width"] / 2, middle)
-    page.wait_for_function(f"{CURSOR} > 60")
+    wait_for(page, f"{CURSOR} > 60")
     clicked = page.evaluate(CURSOR)
     expect(page.get_by_text(re.compile(rf"^{clicked:.2f}$"))).to_be_visible()
     play = page.locator(".MuiCheckbox-root", has_text=re.compile("play_arrow|pause")).locator("input")
     play.check()
-    page.wait_for_function(f"{CURSOR} > {clicked} + 2")
+    wait_for(page, f"{CURSOR} > {clicked} + 2")
     play.uncheck()
 
 
@@ -229,28 +229,30 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_
     show(page, "3-D")
     page.frame_locator("iframe").get_by_text("Connected").wait_for()
     scene = next(frame for frame in page.frames if "/viser/" in frame.url)
-    scene.wait_for_function(f"({BACKGROUND})() < 60", polling=250)
+    wait_for(scene, f"({BACKGROUND})() < 60")
     toggle.click()
-    scene.wait_for_function(f"({BACKGROUND})() > 200", polling=250)
+    wait_for(scene, f"({BACKGROUND})() > 200")
     toggle.click()
-    scene.wait_for_function(f"({BACKGROUND})() < 60", polling=250)
+    wait_for(scene, f"({BACKGROUND})() < 60")
     toggle.click()
     expect(tab).to_have_css("color", ink)
 
 
 def test_the_page_begins_with_the_theme_of_the_address_or_of_the_system(
-    open_page: Callable[..., Page], address: str
+    chromium: Browser, address: str, complaints: list[str]
 ) -> None:
-    page = open_page(drawn=False)
+    page = watched(chromium, address, complaints)
     brightness = "Math.max(...getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number))"
     page.emulate_media(color_scheme="dark")
-    page.reload()
-    page.wait_for_function(f"{brightness} < 60")
+    page.goto(address)
+    wait_for(page, f"{brightness} < 60")
     page.goto(address + "?theme=default&seed=3")
-    page.wait_for_function(IDLE)
-    page.wait_for_function(f"{brightness} > 200")
+    wait_for(page, IDLE)
+    wait_for(page, f"{brightness} > 200")
     assert page.get_by_text("there is no setting").count() == 0
     page.wait_for_url(re.compile("theme=default&seed=3"))
+    page.context.close()
+    assert complaints == []
 
 
 def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
@@ -259,10 +261,10 @@ def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     start, end = page.evaluate(f"[{RANGE_END.replace('.end', '.start')}, {RANGE_END}]")
     page.get_by_role("button", name="GPS outage").click()
     shaded = "Bokeh.documents[0].get_model_by_name('time without GPS').data"
-    page.wait_for_function(f"{shaded}.start.length === 1")
+    wait_for(page, f"{shaded}.start.length === 1")
     assert page.evaluate(f"{shaded}.start[0]") == pytest.approx(start, abs=0.06)
     assert page.evaluate(f"{shaded}.end[0]") == pytest.approx(end, abs=0.06)
-    page.wait_for_function(f"{RANGE_END} > 200")
+    wait_for(page, f"{RANGE_END} > 200")
     expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
 
 
@@ -330,5 +332,5 @@ SCROLLED = """
 def test_one_cannot_scroll_far_below_the_plots(shared_page: Page) -> None:
     for tab in ("Errors", "Innovations", "Sensor errors"):
         shared_page.get_by_role("tab", name=tab, exact=True).click()
-        shared_page.wait_for_function(IDLE)
+        wait_for(shared_page, IDLE)
         assert shared_page.evaluate(SCROLLED) < 50, tab

@@ -5,7 +5,7 @@ In a browser, its pages fit a phone and have no serious finding of axe-core, and
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import json
 import re
 import subprocess
@@ -24,9 +24,11 @@ from playwright.sync_api import Browser, Page, expect
 
 import lab
 from lab.experiment import Experiment
-from tests.browser.conftest import ROOT, new_context
+from tests.browser.conftest import ROOT, new_context, wait_for
 
-pytest.importorskip("pydata_sphinx_theme", reason="the extra docs is not installed")
+# Looked for, and not imported: that takes a second in each process that collects tests.
+if importlib.util.find_spec("pydata_sphinx_theme") is None:
+    pytest.skip("the extra docs is not installed", allow_module_level=True)
 
 THEORY = sorted((ROOT / "docs/theory").glob("*.md"))
 FETCHED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src"}
@@ -257,7 +259,7 @@ def test_an_executed_notebook_has_its_plots_without_network(
     expect(plot).to_be_visible()
     expect(page.get_by_role("slider", name="Noise")).to_be_visible()
     drawn = "(canvas) => canvas.getContext('2d').getImageData(canvas.width >> 1, 20, 1, 1).data[3] === 255"
-    page.wait_for_function(drawn, arg=plot.element_handle())
+    wait_for(page, drawn, arg=plot.element_handle())
     brightness = ImageStat.Stat(Image.open(BytesIO(plot.screenshot())).convert("L")).mean[0]
     assert brightness > 200 if theme == "light" else brightness < 60
     accessible(page, f"short notebook, {theme}, {width} px")

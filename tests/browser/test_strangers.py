@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.missions import add_mission, mission
 from lab.toml_file import MAX_BYTES
-from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context
+from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -115,7 +115,7 @@ def strange(chromium: Browser) -> Iterator[tuple[BrowserContext, list[str]]]:
 def opened(strange: Strange, address: str) -> Page:
     page = strange[0].new_page()
     page.goto(address)
-    page.wait_for_function(IDLE)
+    wait_for(page, IDLE)
     return page
 
 
@@ -134,7 +134,7 @@ def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strang
     # Were a text ever taken for markup again, its script would not run.
     page.evaluate(f"document.body.insertAdjacentHTML('beforeend', {ATTRIBUTE!r})")
     page.evaluate(f"document.body.append(Object.assign(document.createElement('script'), {{text: {RUN!r}}}))")
-    page.wait_for_function("document.getElementById('tried').complete")
+    wait_for(page, "document.getElementById('tried').complete")
     assert page.evaluate("window.ran") is None
     assert {"Content Security Policy" in text for text in strange[1]} == {True}
     strange[1].clear()
@@ -161,12 +161,10 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     strange: Strange, server: str, tmp_path: Path
 ) -> None:
     page = opened(strange, f"{server}/?mission=mine")
-    page.wait_for_function(
-        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
-    )
+    wait_for(page, "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100")
     for tab in page.get_by_role("tab").all():
         tab.click()
-        page.wait_for_function(IDLE)
+        wait_for(page, IDLE)
     page.get_by_role("tab", name="Summary", exact=True).click()
     expect(page.get_by_text("stranger-title").first).to_be_visible()
     page.get_by_role("tab", name="3-D", exact=True).click()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 from xplane_simulator import XPlaneSimulator, montreal, standing_first
 
 from dashboards.devices import VARIABLE
-from tests.browser.conftest import IDLE, new_context, serving
+from tests.browser.conftest import IDLE, new_context, serving, wait_for
 
+SMALL: ViewportSize = {"width": 900, "height": 600}
+"""Size of the window [px]: a stream is drawn all the time, without a graphics card."""
 REST = 14.0
 """Time on the runway before the flight [s]: the navigator levels over ten."""
 
@@ -26,10 +28,10 @@ def visited(xplane: XPlaneSimulator, chromium: Browser, monkeypatch: pytest.Monk
     """Return a page of a server that allows the stand-in for X-Plane."""
     monkeypatch.setenv(VARIABLE, address_of(xplane))
     with serving() as (address, _server):
-        context = new_context(chromium, viewport={"width": 1440, "height": 900})
+        context = new_context(chromium, viewport=SMALL)
         page = context.new_page()
         page.goto(address)
-        page.wait_for_function(IDLE)
+        wait_for(page, IDLE)
         yield page
         context.close()
 
