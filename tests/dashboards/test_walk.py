@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -71,11 +71,27 @@ def quick(*more: str) -> tuple[str, ...]:
     return tuple(title for title in TITLES if title not in SLOW or title in more)
 
 
-@pytest.mark.parametrize(
-    ("model", "mechanization", "states"),
-    list(product(MODELS, MECHANIZATIONS, (15, 21))),
-)
-def test_every_model_mechanization_and_number_of_states(
+LINEAR = {
+    ("phi", "north-slaved", 21),
+    ("phi", "wander azimuth", 15),
+    ("psi", "north-slaved", 15),
+    ("psi", "wander azimuth", 21),
+    ("invariant", "north-slaved", 21),
+    ("invariant", "wander azimuth", 15),
+}
+"""Every two of model, mechanization and number of states, in filters that other tests compile too."""
+NONLINEAR = set(product(("nonlinear",), MECHANIZATIONS, (15, 21)))
+
+
+def test_every_two_of_the_choices_of_a_filter_are_walked() -> None:
+    walked = LINEAR | NONLINEAR
+    for one, other in combinations((MODELS, MECHANIZATIONS, (15, 21)), 2):
+        for pair in product(one, other):
+            assert any(set(pair) <= set(choice) for choice in walked), pair
+
+
+@pytest.mark.parametrize(("model", "mechanization", "states"), sorted(LINEAR | NONLINEAR))
+def test_models_mechanizations_and_numbers_of_states(
     walk: Walk, model: str, mechanization: str, states: int
 ) -> None:
     settings = {"model": model, "mechanization": mechanization, "states": states}
