@@ -184,8 +184,8 @@ def _check_leap_seconds(log: SensorLog) -> None:
         side = "late" if at_leap[1] < 0 else "early"
         raise MissionError(
             f"{log.name}: the stamps of the GPS are about {abs(at_leap[1]):.1f} s {side} relative to the "
-            f"IMU's (correlation of the turns {at_leap[0]:.2f}, with equal stamps {at_zero[0]:.2f}): one clock "
-            f"is likely to be GPS time and the other UTC, which are {_LEAP_SECONDS:g} leap seconds apart; "
+            f"IMU's (correlation of the turns {at_leap[0]:.2f}, with equal stamps {at_zero[0]:.2f}): one "
+            f"clock is likely to be GPS time and the other UTC, {_LEAP_SECONDS:g} leap seconds apart; "
             "accepted are stamps of one clock"
         )
 
