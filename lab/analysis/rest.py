@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.analysis import allan
 from lab.logs.sensor_log import SensorLog
+from lab.readers.sensor_csv import sheets_of
+from lab.readers.sheet_imu import NAMED, imu_of
 from lab.recordings.mission_error import MissionError
 from lab.recordings.text_blocks import check_file
 from lab.sensors import imu
@@ -78,6 +80,8 @@ class Record(NamedTuple):
 
 def read_log(path: Path) -> dict[str, Record]:
     """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`; others are ignored.
+
+    Other headings are accepted if they name their units (`lab.readers.heading_names`).
 
     Returns
     -------
@@ -255,6 +259,8 @@ def _table(path: Path) -> FloatArray:
     try:
         header = pd.read_csv(path, nrows=0, skipinitialspace=True).columns
         missing = [column for column in columns if column not in header]
+        if len(missing) > len(columns) - 2:  # other names, and not a slip in one
+            return _with_other_names(path)
         if missing:
             raise MissionError(
                 f"{path}, row 1: column {missing[0]} missing; accepted are {', '.join(columns)}"
@@ -273,9 +279,27 @@ def _table(path: Path) -> FloatArray:
         raise MissionError(
             f"{path}, row {row + 2}, column {columns[column]}: {shown!r}; accepted is a finite number"
         )
-    if len(table) < allan.MIN_SAMPLES:
-        raise MissionError(f"{path}: {len(table)} samples; accepted are at least {allan.MIN_SAMPLES}")
+    _check_length(path, len(table))
     return table
+
+
+def _with_other_names(path: Path) -> FloatArray:
+    """Return time, rates and specific forces of a csv with other headings, in the axes of the device."""
+    imu = imu_of(sheets_of([path], {}))
+    for triad in (imu.gyro, imu.accelerometer):
+        if triad.source != NAMED:
+            raise MissionError(
+                f"{path}: the columns {', '.join(one.text for one in triad.headings)} do not name their "
+                "unit, and at rest nothing shows it; accepted are headings such as gyro_x_deg_s and accel_x_g"
+            )
+    known = np.isfinite(imu.samples).all(axis=1)
+    _check_length(path, int(known.sum()))
+    return np.column_stack((imu.time, imu.samples))[known]
+
+
+def _check_length(path: Path, samples: int) -> None:
+    if samples < allan.MIN_SAMPLES:
+        raise MissionError(f"{path}: {samples} samples; accepted are at least {allan.MIN_SAMPLES}")
 
 
 def _check_rest(path: Path, specific_force: FloatArray) -> None:

@@ -70,6 +70,12 @@ _MIN_LAG = 0.4
 navigator is told or finds."""
 _LAG_STEP = 0.1
 """Step of the clock offsets tried with each axis [s]: a tenth of a leg."""
+_LEAP_SECONDS = 18.0
+"""GPS time minus UTC since 2017 [s]."""
+_AROUND_LEAP = 1.5
+"""Offsets around it that are tried [s]: the receiver's latency and the recorder's delay add to it."""
+_MAX_UNLIKE = 0.5
+"""Largest correlation of the turns near zero offset at which they do not belong together."""
 _MIN_LEGS = 10
 """Fewest legs by which an axis is judged. The tests pass at half and at twice it."""
 _WINDOWS = 4
@@ -145,6 +151,8 @@ def check_log(log: SensorLog) -> None:
     windows = _windows(log)
     matches = [match(window, lags=(0.0,)) for window in windows[:_MIN_WINDOWS]]
     vehicle = vehicle_of(log.auxiliary.vehicle)
+    if vehicle.follows_nose:
+        _check_leap_seconds(log)
     if vehicle.follows_nose and not _axes_are_right(windows, matches, vehicle):
         motion = motion_of(log)
         try:
@@ -154,6 +162,32 @@ def check_log(log: SensorLog) -> None:
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
     _check_clock(log, windows, matches)
+
+
+def _check_leap_seconds(log: SensorLog) -> None:
+    """Compare the turns by the GPS with the gyros at the offset between GPS time and UTC, and near zero."""
+    motion = motion_of(log)
+    margin = _LEAP_SECONDS + _AROUND_LEAP
+    inside = (motion.start >= margin) & (motion.end <= log.duration - margin) & np.isfinite(motion.turn)
+    motion = Motion(*(column[inside] for column in motion))
+    if motion.turn.size < 2 * _MIN_LEGS or np.std(motion.turn) < _LIVELY_TURN:
+        return
+    near = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
+    around = np.arange(-_AROUND_LEAP, _AROUND_LEAP + _LAG_STEP / 2, _LAG_STEP)
+    rows = [
+        max((abs(_correlation(log, log.dtheta[:, axis], motion, motion.turn, lag)[0]), lag) for lag in lags)
+        for lags in (near, np.concatenate((around - _LEAP_SECONDS, around + _LEAP_SECONDS)))
+        for axis in range(3)
+    ]
+    at_zero, at_leap = max(rows[:3]), max(rows[3:])
+    if at_zero[0] < _MAX_UNLIKE and at_leap[0] > _MIN_CORRELATION:
+        side = "late" if at_leap[1] < 0 else "early"
+        raise MissionError(
+            f"{log.name}: the stamps of the GPS are about {abs(at_leap[1]):.1f} s {side} relative to the "
+            f"IMU's (correlation of the turns {at_leap[0]:.2f}, with equal stamps {at_zero[0]:.2f}): one "
+            f"clock is likely to be GPS time and the other UTC, {_LEAP_SECONDS:g} leap seconds apart; "
+            "accepted are stamps of one clock"
+        )
 
 
 def motion_of(log: SensorLog) -> Motion:

@@ -19,6 +19,7 @@ _FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer", "
 _TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",
+    "columns",
 )  # fmt: skip
 KEYS = frozenset(_KEYS)
 """Keys of the TOML."""
@@ -58,6 +59,12 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
                 f"{path}: {key} = {values[key]!r}; accepted is a number from {-limit:g} to {limit:g}"
             )
     _check_comparisons(path, values.get("comparisons", {}))
+    columns = values.get("columns", {})
+    if not isinstance(columns, Mapping) or not all(isinstance(text, str) for text in columns.values()):
+        raise MissionError(
+            f"{path}: columns = {columns!r}; accepted is a table of headings, each with what the column "
+            'is, such as A1 = "force_x[g]"'
+        )
 
 
 def _check_axes(path: Path, axes: Any) -> None:

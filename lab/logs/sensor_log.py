@@ -42,6 +42,14 @@ _MOVING = 0.5
 """Speed from which two fixes cannot be equal [m/s]: loggers write the latest fix again, and receivers that
 lose the signal freeze. A receiver that holds its position has no speed. At 10 Hz it moves by 5 cm, five steps
 of 10⁻⁷°."""
+_SINCE_1970 = 1e9
+"""Time from which it counts from 1970 [s]: the year 2001."""
+_HOUR = 3600.0
+"""[s]."""
+_ZONE, _MAX_ZONE = _HOUR / 2, 14 * _HOUR
+"""Step between time zones, but for three of 15 minutes, and the largest difference from UTC [s]."""
+_SAME_START = 300.0
+"""Largest time between the starts of sensors that were switched on together [s]."""
 _MAX_FILLED = 10
 """Most samples that gaps are filled with, for each there is: a file must not ask for more memory than it is
 large."""
@@ -281,8 +289,22 @@ def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:
     if both < MIN_OVERLAP:
         raise MissionError(
             f"{name}: the IMU ({_span(imu)}) and the GPS ({_span(gnss)}) have less than {MIN_OVERLAP:g} s "
-            "in common; accepted are logs of one clock, recorded together"
+            f"in common; accepted are logs of one clock, recorded together{_clock_hint(imu, gnss)}"
         )
+
+
+def _clock_hint(imu: FloatArray, gnss: FloatArray) -> str:
+    """Return how two clocks without a time in common may differ; empty if nothing is known."""
+    if not imu.size or not gnss.size:
+        return ""
+    if (imu[0] > _SINCE_1970) != (gnss[0] > _SINCE_1970):
+        first = "IMU" if imu[0] > _SINCE_1970 else "GPS"
+        return f". The clock of the {first} counts from 1970, and the other one does not"
+    apart = float(imu[0] - gnss[0])
+    zone = round(apart / _ZONE) * _ZONE
+    if 0 < abs(zone) <= _MAX_ZONE and abs(apart - zone) < _SAME_START:
+        return f". They start about {zone / _HOUR:+g} h apart: one of the clocks may be local time"
+    return ""
 
 
 def _span(time: FloatArray) -> str:

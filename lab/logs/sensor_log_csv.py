@@ -31,12 +31,15 @@ key; the defaults are as here, unless noted::
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
     latency_s = 0                 # by how much the stamps of the fixes are late
     declination_deg = 11.5        # of the magnetic field, east; left out: of the World Magnetic Model
+    [columns]                     # of files with other headings (docs/logs.md): what a column is
+    A1 = "force_x[g]"
     [comparisons]                 # solutions of other estimators, to compare with: as ref.csv
     "PX4 EKF2" = "ekf.csv"
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -58,7 +61,8 @@ from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, rep
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
 from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
-from lab.recordings.named_columns import Column, read_columns, read_duration
+from lab.recordings.named_columns import MAX_BYTES, Column, read_columns, read_duration
+from lab.recordings.text_blocks import TextBlocks
 from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
@@ -72,6 +76,8 @@ _FULL_TURN = 360.0
 """Largest angle [°]."""
 _MIN_HEADING_SIGMA = 1e-3
 """Smallest σ of a heading [°]: far below what two antennas a metre apart give (0.2°)."""
+_MAX_HEADER_LINE = 1000
+"""Last line on which a header may stand, as `lab.recordings.named_columns` has it."""
 _TIME = Column("t_s", *TIME_STAMPS)
 _GYRO = (("gx_rad_s", "gy_rad_s", "gz_rad_s"), ("gx_deg_s", "gy_deg_s", "gz_deg_s"))
 _FORCE = (("fx_m_s2", "fy_m_s2", "fz_m_s2"), ("fx_g", "fy_g", "fz_g"))
@@ -154,6 +160,10 @@ class LogFiles:
         By how much the stamps of the fixes are late [s].
     declination : float
         Of the magnetic field, positive east [°]; NaN if the TOML does not state it.
+    columns : tuple of (str, str)
+        Headings of columns with other names, and what the TOML says of them.
+    axes_stated : bool
+        Whether the TOML states the axes.
     """
 
     path: Path
@@ -174,6 +184,22 @@ class LogFiles:
     lever_arm: tuple[float, float, float]
     latency: float
     declination: float
+    columns: tuple[tuple[str, str], ...] = ()
+    axes_stated: bool = False
+
+    @property
+    def has_own_names(self) -> bool:
+        """Whether each of the two files has a column of the lab's own; files that cannot be read count."""
+        for path, names in ((self.imu, _IMU[1:]), (self.gnss, _POSITION)):
+            try:
+                with TextBlocks(path, MAX_BYTES, strict=False) as text:
+                    lines = itertools.islice(text.lines(), _MAX_HEADER_LINE)
+                    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+            except MissionError:
+                continue
+            if header and not {column.name for column in names} & set(header.replace(" ", "").split(",")):
+                return False
+        return True
 
     @property
     def paths(self) -> list[Path]:
@@ -194,7 +220,8 @@ class LogFiles:
     def stated(self) -> tuple[object, ...]:
         """The keys of the TOML that change how the files are read."""
         names = tuple(name for name, _ in self.comparisons)
-        return self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
+        kept = self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
+        return (*kept, self.columns) if self.columns else kept
 
     @property
     def duration(self) -> float:
@@ -356,6 +383,8 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         lever_arm=tuple(values.get("lever_arm_m", (0.0, 0.0, 0.0))),
         latency=float(values.get("latency_s", 0.0)),
         declination=float(values.get("declination_deg", "nan")),
+        columns=tuple(values.get("columns", {}).items()),
+        axes_stated="axes" in values,
     )
 
 

@@ -53,6 +53,8 @@ class FlightImport:
         How it was rebuilt.
     units : Mapping
         Units that overrule those of the files, by column.
+    axes : sequence of str
+        The axes of the IMU that point forward, right and down, if a person gives them.
     """
 
     paths: tuple[Path, ...]
@@ -62,19 +64,30 @@ class FlightImport:
     report: ImportReport
     settings: ImportSettings
     units: Mapping[str, str] = field(default_factory=dict)
+    axes: Sequence[str] = ()
 
     @property
     def recording(self) -> Recording:
         """The flight on a regular grid."""
         return self.rebuilt.recording
 
-    @cached_property
+    @property
     def log(self) -> SensorLog | None:
         """The recorded IMU and GPS data, if the file has both; read at first use."""
+        return self._read_log[0]
+
+    @property
+    def log_refused(self) -> str:
+        """Why a table with named columns is no sensor log; empty for other formats."""
+        return self._read_log[1]
+
+    @cached_property
+    def _read_log(self) -> tuple[SensorLog | None, str]:
         try:
-            return read_log(self.paths, self.units)
-        except MissionError:
-            return None
+            return read_log(self.paths, self.units, self.axes), ""
+        except MissionError as error:
+            text = str(error).replace(f"{self.paths[0].parent}/" if self.paths else "\0", "")
+            return None, text if self.raw.format == READERS[-1].name else ""
 
     @property
     def origin(self) -> str:
@@ -259,6 +272,7 @@ def prepare_flight(
     sensor: SensorNoise | None = None,
     paths: Sequence[Path] = (),
     units: Mapping[str, str] | None = None,
+    axes: Sequence[str] = (),
 ) -> FlightImport:
     """Return the same for a flight that has been read, such as one recorded live.
 
@@ -272,6 +286,8 @@ def prepare_flight(
         The files it was read from.
     units
         Units that were given for their columns.
+    axes
+        Axes of the IMU that were given.
 
     Raises
     ------
@@ -286,4 +302,4 @@ def prepare_flight(
     except MissionError as error:
         raise MissionError(f"{where}{error}") from error
     judged = report(raw, flight, rebuilt, sensor)
-    return FlightImport(tuple(paths), raw, flight, rebuilt, judged, chosen, dict(units or {}))
+    return FlightImport(tuple(paths), raw, flight, rebuilt, judged, chosen, dict(units or {}), axes)

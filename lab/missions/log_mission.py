@@ -14,6 +14,7 @@ from lab.logs.log_toml import DESCRIPTION_FILE, KEYS
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_csv import LogFiles, log_files
 from lab.missions.mission import Mission
+from lab.readers.sensor_csv import read_logs
 from lab.recordings.description_toml import read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
@@ -72,7 +73,7 @@ class LogMission(Mission):
         MissionError
             If a csv file is not acceptable, or the numbers contradict the units, axes or clock they claim.
         """
-        return self.files.read()
+        return _read(self.files)
 
     def log_of(self, vehicle: str = "") -> SensorLog:
         """Return the log with a given vehicle; an empty name keeps the vehicle of the files.
@@ -82,7 +83,7 @@ class LogMission(Mission):
         MissionError
             As of `log`.
         """
-        return replace(self.files, vehicle=vehicle).read() if vehicle else self.log
+        return _read(replace(self.files, vehicle=vehicle)) if vehicle else self.log
 
     @property
     def recording(self) -> Recording:
@@ -96,7 +97,9 @@ class LogMission(Mission):
     def duration(self) -> float:
         """Time from the first sample of the IMU to the last [s]; only these are read."""
         log = self.__dict__.get("log")
-        return self.files.duration if log is None else float(log.duration)
+        if log is None and self.files.has_own_names:
+            return self.files.duration
+        return float(self.log.duration)
 
     @cached_property
     def content_hash(self) -> str:
@@ -117,6 +120,25 @@ class LogMission(Mission):
             except OSError as error:
                 raise MissionError(f"{path}: cannot be read: {error.strerror or error}") from error
         return whole.hexdigest()
+
+
+def _read(files: LogFiles) -> SensorLog:
+    """Return the log of files with the lab's own columns, or with other headings."""
+    if files.has_own_names:
+        return files.read()
+    log = read_logs(
+        [files.imu, files.gnss],
+        dict(files.columns),
+        files.axes if files.axes_stated else (),
+        files.vehicle,
+        lever_arm=files.lever_arm,
+        latency=files.latency,
+    )
+    others = [path.name for path in files.paths if path not in (files.imu, files.gnss)]
+    if not others:
+        return log
+    remark = f"Not read beside files with other headings than the lab's: {', '.join(others)}."
+    return replace(log, repairs=(*log.repairs, remark))
 
 
 def is_log_folder(path: Path) -> bool:

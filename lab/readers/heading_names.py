@@ -25,6 +25,8 @@ SCALARS = {
 their fraction, or a date and a clock."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
+GIVEN = "given"
+"""Sensor of the columns that a person names."""
 IGNORED = "-"
 """Stands for a column that is not read."""
 
@@ -186,7 +188,7 @@ def given_heading(text: str, column: str) -> Heading | None:
         accepted = ", ".join(UNITS.get(kind, {})) or "none"
         raise MissionError(f"column {column}: {unit!r} is no unit of {quantity}; accepted are {accepted}")
     sign = -1 if text.startswith("-") else 1
-    return Heading(column, quantity, name[-1] if vector else "", "given", known, -100, sign)
+    return Heading(column, quantity, name[-1] if vector else "", GIVEN, known, -100, sign)
 
 
 def unit_of(kind: str, spelling: str) -> str:

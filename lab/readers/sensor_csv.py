@@ -92,7 +92,13 @@ def read_log(path: Path) -> SensorLog:
 
 
 def read_logs(
-    paths: Sequence[Path], units: Mapping[str, str] | None = None, axes: Sequence[str] = (), vehicle: str = ""
+    paths: Sequence[Path],
+    units: Mapping[str, str] | None = None,
+    axes: Sequence[str] = (),
+    vehicle: str = "",
+    *,
+    lever_arm: Sequence[float] = (0.0, 0.0, 0.0),
+    latency: float = 0.0,
 ) -> SensorLog:
     """Read the IMU and the receiver in the files.
 
@@ -106,6 +112,10 @@ def read_logs(
         Which axes of the IMU point forward, right and down; empty: found by gravity and motion.
     vehicle
         Kind of vehicle, as `lab.logs.vehicle` has them; empty if unknown.
+    lever_arm
+        From the IMU to the antenna, forward, right, down [m].
+    latency
+        By how much the stamps of the fixes are late [s].
 
     Raises
     ------
@@ -115,6 +125,7 @@ def read_logs(
     sheets = sheets_of(paths, units or {})
     imu = imu_of(sheets)
     fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
+    fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
     name = (
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )

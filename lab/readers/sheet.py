@@ -32,6 +32,10 @@ _MAX_LINE = 65_536
 """Characters of a line in which a header is looked for."""
 _MAX_COLUMNS = 1000
 """Most columns: exports of phones have some hundred."""
+_LOOKED_AT, _ZEROS = 1000, 0.25
+"""Bytes at the start, and the part of them that is every second a zero in UTF-16 of Latin letters."""
+_MOSTLY = 0.5
+"""Part of the cells from which a column is one of numbers."""
 _CHUNK = 20_000
 """Rows that are text at a time where cells are not all numbers: a cell takes some 60 bytes as text."""
 _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN", "NAN", "inf", "-inf", "∞")
@@ -99,8 +103,8 @@ def as_utf8(data: bytes) -> bytes:
     """Return a text in UTF-8, whatever it was written in."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", "replace").encode()
-    head = data[:1000]
-    if head[1::2].count(0) > len(head) // 4:
+    head = data[:_LOOKED_AT]
+    if head[1::2].count(0) > _ZEROS * len(head):
         return data.decode("utf-16-le", "replace").encode()
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
@@ -293,7 +297,7 @@ def _parsed(cells: Any, is_time: bool, place: int, texts: set[int]) -> FloatArra
     cells = cells.str.strip().str.strip("\"'")
     numbers = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
     numbers[~np.isfinite(numbers)] = np.nan
-    if np.isfinite(numbers).mean() > 0.5 and place not in texts:
+    if np.isfinite(numbers).mean() > _MOSTLY and place not in texts:
         return numbers
     if is_time and (place in texts or not np.isfinite(numbers).any()):
         stamps = seconds_of_texts(list(cells))

@@ -22,6 +22,8 @@ _EPOCHS = ((1e17, "ns"), (1e14, "µs"), (1e11, "ms"))
 _USUAL_STEP = {True: 0.02, False: 0.5}
 """Usual step between samples of an IMU, and between fixes [s]; the unit whose step comes nearest is taken: an
 IMU has 0.6 to 600 ms, a receiver 16 ms to 16 s."""
+_LONGEST = 10 * DAY
+"""Longest log whose stamps are seconds since 1970 [s]: µs since switching on exceed 1e9 after 17 minutes."""
 _MIN_KNOWN = 0.5
 """Smallest part of the rows in which a time stamp has to be known."""
 _MIN_FORWARD = 0.5
@@ -93,7 +95,7 @@ def _guessed_unit(values: FloatArray, fast: bool) -> str:
     for limit, unit in _EPOCHS:
         if size > limit:
             return unit
-    if size >= SINCE_1970 and np.ptp(values) < 10 * DAY:
+    if size >= SINCE_1970 and np.ptp(values) < _LONGEST:
         return "s"
     steps = np.diff(values)
     steps = steps[steps > 0]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
-from lab.readers.heading_names import VECTORS, Heading
+from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
 from lab.readers.unit_names import UNITS
@@ -24,6 +24,8 @@ FloatArray = NDArray[np.float64]
 
 _ONE_G = (0.6, 1.6)
 """Median length of a specific force [g]: of a vehicle, a walker or a hand it is near 1."""
+NAMED = "named in the heading"
+"""How the unit of a column is known that its heading, or a person, states."""
 _STEADY = 0.9
 """Length of the median vector over the median length from which accelerations of an unknown unit hold
 gravity. Measured in motion: 0.98 and more on six real logs, up to 0.69 on the same without gravity."""
@@ -32,6 +34,8 @@ _FASTEST = 35.0
 """Angular rate that no vehicle has [rad/s]: larger numbers are in °/s."""
 _MAX_APART = 2.5
 """Longest interval between samples of an accelerometer, in usual ones, over which it is interpolated."""
+_TOGETHER = 0.5
+"""Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
 _MAX_BACK = 2.0
 """Largest displacement of a row in time that is sorted [s]: loggers write batches; more is
 a restart."""
@@ -139,18 +143,27 @@ def _triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
         names = dict.fromkeys(one.sensor for one in sheet.headings if one.quantity == quantity)
         clock = clock_of(sheet, fast=True) if names else None
         for sensor in names:
-            columns = {
+            # Axes that a person names complete those of a sensor.
+            axes = {
                 one.axis: (one, values)
                 for one, values in sheet.all_of(quantity)[::-1]
-                if one.sensor == sensor
+                if one.sensor in (sensor, GIVEN)
             }
-            if clock is None or len(columns) < len("xyz"):
+            if clock is None or len(axes) < len("xyz"):
                 continue
-            headings = tuple(columns[axis][0] for axis in "xyz")
-            values = np.column_stack([columns[axis][1] * columns[axis][0].sign for axis in "xyz"])
+            headings = tuple(axes[axis][0] for axis in "xyz")
+            unit = next((one.unit for one in headings if one.unit), "")
+            values = np.column_stack([_in_unit(*axes[axis], unit) for axis in "xyz"])
             if np.isfinite(values).all(axis=1).any():
-                found.append(Triad(sheet, clock, values, headings, headings[0].unit, "named in the heading"))
+                found.append(Triad(sheet, clock, values, headings, unit, NAMED))
     return sorted(found, key=lambda one: (one.headings[0].rank, -np.isfinite(one.values[:, 0]).sum()))
+
+
+def _in_unit(heading: Heading, values: FloatArray, unit: str) -> FloatArray:
+    """Return a column in the unit of the first one that names it; one without a unit has the same."""
+    factors = UNITS[heading.kind]
+    factor = factors[heading.unit] / factors[unit] if heading.unit else 1.0
+    return np.asarray(heading.sign * factor * values)
 
 
 def _scaled(triad: Triad, unit: str, source: str) -> Triad:
@@ -175,12 +188,12 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             unit = triad.unit or guess
             size = _length(triad) * UNITS["acceleration"][unit] / STANDARD_GRAVITY
             if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
-                source = "named in the heading" if triad.unit else f"guessed: it is {size:.3g} g long"
+                source = NAMED if triad.unit else f"guessed: it is {size:.3g} g long"
                 return _scaled(triad, unit, source), []
     bare = forces[0]
     size, unit = _length(bare), bare.unit or "m/s²"
     if gravity and (factor := _gravity_factor(gravity[0])):
-        total = _scaled(bare, unit, "named in the heading" if bare.unit else "assumed")
+        total = _scaled(bare, unit, NAMED if bare.unit else "assumed")
         added = _interpolated(gravity[0].clock.time, gravity[0].values * factor, bare.clock.time)
         return total._replace(values=total.values + added), [
             f"These accelerations are without gravity; {gravity[0].headings[0].text} to "
@@ -244,7 +257,7 @@ def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str
     if gyro.sheet is force.sheet:
         both = np.column_stack((gyro.values, force.values))
         apart = np.isfinite(both[:, :3]).all(axis=1) != np.isfinite(both[:, 3:]).all(axis=1)
-        if apart.mean() < 0.5:
+        if apart.mean() < _TOGETHER:
             rows, remarks = in_order(gyro.clock.time, "IMU")
             rows = rows[np.isfinite(both[rows]).any(axis=1)]  # rows of the receiver only
             return gyro.clock.time[rows], both[rows], remarks

@@ -180,3 +180,23 @@ def test_milliseconds_for_seconds(tmp_path, source):
     for table in (imu, gnss):
         table[:, 0] = 1000 * (table[:, 0] - begin)
     recognised(corrupted(tmp_path, source, imu, gnss), "often ms where s are declared")
+
+
+def test_leap_seconds_between_gps_time_and_utc(tmp_path):
+    long = tables(30, 200)
+    for late in (18.1, -17.9):
+        gnss = long.gnss.copy()
+        gnss[:, 0] += late
+        folder = corrupted(tmp_path / f"{late}", (long, "", (*POSITION, *VELOCITY)), gnss=gnss)
+        recognised(folder, f"about 1[78].. s {'late' if late > 0 else 'early'}.*18 leap seconds apart")
+
+
+def test_clocks_of_other_time_zones_and_epochs(tmp_path):
+    short = tables(30, 60)
+    for shift, words in (
+        (7200.0, r"about -2 h apart: one of the clocks may be local time"),
+        (1.7e9, "The clock of the GPS counts from 1970"),
+    ):
+        gnss = short.gnss.copy()
+        gnss[:, 0] += shift
+        recognised(corrupted(tmp_path / f"{shift}", (short, "", (*POSITION, *VELOCITY)), gnss=gnss), words)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from sensor_logs import IMU, POSITION, VELOCITY, tables, write_csv
 
+from lab.analysis import rest
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions import MissionError
 from lab.missions.flight_import import prepare_import, read_log
+from lab.missions.log_mission import LogMission
 from lab.readers.heading_names import heading_of
 from lab.readers.stamps import seconds_of_texts
 
@@ -348,3 +350,33 @@ def test_time_stamps_as_text(text, seconds):
 
 def test_a_time_of_day_passes_midnight():
     np.testing.assert_allclose(seconds_of_texts(["23:59:59.5", "00:00:00.5"]), [86399.5, 86400.5])
+
+
+def test_a_folder_of_a_log_with_other_headings_is_a_mission(tmp_path, made, expected):
+    imu, gnss = made
+    turned = np.column_stack((imu[:, :1], imu[:, 1:4] * (1, -1, -1), imu[:, 4:] * (1, -1, -1)))
+    table(tmp_path / "imu.csv", "timestamp,gyro_x,gyro_y,gyro_z,A1,accel_y,accel_z", turned)
+    late = np.column_stack((gnss[:, 0] + 0.2, gnss[:, 1:6]))
+    table(tmp_path / "gnss.csv", "timestamp,latitude,longitude,altitude,vel_n,vel_e", late)
+    toml = 'latency_s = 0.2\nlever_arm_m = [1, 0, 0]\n[columns]\nA1 = "force_x[m/s²]"\n'
+    (tmp_path / "log.toml").write_text(toml, "utf-8")
+    found = LogMission.at(tmp_path)
+    assert found.duration == pytest.approx(expected.duration)
+    log = found.log
+    np.testing.assert_allclose(log.rates[1], expected.rates[1], atol=1e-6)
+    np.testing.assert_allclose(log.gnss.time - log.gnss.latency, expected.gnss.time, atol=1e-6)
+    assert log.gnss.lever_arm[0] == 1
+    assert any("A1, accel_y, accel_z of imu.csv, in m/s²" in remark for remark in log.repairs)
+
+
+def test_a_record_at_rest_with_other_headings(tmp_path):
+    rng = np.random.default_rng(2)
+    rate, force = rng.normal(scale=0.05, size=(4000, 3)), rng.normal((0, 0, 1), 1e-3, (4000, 3))
+    rows = np.column_stack((10.0 * np.arange(4000), force, rate))
+    header = "time_ms,acc_x_g,acc_y_g,acc_z_g,gyr_x_dps,gyr_y_dps,gyr_z_dps"
+    records = rest.read_log(table(tmp_path / "a.csv", header, rows))
+    np.testing.assert_allclose(records["gyro"].rates, np.radians(rate), atol=1e-12)
+    np.testing.assert_allclose(records["accelerometer"].rates, force * STANDARD_GRAVITY, atol=1e-12)
+    assert records["gyro"].dt == pytest.approx(0.01)
+    with pytest.raises(MissionError, match=r"gyr_x, gyr_y, gyr_z do not name their unit"):
+        rest.read_log(table(tmp_path / "a.csv", "time_ms,acc_x_g,acc_y_g,acc_z_g,gyr_x,gyr_y,gyr_z", rows))

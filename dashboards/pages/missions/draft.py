@@ -12,10 +12,10 @@ import panel_material_ui as pmui
 from dashboards.computing import Progress
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import WRAP
-from dashboards.pages.missions.import_fields import SettingFields, UnitFields
+from dashboards.pages.missions.import_fields import ColumnField, SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
-from dashboards.pages.missions.report_html import REPORT_STYLE, report_html
+from dashboards.pages.missions.report_html import REPORT_STYLE, log_html, report_html
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.importing.import_settings import ImportSettings
@@ -74,6 +74,10 @@ class Draft:
         )
         self._fields = SettingFields(self._settings, self._rebuild, self._job.say)
         self._units = UnitFields(self._reread)
+        self._columns = ColumnField(self._reread, self._job.say)
+        self._log_report = pn.pane.HTML(
+            "", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE]
+        )
         self._naming = Naming("flight", "")
         self._add = pmui.Button(label="Add mission", icon="add", color="primary", margin=(10, 4))
         self._add.on_click(lambda _event: self._start_adding(as_log=False))
@@ -96,7 +100,13 @@ class Draft:
             ),
             self._preview,
             pn.Column(
-                self._report,
+                pn.Column(
+                    self._report,
+                    self._log_report,
+                    margin=0,
+                    sizing_mode="stretch_width",
+                    stylesheets=[WHOLE],
+                ),
                 pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE]),
                 stylesheets=[GRID],
                 margin=0,
@@ -108,13 +118,19 @@ class Draft:
             stylesheets=[WHOLE],
         )
         self.view = pn.Column(
-            self._job.view, self._body, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE]
+            self._job.view,
+            self._columns.view,
+            self._body,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
         )
 
     def read(self, paths: Sequence[Path]) -> None:
         """Read files, and show the flight in them."""
         self._clear()
         self._paths = tuple(paths)
+        self._columns.offer([path.name for path in paths])
         self._naming.suggest(paths[0].name, f"Flight of {paths[0].name}")
         self._prepare()
 
@@ -136,6 +152,7 @@ class Draft:
     def _clear(self) -> None:
         self._paths, self._raw, self._read = (), None, None
         self._units.clear()
+        self._columns.view.visible = False
         self._body.visible = False
 
     def _rebuild(self) -> None:
@@ -147,7 +164,8 @@ class Draft:
         self._prepare()
 
     def _prepare(self) -> None:
-        paths, raw, units = self._paths, self._raw, self._units.chosen()
+        paths, raw = self._paths, self._raw
+        units, axes = {**self._units.chosen(), **self._columns.columns}, self._columns.axes
         settings, sensors = self._settings.copy(), self._session.experiment.sensors.copy()
 
         def work(progress: Progress) -> _Read:
@@ -155,7 +173,9 @@ class Draft:
                 progress("Reading", 0.0)
                 flight = read_raw(paths, units) if raw is None else raw
                 progress("Rebuilding", 0.0)
-                read = prepare_flight(flight, settings, white_noise(sensors, "the chosen IMU"), paths, units)
+                read = prepare_flight(
+                    flight, settings, white_noise(sensors, "the chosen IMU"), paths, units, axes
+                )
             except MissionError as error:
                 # The folder of the upload is not shown.
                 raise MissionError(
@@ -174,6 +194,7 @@ class Draft:
         self._add_log.visible = read.has_log
         self._report.object = report_html(flight.report)
         self._units.show(flight.raw.units)
+        self._log_report.object = log_html(flight.log, flight.log_refused)
         self._preview[:] = list(_panes(flight))
         self._body.visible = True
 

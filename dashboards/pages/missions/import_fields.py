@@ -107,6 +107,71 @@ class UnitFields:
         self._changed()
 
 
+class ColumnField:
+    """What a person says of the columns of a csv, one in a line, and of the axes of its IMU.
+
+    Parameters
+    ----------
+    changed
+        Called when the text was changed.
+    refused
+        Called with the reason when a line is not accepted.
+    """
+
+    _AXES = "axes"
+
+    def __init__(self, changed: Callable[[], None], refused: Callable[[str], None]) -> None:
+        self._changed = changed
+        self._refused = refused
+        self._clearing = False
+        self._text = pmui.TextAreaInput(
+            label="Columns of a csv",
+            placeholder="A1 = force_x[g]\nA2 = -force_y[g]\nspeed = km/h\naxes = y,x,-z",
+            description="One line for each column whose heading does not say enough: what it is, with its "
+            "unit, or its unit alone; - for a column that is not read. axes names the axes of the IMU that "
+            "point forward, right and down.",
+            size="small",
+            variant="outlined",
+            margin=(8, 0),
+            sizing_mode="stretch_width",
+        )
+        self._text.param.watch(self._take, "value")
+        self.view = _card("Columns", self._text)
+        self.view.visible = False
+
+    def offer(self, names: Sequence[str]) -> None:
+        """Show the field for files that may be tables, without a text."""
+        self._clearing = True
+        self._text.value = ""
+        self._clearing = False
+        self.view.visible = any(name.lower().endswith((".csv", ".txt", ".tsv", ".zip")) for name in names)
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Quantities and units by heading."""
+        return {name: text for name, text in self._lines() if name != self._AXES}
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that point forward, right and down; empty if none are given."""
+        given = dict(self._lines()).get(self._AXES, "")
+        return tuple(part.strip() for part in given.split(",")) if given else ()
+
+    def _lines(self) -> list[tuple[str, str]]:
+        parts = [line.rpartition("=") for line in str(self._text.value or "").splitlines() if line.strip()]
+        return [(name.strip(), text.strip()) for name, _, text in parts]
+
+    def _take(self, _event: object) -> None:
+        if self._clearing:
+            return
+        wrong = next((text for name, text in self._lines() if not name or not text), None)
+        if wrong is not None:
+            line = wrong or "a line"
+            self._refused(f"{line}: accepted is HEADING = QUANTITY[UNIT], such as A1 = force_x[g]")
+            return
+        self._changed()
+
+
 def _alike(unit: str) -> list[str]:
     """Return the units of the same quantity."""
     return next((list(units) for units in UNITS.values() if unit in units), [])

@@ -6,6 +6,7 @@ from html import escape
 from itertools import groupby
 
 from lab.importing.import_report import ImportReport
+from lab.logs.sensor_log import SensorLog
 
 REPORT_STYLE = """
 table { border-collapse: collapse; font: 13px/1.5 Roboto, sans-serif; width: 100%; }
@@ -25,3 +26,14 @@ def report_html(report: ImportReport) -> str:
         kept = (row for row in rows if row.name or group != "Units")
         parts += [f"<tr><td>{escape(row.name)}</td><td>{escape(row.value)}</td></tr>" for row in kept]
     return f"<table>{''.join(parts)}</table>"
+
+
+def log_html(log: SensorLog | None, refused: str) -> str:
+    """Return how the IMU and GPS data of a file were read as a log, or why they were not; else nothing."""
+    if log is None and not refused:
+        return ""
+    rows = [refused] if log is None else list(log.repairs)
+    cells = "".join(
+        f'<tr><td style="white-space: normal; opacity: 1">{escape(row)}</td></tr>' for row in rows
+    )
+    return f"<table><tr><th>As a sensor log{' it is refused' if log is None else ''}</th></tr>{cells}</table>"
