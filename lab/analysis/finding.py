@@ -158,9 +158,9 @@ def judge_size(
     ratio = max(total / count, 1e-12)
     factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
     words = {
-        "root": f"{np.sqrt(ratio):.2g}",
-        "factor": f"{factor:.2g}",
-        "multiply": f"{ratio:.2g}",
+        "root": written(np.sqrt(ratio)),
+        "factor": written(factor),
+        "multiply": written(ratio),
         "wrong": wrong,
     }
     finding = Finding(
@@ -181,11 +181,16 @@ def size_weight(total: float, count: float) -> float:
     return float(count / 2 * (ratio - 1 - np.log(ratio)))
 
 
+def written(number: float, digits: int = 2) -> str:
+    """Return a number, rounded to some digits, as people write it: 9800, and not 9.8e+03."""
+    return np.format_float_positional(float(f"{number:.{digits}g}"), trim="-")
+
+
 def mean_square(squares: Squares, of_what: str, doubt: float = DOUBT) -> str:
     """Return a mean square and its expected interval as text."""
     total, count = float(squares.total), float(squares.number)
     low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - doubt))
-    return f"mean square of the {of_what} {total / count:.3g}, expected {low:.2f} to {high:.2f}"
+    return f"mean square of the {of_what} {written(total / count, 3)}, expected {low:.2f} to {high:.2f}"
 
 
 def is_right(total: float, count: float, doubt: float = DOUBT) -> bool:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.finding import RATIO, Change, Finding, Weighed, judge_size
+from lab.analysis.finding import RATIO, Change, Finding, Weighed, judge_size, written
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
 from lab.analysis.outliers import CHANCE
@@ -96,7 +96,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     return judge_size(
         Squares(np.array(scale) * count, count),
         f"R {name}",
-        f"The {name} innovations are {size:.2g} × as large as assumed: R {name} is about {{factor}} × "
+        f"The {name} innovations are {written(size)} × as large as assumed: R {name} is about {{factor}} × "
         "too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {{multiply}}.",
         f"{name} errors of the fixes",

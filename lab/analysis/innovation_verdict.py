@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
-from lab.analysis.finding import MATTERS, RATIO, Change, Finding, Weighed, is_right, judge_size, mean_square
+from lab.analysis.finding import (
+    MATTERS,
+    RATIO,
+    Change,
+    Finding,
+    Weighed,
+    is_right,
+    judge_size,
+    mean_square,
+    written,
+)
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_verdict import (
     ADVICE_CORRELATION,
@@ -203,7 +213,7 @@ def _words(one: Explanation) -> str:
     if one.name == "GPS correlation":
         return "a correlated error of the fixes"
     factor, wrong = (one.size, "small") if one.size > 1 else (1 / one.size, "large")
-    return f"{one.name} {factor:.2g} × too {wrong}"
+    return f"{one.name} {written(factor)} × too {wrong}"
 
 
 def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatArray) -> Finding:
@@ -218,7 +228,7 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             "GPS correlation",
             "not modelled",
             float("nan"),
-            f"The position innovations are {size:.2g} × as large as assumed and correlated in time: the "
+            f"The position innovations are {written(size)} × as large as assumed and correlated in time: the "
             "errors of the fixes are correlated, and the filter assumes that they are white."
             + (
                 " Innovations hide the slow part of such errors, so that R is not too large."
@@ -279,9 +289,9 @@ def _gain_change(best: Explanation) -> Change:
 
 def _gain_advice(best: Explanation) -> str:
     if best.name in ("Q", "P0"):
-        return f"Multiply navigator.{best.name.lower()}_scale by {best.size:.2g}."
+        return f"Multiply navigator.{best.name.lower()}_scale by {written(best.size)}."
     matrix = "navigator.q" if best.name.startswith("Q") else "navigator.p0"
-    return f"Multiply the {best.name[2:].strip()} variances of {matrix} by {best.size:.2g}."
+    return f"Multiply the {best.name[2:].strip()} variances of {matrix} by {written(best.size)}."
 
 
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
@@ -298,9 +308,9 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"The {name} innovations are {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} is "
-        f"about {factor:.2g} × too {wrong}.",
-        f"Multiply the {name} variances of navigator.r by {ratio:.2g}.",
+        f"The {name} innovations are {written(np.sqrt(squares.mean))} × as large as assumed: R {name} is "
+        f"about {written(factor)} × too {wrong}.",
+        f"Multiply the {name} variances of navigator.r by {written(ratio)}.",
         mean_square(squares, f"{name} innovations"),
         (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
     )
@@ -315,8 +325,8 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     return judge_size(
         seen.nis,
         "NIS",
-        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter says, and none of the tested "
-        "causes explains it.",
+        f"The innovations are {written(np.sqrt(ratio))} × as large as the filter says, and none of the "
+        "tested causes explains it.",
         "Look for errors that the filter does not model.",
         "innovations (by NIS)",
     )

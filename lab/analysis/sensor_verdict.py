@@ -14,6 +14,7 @@ from lab.analysis.finding import (
     judge_size,
     mean_square,
     size_weight,
+    written,
 )
 from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
@@ -160,7 +161,7 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
         "not modelled",
         float(np.sqrt(total / count)),
         f"The {kind}s saturated in {count:.0f} windows of 1 s: their errors there are "
-        f"{np.sqrt(total / count):.2g} × as large as assumed.",
+        f"{written(np.sqrt(total / count))} × as large as assumed.",
         f"Use {kind}s with a larger range (sensors.{kind}.range).",
         mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
     )

@@ -7,7 +7,16 @@ from collections.abc import Collection
 import numpy as np
 
 from lab.analysis.evidence import BLOCKS, Evidence
-from lab.analysis.finding import DOUBT, Finding, Weighed, is_right, judge_size, mean_square, size_weight
+from lab.analysis.finding import (
+    DOUBT,
+    Finding,
+    Weighed,
+    is_right,
+    judge_size,
+    mean_square,
+    size_weight,
+    written,
+)
 from lab.analysis.selection import PRICE
 from lab.analysis.sums import Squares
 
@@ -86,8 +95,8 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             name,
             "too large" if ratio > 1 else "too small",
             max(ratio, 1 / ratio),
-            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter says. Neither R, Q, P₀ nor the "
-            "timing or place of the fixes explains it.",
+            f"The {what} are {written(np.sqrt(ratio))} × as large as the filter says. Neither R, Q, P₀ nor "
+            "the timing or place of the fixes explains it.",
             "Look for errors that the filter does not model: scale factors, drifting biases, an error "
             "model that does not fit.",
             mean_square(squares, f"{what} (by {name})"),

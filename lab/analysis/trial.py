@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
-from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
+from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline, written
 from lab.displacement import displaced, displacement
 from lab.experiment_settings import ExperimentSettings
 from lab.navigation.blocks import IMU_DENSITIES
@@ -188,12 +188,12 @@ def _words(before: Figures, after: Figures) -> str:
     ]
     if not np.isnan(before.held_out):
         was, becomes = _metres(before.held_out), _metres(after.held_out)
-        words.append(f"error across outages of {OUTAGE:.0f} s {was}, then {becomes}")
+        words.append(f"error across outages of {OUTAGE:.0f} s: {was}, then {becomes}")
     return "; ".join(words)
 
 
 def _metres(error: float) -> str:
-    return f"{float(f'{error:.2g}'):g} m" if np.isfinite(error) else "without bound"  # 580 m, not 5.8e+02
+    return f"{written(error)} m" if np.isfinite(error) else "without bound"
 
 
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:

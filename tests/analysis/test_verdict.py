@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -385,3 +386,14 @@ def test_evidence_of_a_run_is_the_same_from_plain_arrays():
         Reference(result.truth_arrays, result.true_bias, result.ideal.dtheta, result.ideal.dvelocity),
     )
     assert judge(found) == result.verdict
+
+
+def test_numbers_of_a_diverged_filter_are_written_as_people_write_them():
+    experiment = Experiment(mission="los_angeles")
+    experiment.trajectory.imu_rate = RATE
+    experiment.navigator.q_scale, experiment.navigator.r_scale = 1e-4, 1e-2
+    verdict = experiment.run().verdict
+    assert not verdict.consistent
+    texts = [" ".join((one.sentence, one.advice, one.evidence)) for one in verdict.findings]
+    assert any(re.search(r"by \d{4,}\.", text) for text in texts)  # the numbers are that large
+    assert not any(re.search(r"\de[+-]\d", text) for text in texts), texts

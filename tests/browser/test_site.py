@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import subprocess
 import sys
@@ -318,3 +319,23 @@ def test_outputs_are_kept_until_the_notebook_changes(
     for changed, name in ((NOTEBOOK.replace("aloud", "again"), "short"), (NOTEBOOK, "other")):
         with pytest.raises(AssertionError, match="executed again"):
             module.executed(name, changed, cache)
+
+
+@pytest.mark.skipif(not hasattr(os, "getloadavg"), reason="Windows reports no load")
+def test_a_cell_has_more_time_on_a_computer_with_other_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(SITE))
+    module: Any = sys.modules.get("executed") or __import__("executed")
+    given: list[int] = []
+
+    class Client:
+        def __init__(self, *_arguments: Any, timeout_func: Callable[[object], int], **_options: Any) -> None:
+            given.append(timeout_func(None))
+            raise AssertionError("asked")
+
+    monkeypatch.setattr(module, "NotebookClient", Client)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    for load in (0.1, 2.0, 20.0):
+        monkeypatch.setattr(os, "getloadavg", lambda load=load: (load, 0.0, 0.0))
+        with pytest.raises(AssertionError, match="asked"):
+            module.executed("never", "1", SITE / "never")
+    assert given == [module.SECONDS, module.SECONDS, 10 * module.SECONDS]
