@@ -104,7 +104,7 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def feedforward_drift(self) -> float:
-        """Largest attitude error of a feedforward filter's free-running navigator [rad]; else zero."""
+        """Largest attitude error of a navigator that is not corrected at each fix [rad]; else zero."""
         return feedforward.drift_of(self)
 
     @made_when_asked
@@ -248,7 +248,7 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter, from errors and innovations."""
-        return feedforward.judge(self.feedforward_drift, judge(self.evidence))
+        return self._of_linear(judge(self.evidence))
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -263,7 +263,13 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The verdict from the innovations alone, as for a flight with unknown truth."""
-        return feedforward.judge(self.feedforward_drift, judge(self.evidence.without_truth()))
+        return self._of_linear(judge(self.evidence.without_truth()))
+
+    def _of_linear(self, verdict: Verdict) -> Verdict:
+        """Return a verdict, with a navigator that runs free beyond the linear model as its only cause."""
+        return feedforward.judge(
+            self.feedforward_drift, feedforward.limit_of(self), verdict, self.experiment.navigator
+        )
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -337,14 +343,8 @@ class Result(NotebookCard, Repeatable):
                 "fix."
             )
         remarks += aiding.larger_than_assumed(self)
-        drift = self.feedforward_drift
-        if drift > feedforward.LINEAR:
-            remarks.append(
-                "Feedforward: the attitude error of the free-running navigator reaches "
-                f"{np.degrees(drift):.3g}°, but the filter is linear only up to "
-                f"{np.degrees(feedforward.LINEAR):g}°, so its σ does not describe its errors. "
-                "navigator.correction = feedback keeps the navigator close to the truth."
-            )
+        free = self.feedforward_drift, feedforward.limit_of(self), self.experiment.navigator
+        remarks += filter(None, [feedforward.remark(*free)])
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "

@@ -168,13 +168,14 @@ def check_rest(run: Run) -> None:
 
 
 def check_feedforward(run: Run) -> None:
-    """Raise `SettingError` for a feedforward run whose free navigator is beyond the linear model."""
-    drift = feedforward.drift_of(run)
-    if drift > feedforward.LINEAR:
+    """Raise `SettingError` for a run whose navigator runs free beyond the linear model."""
+    drift, limit = feedforward.drift_of(run), feedforward.limit_of(run)
+    if drift > limit:
+        waits = run.experiment.navigator.correction == "feedback"
         raise SettingError(
-            "navigator.correction: the error budget is linear, and the attitude error of the free-running "
-            f"navigator reaches {np.degrees(drift):.3g}° in this feedforward run; accepted are up to "
-            f"{np.degrees(feedforward.LINEAR):g}°, or feedback"
+            f"navigator.correction{'_period' if waits else ''}: the error budget is linear, and the attitude "
+            f"error of the free-running navigator reaches {np.degrees(drift):.3g}°; accepted are up to "
+            f"{np.degrees(limit):.2g}°, or {'a period of 0' if waits else 'feedback'}"
         )
 
 

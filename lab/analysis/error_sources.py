@@ -26,6 +26,7 @@ from lab.navigation.error_models import (
     VEL,
 )
 from lab.sensors import imu
+from lab.sensors.suite import TRIADS
 from lab.units import si
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
     """
     navigator, sensors = experiment.navigator, experiment.sensors
     found: list[Constant] = []
-    scaled, aligning = blocks.GYRO_SCALE in names, blocks.GYRO_MISALIGNMENT in names
+    scaled = blocks.GYRO_SCALE in names
     for name, block in (("position", POS), ("velocity", VEL), ("attitude", ATT)):
         found.append(initial(f"initial {name}", block, np.diag(si(navigator, f"{name}_sigma"))))
         found.append(initial(f"initial {name}, given", block, si(navigator, f"{name}_error")[None]))
@@ -149,20 +150,33 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
                 for source, matrices in zip(sources, couplings, strict=True)
             ]
         found += sources
-        if not aligning:
-            found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
     # An alignment takes its estimate off the output of the gyros: the filter's own estimate starts at zero.
     found = [source._replace(start=aligned.kept @ source.start) for source in found]
     uncoupled = np.zeros((aligned.noise.shape[1], 6, 6))
     noise = Constant("noise of the alignment", aligned.noise, uncoupled)
     found = [_with_room(source, names) for source in (*found, noise)]
-    if aligning:
-        found += [
-            _of_block(f"{name} misalignment", names, block, -si(sensors.groups()[name], "misalignment"))
-            for (name, *_), block in zip(triads, blocks.MISALIGNMENTS, strict=True)
-        ]
+    found += [_misalignment(experiment, aligned, names, number) for number in range(len(triads))]
     found += _of_measurements(experiment, names)
     return [source for source in found if source.start.any() or source.coupling.any()]
+
+
+def _misalignment(
+    experiment: ExperimentSettings, aligned: Aligned, names: Sequence[str], number: int
+) -> Constant:
+    """Return the misalignments of gyros (0) or accelerometers (1), with the tilt that an alignment left."""
+    name, block = TRIADS[number], blocks.MISALIGNMENTS[number]
+    errors = experiment.sensors.groups()[name]
+    assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+    values, own = si(errors, "misalignment"), slice(3 * number, 3 * number + 3)
+    source = coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None])
+    if aligned.misaligned.size:
+        columns = aligned.misaligned[:, number * values.size : (number + 1) * values.size]
+        source = source._replace(start=columns @ np.sign(values)[:, None])
+    source = _with_room(source, names)
+    if block in names:
+        source.start[blocks.states_of(names, block), 0] = -values
+        source = source._replace(coupling=np.zeros_like(source.coupling))
+    return source
 
 
 def _with_room(source: Constant, names: Sequence[str]) -> Constant:

@@ -1,8 +1,8 @@
-"""Feedforward: the error of the free-running navigator of a feedforward filter.
+"""Feedforward: the error of a navigator that runs free, for the whole flight or between corrections.
 
-The filter's model is linear in the error of the free-running navigator, which is never corrected. With
-attitude errors of a few degrees, the neglected products, such as f φ² / 2, are larger than the noise. The
-covariance then does not describe the error.
+The filter's model is linear in the error of the free-running navigator. Feedforward never corrects it; with a
+correction period, it waits. With attitude errors of a few degrees, the neglected products, such as f φ² / 2,
+are larger than the noise. The covariance then does not describe the error.
 
 References
 ----------
@@ -11,52 +11,88 @@ P. S. Maybeck, *Stochastic Models, Estimation, and Control*, vol. 1, ch. 6.4 (fe
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import ecef
 from lab.analysis.finding import Change, Finding, Verdict, headline
+from lab.earth import STANDARD_GRAVITY
+from lab.navigation import blocks
+from lab.navigation.error_models import VEL
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import freely
-from lab.navigation.schedule import Schedule
+from lab.navigation.schedule import SLACK, Schedule
+from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu, Start
 from lab.navigation.wander_models import linear_model
 from lab.run import Run
+from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
 
 LINEAR = np.radians(0.8)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
 montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5° 4 ×, at 7° 20 ×."""
+NEGLECTED = 0.5
+"""Velocity error g φ² T / 2 that the linear model neglects in a correction period T, in σ of the velocity of
+a fix, up to which the filter is linear enough. Measured on los_angeles with the default sensors and T from 3
+to 30 s: NEES is 1.0 below, 1.4 to 2.4 from 0.5 to 3, and 2 to 120 beyond."""
 
 
-def judge(drift: float, verdict: Verdict) -> Verdict:
-    """Return the verdict, with feedforward as the cause of an inconsistency if it is.
+def judge(drift: float, limit: float, verdict: Verdict, navigator: NavigatorSettings) -> Verdict:
+    """Return the verdict, with a free-running navigator as the cause of an inconsistency if it is.
 
     Beyond the linear model, nothing else can be judged.
 
     Parameters
     ----------
-    drift
-        Largest attitude error of the free-running navigator [rad], see `drift_of`.
+    drift, limit
+        Largest attitude error of the free-running navigator [rad], see `drift_of`, and that up to which the
+        filter is linear enough, see `limit_of`.
     verdict
         The verdict from the evidence.
+    navigator
+        The filter.
     """
-    if not verdict.findings or drift <= LINEAR:
+    if not verdict.findings or drift <= limit:
         return verdict
-    degrees = np.degrees(drift)
+    degrees, waits = np.degrees(drift), navigator.correction == "feedback"
     finding = Finding(
-        "feedforward",
+        "correction period" if waits else "feedforward",
         "not modelled",
         float(drift),
-        f"The attitude error of the free-running navigator reaches {degrees:.3g}°. The linear model of the "
-        "feedforward filter does not hold there, so its σ does not describe its errors.",
-        "Set navigator.correction to feedback.",
-        f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(LINEAR):g}°",
-        (Change("navigator.correction", "feedback"),),
+        f"The attitude error of the navigator {'between corrections' if waits else 'that runs free'} reaches "
+        f"{degrees:.3g}°. The linear model of the filter does not hold there, so its σ does not describe its "
+        "errors.",
+        "Set navigator.correction_period to 0." if waits else "Set navigator.correction to feedback.",
+        f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(limit):.2g}°",
+        (
+            Change("navigator.correction_period", 0.0)
+            if waits
+            else Change("navigator.correction", "feedback"),
+        ),
     )
     return Verdict(headline((finding,), ""), (finding,), verdict.basis)
+
+
+def remark(drift: float, limit: float, navigator: NavigatorSettings) -> str:
+    """Return a sentence about a navigator that runs free beyond the linear model; empty if it does not."""
+    if drift <= limit:
+        return ""
+    reaches = f"reaches {np.degrees(drift):.3g}°"
+    but = f"but the filter is linear only up to {np.degrees(limit):.2g}°: its σ does not describe its errors."
+    if navigator.correction == "feedback":
+        return (
+            f"The attitude error between corrections (navigator.correction_period) {reaches}, {but} A period "
+            "of 0 corrects at each fix."
+        )
+    return (
+        f"Feedforward: the attitude error of the free-running navigator {reaches}, {but} "
+        "navigator.correction = feedback keeps the navigator close to the truth."
+    )
 
 
 def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
@@ -66,27 +102,71 @@ def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
 
 
 def drift_of(run: Run) -> float:
-    """Return the largest attitude error of the free-running navigator, as estimated [rad].
+    """Return the largest attitude error of the navigator while it runs free, as estimated [rad].
 
-    Zero for a filter that corrects its navigator, and for a user's algorithm.
+    Zero for a filter that corrects its navigator at each measurement, and for a user's algorithm.
 
     Parameters
     ----------
     run
         The run.
     """
-    if run.algorithm or run.experiment.navigator.correction != "feedforward":
-        return 0.0
-    solution = run.solution_arrays
-    bias = solution.bias[0, :3].astype(np.float64)
-    start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], bias)
-    imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
-    alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     navigator = run.experiment.navigator
+    if run.algorithm or (navigator.correction == "feedback" and not navigator.correction_period):
+        return 0.0
+    ends = [*corrected_at(run), run.time.size - 1]
+    return max(_drift_between(run, first, last) for first, last in pairwise(ends) if first < last)
+
+
+def limit_of(run: Run) -> float:
+    """Return the attitude error of a free-running navigator up to which the filter is linear enough [rad]."""
+    navigator, R = run.experiment.navigator, run.solution_arrays.fix_R
+    if navigator.correction != "feedback" or not navigator.correction_period or not R.size:
+        return float(LINEAR)
+    sigma = np.sqrt(np.median(np.diagonal(R, axis1=1, axis2=2)[:, VEL]))
+    return float(np.sqrt(2 * NEGLECTED * sigma / (STANDARD_GRAVITY * navigator.correction_period)))
+
+
+def corrected_at(run: Run) -> list[int]:
+    """Return the first sample, and those at which the navigator was corrected."""
+    navigator, solution = run.experiment.navigator, run.solution_arrays
+    found = [0]
+    if navigator.correction != "feedback":
+        return found
+    used = np.unique(np.concatenate((solution.fix_sample, solution.aid_sample)))
+    period = float(navigator.correction_period) - SLACK
+    for sample in used[used > 0].tolist():
+        if run.time[sample] - run.time[found[-1]] >= period:
+            found.append(sample)
+    return found
+
+
+def _drift_between(run: Run, first: int, last: int) -> float:
+    """Return the largest attitude error of a navigator that runs free from one sample to another [rad]."""
+    solution, navigator = run.solution_arrays, run.experiment.navigator
+    estimates = np.concatenate((solution.scale[first], solution.further[first])).astype(np.float64)
+    bias = solution.bias[first, :3].astype(np.float64)
+    mixing = np.eye(3)
+    for name, elements in (
+        (blocks.GYRO_SCALE, [(i, i) for i in range(3)]),
+        (blocks.GYRO_MISALIGNMENT, [("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in OFF_DIAGONAL]),
+    ):
+        if name in run.blocks:
+            at = blocks.first_state(run.blocks, name) - blocks.CORE
+            for k, place in enumerate(elements):
+                mixing[place] += estimates[at + k]
+    if blocks.GYRO_DRIFT in run.blocks:
+        at = blocks.first_state(run.blocks, blocks.GYRO_DRIFT) - blocks.CORE
+        bias += estimates[at : at + 3]
+    start = Start(solution.position[first], solution.velocity_n[first], solution.q_nb[first], bias)
+    gyro, accelerometer = run.gyro.increments[first:last], run.accelerometer.increments[first:last]
+    unmixed = np.asarray(np.linalg.solve(mixing, gyro.T).T, dtype=np.float64)
+    imu = Imu(run.time[first : last + 1], unmixed, accelerometer)
+    alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
     largest = 0.0
-    for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
-        part = slice(first, first + free.q_nb.shape[0])
+    for begin, free in freely(imu, start, alone, Schedule(feedback=False), model):
+        part = slice(first + begin, first + begin + free.q_nb.shape[0])
         there = _in_earth_axes(solution.position[part], solution.q_nb[part])
         apart = there.inv() * _in_earth_axes(free.position, free.q_nb)
         largest = max(largest, float(apart.magnitude().max()))

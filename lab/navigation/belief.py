@@ -18,6 +18,7 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.settings import SettingError
 from lab.units import si
@@ -101,8 +102,9 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     ----------
     sensors, navigator
         The errors of the sensors, and the filter.
-    constants : (21, 21) array
-        Covariance of the constant errors after an alignment; by default, those before any alignment.
+    constants : (21, 21) or (33, 33) array
+        Covariance of the constant errors after an alignment, also with that of the misalignments, those of
+        gyros first; by default, those before any alignment.
 
     Raises
     ------
@@ -124,6 +126,8 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     further = further_processes(sensors, navigator)
     if further.variance.size:
         P0 = linalg.block_diag(P0, np.diag(further.variance))
+        if navigator.p0 is None:
+            _correlate(P0, constants, chosen_blocks(navigator, sensors))
         scales = np.zeros(navigator.states - blocks.CORE)
         drive = np.concatenate((np.diag(noise), scales, further.drive))
         decay = np.concatenate((decay, scales, further.decay))
@@ -257,7 +261,19 @@ def _matched_p0(
     if aligned:  # flicker is negligible next to a whole turn-on bias
         varying[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
         varying[ACCEL_BIAS] += flicker_process(sensors.accelerometer)[0]
-    return (constants + np.diag(varying))[: navigator.states, : navigator.states]
+    return (constants[:21, :21] + np.diag(varying))[: navigator.states, : navigator.states]
+
+
+def _correlate(P0: FloatArray, constants: FloatArray, names: tuple[str, ...]) -> None:
+    """Write into P0 what an alignment makes misalignments and the errors before them have in common."""
+    pairs, known = len(OFF_DIAGONAL), 21
+    if constants.shape[0] == known or blocks.GYRO_MISALIGNMENT not in names:
+        return
+    core = blocks.first_state(names, blocks.GYRO_MISALIGNMENT)
+    for number, name in enumerate(blocks.MISALIGNMENTS):
+        first = known + number * pairs
+        across, states = constants[:core, first : first + pairs], blocks.states_of(names, name)
+        P0[:core, states], P0[states, :core] = across, across.T
 
 
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:

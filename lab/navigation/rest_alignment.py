@@ -30,6 +30,7 @@ from lab.sensors import imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import SensorSuite
 from lab.units import si
 
@@ -53,13 +54,19 @@ class Means(NamedTuple):
     force, rate : (3,) arrays
         In b [m/s²], [rad/s].
     force_covariance, rate_covariance : (3, 3) arrays
-        Covariance of the errors without a state: noise of the mean, and misalignments.
+        Covariance of the noise of the mean.
+    mixing : (6, m) array
+        Change of force and rate by each misalignment: the true quantity along the other axis.
+    misalignment : (m,) array
+        One σ of each misalignment [rad], those of gyros first; without any, m is zero.
     """
 
     force: FloatArray
     rate: FloatArray
     force_covariance: FloatArray
     rate_covariance: FloatArray
+    mixing: FloatArray = np.zeros((6, 0))
+    misalignment: FloatArray = np.zeros(0)
 
 
 class Aligned(NamedTuple):
@@ -71,12 +78,15 @@ class Aligned(NamedTuple):
         Start with the new attitude.
     gyro_bias : (3,) array
         Estimated gyro bias [rad/s].
-    P : (21, 21) array
-        Covariance of the remaining errors.
+    P : (21 + m, 21 + m) array
+        Covariance of the remaining errors, and of the m misalignments that the alignment considered: a
+        navigator that is level by its accelerometers has the tilt that they are misaligned by.
     kept : (21, 21) array
         Remaining part of an initial error: I − K H.
     noise : (21, 6) array
         Errors from the noise of the means, one σ in each column.
+    misaligned : (21, m) array
+        Errors from the misalignments, one σ in each column.
     """
 
     start: Start
@@ -84,6 +94,7 @@ class Aligned(NamedTuple):
     P: FloatArray
     kept: FloatArray
     noise: FloatArray
+    misaligned: FloatArray
 
 
 def begin(
@@ -109,9 +120,11 @@ def begin(
     """
     P, length = constant_errors(sensors, navigator), float(navigator.alignment)
     if not length:
-        return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)))
+        return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)), np.zeros((21, 0)))
     P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced_variance(sensors), np.zeros(6)))
-    return align(start, P, means_of(sensors if real is None else real, seed, length, true))
+    means = means_of(sensors if real is None else real, seed, length, true)
+    sizes = [np.abs(si(errors, "misalignment")) for errors in (sensors.gyro, sensors.accelerometer)]
+    return align(start, P, means._replace(misalignment=np.concatenate(sizes)))
 
 
 def usual(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray | None:
@@ -139,6 +152,7 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
     omega_ie = earth.RATE * np.array([np.sqrt(1 - sine * sine), 0.0, -sine])
     before = Rotation.from_quat(start.q_nb, scalar_first=True)
     x, after = np.zeros(21), P
+    mixed = means.mixing * means.misalignment
     for _ in range(ROUNDS):
         attitude = Rotation.from_rotvec(x[ATT]) * before
         C_nb = attitude.as_matrix()
@@ -150,20 +164,29 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         # Beyond first order, a heading error ψ reduces the measured level part of the Earth's rate to cos ψ
         # of it.
         R[3, 3] += 0.75 * (omega_ie[0] * after[ATT.stop - 1, ATT.stop - 1]) ** 2
+        B = np.concatenate((C_nb @ mixed[:3], C_nb @ mixed[3:]))
         K = np.zeros((21, 6))
-        K[ESTIMATED] = np.linalg.solve(H @ P @ H.T + R, H @ P)[:, ESTIMATED].T
+        K[ESTIMATED] = np.linalg.solve(H @ P @ H.T + R + B @ B.T, H @ P)[:, ESTIMATED].T
         x = K @ (z + H @ x)
-        kept, noise = np.eye(21) - K @ H, K @ np.linalg.cholesky(R)
-        after = kept @ P @ kept.T + noise @ noise.T
+        kept, noise, misaligned = np.eye(21) - K @ H, K @ np.linalg.cholesky(R), -K @ B
+        after = kept @ P @ kept.T + noise @ noise.T + misaligned @ misaligned.T
     q_nb = (Rotation.from_rotvec(x[ATT]) * before).as_quat(scalar_first=True)
-    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], (after + after.T) / 2, kept, noise)
+    P = _with_misalignments((after + after.T) / 2, misaligned, means.misalignment)
+    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept, noise, misaligned)
+
+
+def _with_misalignments(P: FloatArray, misaligned: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Return the covariance with that of misalignments: their estimate is zero, its error minus the truth."""
+    across = -misaligned * sizes
+    return np.block([[P, across], [across.T, np.diag(sizes**2)]])
 
 
 def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Means:
     """Return the mean output of simulated sensors over a rest in a true attitude.
 
     It includes their constant biases at the temperature of the start and under gravity, scale factors,
-    misalignments and the noise of a mean. The instability of the flight is not included.
+    misalignments and the noise of a mean. The sizes of the misalignments that a filter assumes are zero. The
+    instability of the flight is not included.
 
     Parameters
     ----------
@@ -190,8 +213,10 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
     return Means(
         shown("accelerometer", sensors.accelerometer, force),
         shown("gyro", sensors.gyro, rate),
-        _unmodelled(sensors.accelerometer, force, length),
-        _unmodelled(sensors.gyro, rate, length),
+        np.diag(_noise(sensors.accelerometer, length)),
+        np.diag(_noise(sensors.gyro, length)),
+        _mixing(force, rate),
+        np.zeros(2 * len(OFF_DIAGONAL)),
     )
 
 
@@ -216,10 +241,14 @@ def _noise(errors: GyroErrors | AccelerometerErrors, length: float) -> FloatArra
     return np.asarray(si(errors, "noise_density") ** 2 / length)
 
 
-def _unmodelled(errors: GyroErrors | AccelerometerErrors, at_rest: FloatArray, length: float) -> FloatArray:
-    """Return the covariance (3, 3) of a mean without biases and scale factors: noise and misalignment."""
-    M = imu.misalignment(errors)
-    return np.diag(_noise(errors, length)) + np.outer(M @ at_rest, M @ at_rest)
+def _mixing(force: FloatArray, rate: FloatArray) -> FloatArray:
+    """Return the change (6, 12) of force and rate by each misalignment, those of gyros first."""
+    mixing = np.zeros((6, 2 * len(OFF_DIAGONAL)))
+    for k, pair in enumerate(OFF_DIAGONAL):
+        row, column = ("xyz".index(axis) for axis in pair)
+        mixing[3 + row, k] = rate[column]
+        mixing[row, len(OFF_DIAGONAL) + k] = force[column]
+    return mixing
 
 
 def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, force: FloatArray) -> FloatArray:

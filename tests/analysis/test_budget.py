@@ -275,6 +275,16 @@ def test_one_misalignment_with_a_state_acts_as_the_filter_believes() -> None:
     assert last < 0.5 * first
 
 
+def test_a_tilt_of_misaligned_accelerometers_after_an_alignment_is_theirs() -> None:
+    """Gravity through xz tilts the navigator as much as it is measured in flight: both are one number."""
+    states = "navigator.states=21", "navigator.estimate_misalignments=true", "navigator.alignment=20"
+    tilted = "navigator.attitude_sigma=[0.1,0.1,0.02]", "sensors.accelerometer.misalignment=[0,0.01,0,0,0,0]"
+    found = error_budget(made(*SMALL, *states, *tilted, "trajectory.imu_rate=50").run())
+    np.testing.assert_allclose(found.total, found.believed, rtol=1e-2)
+    share = found.share.sel(source="accelerometer misalignment", quantity="pitch")
+    assert float(share[0]) > 80
+
+
 @pytest.mark.parametrize("correction", ["feedback", "feedforward"])
 def test_gauss_markov_biases_of_a_matched_filter_sum_to_its_covariance(correction: str) -> None:
     processes = [

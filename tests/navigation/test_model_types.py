@@ -143,6 +143,24 @@ def test_feedforward_keeps_to_the_fixes_where_the_navigator_runs_off(model: str)
     assert errors.max() < 2.0
 
 
+def test_corrections_that_wait_too_long_are_named() -> None:
+    """The model is linear in what waits: NEES shows 30 s without correction, and the verdict its reason."""
+    nees, named = [], []
+    for period in (3.0, 30.0):
+        results = []
+        for seed in (1, 2):
+            experiment = Experiment(mission="los_angeles", seed=seed)
+            experiment.update({"trajectory.imu_rate": RATE, "navigator.correction_period": period})
+            results.append(experiment.run())
+        nees.append(np.mean([float(result.consistency["nees"].mean()) / 15 for result in results]))
+        told = [[finding.quantity for finding in result.verdict.findings] for result in results]
+        named.append((told, ["correction_period" in " ".join(result.remarks) for result in results]))
+    print(f"\nNEES per state with a correction each 3 s {nees[0]:.2f}, each 30 s {nees[1]:.0f}")
+    assert nees[0] < 2
+    assert nees[1] > 10
+    assert named == [([[], []], [False] * 2), ([["correction period"]] * 2, [True] * 2)]
+
+
 def heading_errors(model: str, seed: int) -> tuple[FloatArray, FloatArray, float]:
     """Return time, heading error [°] and mean NEES where the heading starts 60° off, as P₀ says."""
     result = run(model, seed, RATE, attitude_error=[0.0, 0.0, 60.0])

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lab import Experiment, earth
+from lab.navigation.belief import belief
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
 from lab.navigation.rest_alignment import Means, align, begin, usual
 from lab.navigation.solution import Start
@@ -130,6 +131,41 @@ def test_the_errors_left_are_as_large_as_p_says(name: str) -> None:
     low, high = chi2.ppf([0.0005, 0.9995], kept.size * SEEDS)
     print(f"\n{name}: NEES per degree of freedom {total / kept.size / SEEDS:.2f}")
     assert low < total < high
+
+
+def test_a_tilt_comes_with_the_misalignments_that_caused_it() -> None:
+    """A levelled navigator sees no level force: tilt, bias and misalignments cancel, and P0 has to say so."""
+    experiment = Experiment()
+    card("BMI088", assumed=False).load(experiment)
+    experiment.update({"navigator.states": 21, "navigator.estimate_misalignments": True})
+    experiment.update(
+        {"navigator.attitude_sigma": (0.5, 0.5, 0.05), "sensors.accelerometer.bias_sigma": 0.02}
+    )
+    true, total, tilts = at(4, -3, 60), 0.0, []
+    C_nb, force = into_body(true).T, into_body(true) @ [0.0, 0.0, -G]
+    mixing = np.zeros((3, 6))
+    for k, (row, column) in enumerate(((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))):
+        mixing[row, k] = force[column]
+    sight = np.zeros((2, 33))
+    sight[:, ATT] = [[0, G, 0], [-G, 0, 0]]
+    sight[:, ACCEL_BIAS], sight[:, 27:33] = -C_nb[:2], -(C_nb @ mixing)[:2]
+    for seed in range(SEEDS):
+        rng = np.random.default_rng([seed, 7])
+        misalignment = 0.05 * rng.choice([-1.0, 1.0], 6)
+        experiment.set("sensors.accelerometer.misalignment", tuple(misalignment.tolist()))
+        before = off(true, np.radians(rng.normal(size=3) * (0.5, 0.5, 0.05)))
+        found = begin(before, true, experiment.sensors, experiment.navigator, seed)
+        P0 = belief(experiment.sensors, experiment.navigator, found.P).P0
+        x = np.zeros(33)
+        x[ATT], x[ACCEL_BIAS] = error(found.start, true), -biases(experiment, seed)[1]
+        x[27:33] = -np.radians(misalignment)
+        seen = sight @ x
+        total += seen @ np.linalg.solve(sight @ P0 @ sight.T, seen)
+        tilts.append(x[ATT][:2] / np.sqrt(np.diag(P0)[6:8]))
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * SEEDS)
+    print(f"\nlevel force in its σ, squared: {total / 2 / SEEDS:.2f}; tilt {np.mean(np.square(tilts)):.2f}")
+    assert low < total < high
+    assert low < np.sum(np.square(tilts)) < high
 
 
 def biases(experiment: Experiment, seed: int) -> tuple[FloatArray, FloatArray]:
