@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,12 @@ def answered(arguments: list[str]) -> None:
     assert answer.exit_code == 0, answer.output
 
 
+def zipped(path: Path) -> None:
+    """Write a phone's table as a zip file."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("phone.csv", WRITERS["csv with named columns"](montreal(60)))
+
+
 MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
 ini yaw (deg),ini pitch (deg),ini roll (deg)
 32,120,0,10,0,0,90,0,0
@@ -85,6 +92,8 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "Data.csv": lambda path: written(path, WRITERS["MSFS/FSX fsLogger csv"](montreal(60))),
     "flight.ulg": lambda path: written(path, WRITERS["PX4 ULog"](montreal(60))),
     "my_flight.csv": lambda path: written(path, WRITERS["INS Lab flight csv"](montreal(60))),
+    "phone.csv": lambda path: written(path, WRITERS["csv with named columns"](montreal(60))),
+    "phone.zip": zipped,
     "my_drive": drive,
     "drive": drive,
     "my_copter": lambda path: write(path, copter()),
