@@ -308,7 +308,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"The {name} innovations are {written(np.sqrt(squares.mean))} × as large as assumed: R {name} is "
+        f"The {name} innovations are {written(float(np.sqrt(squares.mean)))} × as large as assumed: R {name} is "
         f"about {written(factor)} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {written(ratio)}.",
         mean_square(squares, f"{name} innovations"),
