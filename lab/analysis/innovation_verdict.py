@@ -308,8 +308,8 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"The {name} innovations are {written(float(np.sqrt(squares.mean)))} × as large as assumed: R {name} is "
-        f"about {written(factor)} × too {wrong}.",
+        f"The {name} innovations are {written(float(np.sqrt(squares.mean)))} × as large as assumed: "
+        f"R {name} is about {written(factor)} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {written(ratio)}.",
         mean_square(squares, f"{name} innovations"),
         (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
