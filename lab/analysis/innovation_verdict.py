@@ -302,14 +302,14 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
     name = ("position", "velocity")[kind]
     own = slice(3 * kind, 3 * kind + 3)
     squares = Squares(seen.offered.total[own].sum(), seen.offered.number[own].sum())
-    ratio = best.size
+    ratio, root = best.size, float(squares.mean) ** 0.5
     factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
     return Finding(
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"The {name} innovations are {written(float(np.sqrt(squares.mean)))} × as large as assumed: "
-        f"R {name} is about {written(factor)} × too {wrong}.",
+        f"The {name} innovations are {written(root)} × as large as assumed: R {name} is "
+        f"about {written(factor)} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {written(ratio)}.",
         mean_square(squares, f"{name} innovations"),
         (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
