@@ -1,6 +1,7 @@
 """Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads on the server.
 
-`upstream.js` replaces those in the browser.
+`upstream.js` replaces those in the browser; those of Bokeh's defaults and of Panel's components are in
+`remembered_defaults` and `fast_components`.
 
 Each part is tested against the installed version, which `pyproject.toml` pins
 (`tests/dashboards/test_upstream.py`). These upstream changes would make parts unnecessary:
@@ -13,163 +14,42 @@ Each part is tested against the installed version, which `pyproject.toml` pins
   `panel.io.with_lock`.
 - Panel's repeated copies, lookups and searches for each component, and access control in viser: no upstream
   issue is known.
-
-A page consists of 600 models. Bokeh reads the default of each of their properties several times, and copies
-and checks it each time, which takes half of the time to open a page. A default that is a number, a text, a
-Boolean or None is shared by all models of a class. An empty default is created on first use, without checks:
-it refers to its model, which would otherwise outlive its page until a garbage collection.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import lru_cache, wraps
+from functools import partial, wraps
 from typing import Any
 from weakref import WeakSet
 
-import param
 import viser
 from bokeh.core.has_props import HasProps
 from bokeh.core.property.bases import Property, validation_on
 from bokeh.core.property.descriptors import PropertyDescriptor
-from bokeh.core.property.singletons import Intrinsic, Undefined
-from bokeh.core.property.wrappers import (
-    PropertyValueContainer,
-    PropertyValueDict,
-    PropertyValueList,
-    PropertyValueSet,
-)
+from bokeh.core.property.singletons import Undefined
+from bokeh.core.property.wrappers import PropertyValueContainer
 from bokeh.document import Document
 from bokeh.document.callbacks import DocumentCallbackManager
 from bokeh.model import Model, util
 from bokeh.server.callbacks import SessionCallback
 from bokeh.server.contexts import ApplicationContext
 from bokeh.settings import settings
-from panel.config import config
-from panel.custom import ReactiveESM
-from panel.io import resources
+from bokeh.util import callback_manager
 from panel.io.server import DocHandler
 from panel.links import Callback
-from panel.pane import Bokeh
-from panel.reactive import Reactive, Syncable
-from panel.util import classproperty
-from panel.viewable import Viewable, is_viewable_param
-from panel.widgets.base import WidgetBase
-from panel_material_ui.base import MaterialComponent
-from panel_material_ui.theme import MaterialDesign
+from panel.reactive import Syncable
+from panel.viewable import Viewable
 from tornado.web import Application, OutputTransform
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
+from dashboards.fast_components import begin_components_faster
 from dashboards.patch_messages import speed_up_patches
+from dashboards.remembered_defaults import CONSTANT, RememberedDefaults, themed
 
-MOST_PATHS = 1024
-"""Most pairs of file and folder whose relation is cached; a page needs 60."""
 MOST_VALUES = 64
 """Most accepted values that are remembered of a property; those of most are one to ten."""
-
-
-CONSTANT = frozenset((type(None), bool, int, float, str, type(Undefined)))
-"""Types of cached defaults: immutable ones, which refer to no model."""
-CONTAINERS = (PropertyValueDict, PropertyValueList, PropertyValueSet)
-"""Types of defaults that are cached as empty."""
-
-_FOLLOWED = (WidgetBase, param.Parameter)
-"""Types of values that a component follows, in Panel's code."""
-
-_Key = tuple[PropertyDescriptor[Any], type[HasProps]]
-
-
-class RememberedDefaults:
-    """The defaults of Bokeh's properties, each computed once for a class of models.
-
-    A theme may set other defaults for single models, so properties in a theme always go to Bokeh.
-    """
-
-    def __init__(self) -> None:
-        self._default = PropertyDescriptor.instance_default
-        self._is_unstable = PropertyDescriptor.has_unstable_default
-        self._defaults: dict[_Key, Any] = {}
-        self._empty: dict[_Key, Callable[[], Any]] = {}
-        self._unstable: dict[_Key, bool] = {}
-        self._own: dict[type[HasProps], list[tuple[str, PropertyDescriptor[Any]]]] = {}
-
-    def install(self) -> None:
-        """Replace Bokeh's functions from now on."""
-        remembered = self
-
-        def begin(model: HasProps, **properties: Any) -> None:
-            remembered.begin(model, properties)
-
-        def instance_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
-            return remembered.default(descriptor, model)
-
-        def has_unstable_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
-            return remembered.is_unstable(descriptor, model)
-
-        apply_theme = HasProps.apply_theme
-
-        def apply(model: HasProps, property_values: dict[str, Any]) -> None:
-            if property_values != (themed(model) or {}):  # Panel and Bokeh apply copies of the same theme
-                apply_theme(model, property_values)
-
-        HasProps.apply_theme = apply  # type: ignore[method-assign, assignment]
-        HasProps.__init__ = begin  # type: ignore[method-assign, assignment]
-        HasProps.themed_values = themed  # type: ignore[method-assign, assignment]
-        PropertyDescriptor.instance_default = instance_default  # type: ignore[method-assign, assignment]
-        PropertyDescriptor.has_unstable_default = has_unstable_default  # type: ignore[method-assign, assignment]
-
-    def begin(self, model: HasProps, properties: dict[str, Any]) -> None:
-        """Initialise a model as Bokeh does, with the given properties and its own defaults."""
-        super(HasProps, model).__init__()
-        model._property_values = {}
-        model._unstable_default_values = {}
-        model._unstable_themed_values = {}
-        for name, value in properties.items():
-            if value is not Undefined and value is not Intrinsic:
-                setattr(model, name, value)
-        for name, descriptor in self._own_defaults(model):
-            if name not in properties and (descriptor, model.__class__) not in self._empty:
-                descriptor._get(model)  # creates the default
-        model._initialized = True
-
-    def default(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
-        """Return the default of a property of a model."""
-        overrides = themed(model)
-        if overrides is not None and descriptor.name in overrides:
-            return self._default(descriptor, model)
-        key = (descriptor, model.__class__)
-        if key in self._defaults:
-            return self._defaults[key]
-        if key in self._empty:
-            return self._empty[key]()
-        default = self._default(descriptor, model)
-        if self.is_unstable(descriptor, model):
-            if type(default) in CONTAINERS and not default:
-                self._empty[key] = type(default)
-        elif type(default) in CONSTANT:
-            self._defaults[key] = default
-        return default
-
-    def is_unstable(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
-        """Return whether each model has its own default, such as an empty list."""
-        key = (descriptor, model.__class__)
-        if key not in self._unstable:
-            self._unstable[key] = self._is_unstable(descriptor, model)
-        return self._unstable[key]
-
-    def _own_defaults(self, model: HasProps) -> list[tuple[str, PropertyDescriptor[Any]]]:
-        """Return the properties for which each model has its own default, in Bokeh's order."""
-        kind = model.__class__
-        if kind not in self._own:
-            every = [(name, model.lookup(name)) for name in model.properties(_with_props=True)]
-            self._own[kind] = [(name, one) for name, one in every if one.has_unstable_default(model)]
-        return self._own[kind]
-
-
-def themed(model: HasProps) -> dict[str, Any] | None:
-    """Return the values that a theme sets on a model; Bokeh's own code visits all properties."""
-    return model.__dict__.get("__themed_values__")
 
 
 def speed_up() -> None:
@@ -184,11 +64,9 @@ def speed_up() -> None:
         RememberedDefaults().install()
         cut_cycles()
         _look_at_values_that_are_set()
-        _share_declarations()
-        _begin_components()
-        _place_figures()
-        _remember_paths()
+        begin_components_faster()
         _remember_accepted()
+        _remember_arguments()
         # What is set is not looked up in the environment, several hundred times a page.
         settings.serialize_include_defaults = settings.serialize_include_defaults()
         settings.simple_ids = settings.simple_ids()
@@ -261,119 +139,6 @@ def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
                 yield name, value
 
 
-def _share_declarations() -> None:
-    """Make Panel read the declarations of a component's class instead of copying each for the component.
-
-    The copies, 2,700 for a page, serve only components that change their own declarations.
-    """
-    get_properties = ReactiveESM._get_properties
-    holders: dict[type[ReactiveESM], list[str]] = {}
-
-    @wraps(get_properties)
-    def properties(component: ReactiveESM, document: Any) -> dict[str, Any]:
-        private = type(component)._param__private
-        before, private.disable_instance_params = private.disable_instance_params, True
-        try:
-            return get_properties(component, document)
-        finally:
-            private.disable_instance_params = before
-
-    def children(
-        component: ReactiveESM, _data: Any, document: Any, root: Any, parent: Any, comm: Any
-    ) -> tuple[dict[str, Any], list[Any]]:
-        kind = type(component)
-        if kind not in holders:
-            mapping, declarations = kind._property_mapping, component.param.objects(instance=False)
-            viewable = [name for name, one in declarations.items() if is_viewable_param(one)]
-            holders[kind] = [name for name in viewable if mapping.get(name, "") is not None]
-        models, old = dict[str, Any](), list[Any]()
-        for name in holders[kind]:
-            child = getattr(component, name)
-            models[name], before = component._get_child_model(child, document, root, parent, comm)
-            old += before
-        return models, old
-
-    def init_params(component: Syncable) -> dict[str, Any]:
-        synced = component._synced_params  # read once, not for each of them
-        return {name: value for name in synced if (value := getattr(component, name)) is not None}
-
-    ReactiveESM._get_properties = properties  # type: ignore[method-assign, assignment]
-    ReactiveESM._get_children = children  # type: ignore[method-assign, assignment]
-    Syncable._init_params = init_params  # type: ignore[method-assign, assignment]
-
-
-def _begin_components() -> None:
-    """Make Panel begin a component without steps that change nothing for those of the laboratory.
-
-    Panel marks the declarations of a class again for each component, and copies the declaration of each given
-    value to see whether the component may follow a widget.
-    """
-    begin_material: Callable[..., None] = MaterialComponent.__init__
-    begin_reactive: Callable[..., None] = Reactive.__init__
-    marked = set[type[Reactive]]()
-
-    @wraps(begin_material)
-    def material(component: MaterialComponent, **values: Any) -> None:
-        if "dark_theme" in values or any(isinstance(value, _FOLLOWED) for value in values.values()):
-            begin_material(component, **values)
-            return
-        chosen = config.design
-        design = chosen if isinstance(chosen, type) and issubclass(chosen, MaterialDesign) else MaterialDesign
-        usual = {"dark_theme": config.theme == "dark", "design": design}
-        super(MaterialComponent, component).__init__(**usual | values)  # type: ignore[no-untyped-call]
-
-    @wraps(begin_reactive)
-    def reactive(component: Reactive, refs: Any = None, **values: Any) -> None:
-        if refs is not None or type(component) not in marked:
-            marked.add(type(component))
-            begin_reactive(component, refs=refs, **values)
-        else:
-            super(Reactive, component).__init__(**values)  # type: ignore[no-untyped-call]
-
-    MaterialComponent.__init__ = material  # type: ignore[method-assign, assignment]
-    Reactive.__init__ = reactive  # type: ignore[method-assign, assignment]
-
-
-def _place_figures() -> None:
-    """Make Panel place a figure into a served page without visiting its models.
-
-    Panel searches them for code that names the figure by its identifier; that of the laboratory does not.
-    Panel also applies the theme, which the document does again.
-    """
-    get_model = Bokeh._get_model
-
-    @wraps(get_model)
-    def place(
-        pane: Bokeh, doc: Document, root: Model | None = None, parent: Model | None = None, comm: Any = None
-    ) -> Model:
-        figure: Model | None = pane.object
-        themed_alone = pane.theme is not None
-        if root is None or comm or figure is None or themed_alone or figure.document not in (None, doc):
-            return get_model(pane, doc, root, parent, comm)
-        pane._models[root.ref["id"]] = (figure, parent)
-        return figure
-
-    Bokeh._get_model = place  # type: ignore[method-assign, assignment]
-
-
-def _remember_paths() -> None:
-    """Make Panel look only once for the files of a component's class, not thousands of times a page."""
-    vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)
-    if config.autoreload:  # then the files may change
-        return
-    for kind in (ReactiveESM, MaterialComponent):
-        remembered = lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f)
-        kind._bundle_path = classproperty(remembered)  # type: ignore[method-assign]
-    styles_of = vars(MaterialComponent)["_bundle_css"].f
-
-    @lru_cache(MOST_PATHS)
-    def styles(kind: type[MaterialComponent], _mode: str) -> tuple[str, ...]:
-        return tuple(styles_of(kind))
-
-    found = classproperty(lambda kind: list(styles(kind, resources.RESOURCE_MODE)))
-    MaterialComponent._bundle_css = found  # type: ignore[method-assign]
-
-
 def _remember_accepted() -> None:
     """Make Bokeh check a number, a text or a Boolean once for a property, not for each model that has it.
 
@@ -398,6 +163,25 @@ def _remember_accepted() -> None:
         return prepared
 
     Property.prepare_value = prepare  # type: ignore[method-assign, assignment]
+
+
+def _remember_arguments() -> None:
+    """Make Bokeh count the arguments of a method once, not for each component that registers it."""
+    count_any = callback_manager._nargs
+    known: dict[tuple[Any, int], int] = {}
+
+    @wraps(count_any)
+    def count(callback: Callable[..., Any]) -> int:
+        is_partial = type(callback) is partial and not callback.keywords
+        function = getattr(callback.func if is_partial else callback, "__func__", None)
+        if function is None:
+            return count_any(callback)
+        key = function, len(callback.args) if is_partial else 0
+        if key not in known:
+            known[key] = count_any(callback)
+        return known[key]
+
+    callback_manager._nargs = count
 
 
 def _lock_events() -> None:

@@ -25,6 +25,8 @@ sys.path.append(str(Path(__file__).parents[1] / "dashboards"))
 HOURS = 4.0
 LEFT_OUT = os.environ.get("INS_LAB_TABS_LEFT_OUT", "").split(",")
 """Tabs that are not opened; on a slow machine Models, which runs every error model twice, takes an hour."""
+PATIENCE = 4 * 3600.0
+"""Longest time that a tab may take [s]: beside other work, that of the models takes hours."""
 RATE = 10.0
 """Rate of the recording [Hz]; the IMU has 200 Hz."""
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -116,6 +118,7 @@ def of_page(mission: str, **settings: object) -> None:
         settle(walk)
 
     with pytest.MonkeyPatch.context() as patch, walking(patch) as walk:
+        patch.setattr("walking.PATIENCE", PATIENCE)
         with set_curdoc(walk._document):
             walk.page.session._open()
             walk.page._show()

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import panel as pn
@@ -19,6 +20,7 @@ from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
 from bokeh.models.annotations import Title
 from bokeh.themes import Theme
+from bokeh.util import callback_manager
 from panel.io.state import set_curdoc
 from panel.links import Callback
 
@@ -201,3 +203,48 @@ def test_a_themed_model_is_sent_as_bokeh_does_it() -> None:
     assert title.properties_with_values(include_defaults=False) == {"text": "a", **as_set}
     title.apply_theme(dict(as_set))  # an equal copy changes nothing
     assert title.themed_values() is as_set
+
+
+class Listener:
+    """Methods that take as many arguments as their names say."""
+
+    def none(self) -> None:
+        """Take nothing."""
+
+    def one(self, event: object) -> None:
+        """Take an event."""
+
+    def two(self, document: object, event: object) -> None:
+        """Take a document and an event."""
+
+
+def test_arguments_of_callbacks_count_as_python_counts_them() -> None:
+    for listener in (Listener(), Listener()):
+        for callback, expected in (
+            (listener.none, 0),
+            (listener.one, 1),
+            (partial(listener.one, "event"), 0),
+            (partial(listener.two, "document"), 1),
+            (partial(listener.two, "document", "event"), 0),
+            (listener.two, 2),
+            (partial(listener.two, document="document"), 1),
+            (lambda: None, 0),
+        ):
+            assert callback_manager._nargs(callback) == expected
+
+
+def test_settings_of_the_server_and_of_a_page_are_found() -> None:
+    one, other = Document(), Document()
+    for document, css in ((one, ".a {}"), (other, ".b {}")):
+        document._session_context = object
+        with set_curdoc(document):
+            pn.config.raw_css = [css]
+    for document, css in ((one, ".a {}"), (other, ".b {}")):
+        with set_curdoc(document):
+            assert pn.config.raw_css == [css]
+            assert pn.config.autoreload is False
+    before = pn.config.nthreads
+    with pn.config.set(disable_validation=True):
+        assert pn.config.disable_validation
+    assert not pn.config.disable_validation
+    assert pn.config.nthreads == before
