@@ -168,7 +168,12 @@ def _remember_classes() -> None:
     if config.autoreload:  # then the code may change
         return
     maps_of = vars(ReactComponent)["_process_importmap"].__func__
-    _replace(ReactComponent, _process_importmap=classmethod(lru_cache(MOST_PATHS)(maps_of)))
+    maps = lru_cache(MOST_PATHS)(maps_of)
+
+    def map_of(kind: type[ReactComponent]) -> Any:
+        return maps(kind)
+
+    _replace(ReactComponent, _process_importmap=classmethod(map_of))
     code_of = vars(MaterialComponent)["_render_esm"].__func__
 
     @lru_cache(MOST_PATHS)
@@ -190,7 +195,8 @@ def _replace(kind: type[Any], **parts: Any) -> None:
 def _share_settings() -> None:
     """Make Panel read a setting of the whole server without asking which page is being made."""
     kind = type(config)
-    get_any, shared = kind.__getattribute__, frozenset(kind._globals)
+    get_any: Callable[[Any, str], Any] = kind.__getattribute__
+    shared = frozenset(kind._globals)
 
     @wraps(get_any)
     def get(settings: Any, name: str) -> Any:

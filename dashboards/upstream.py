@@ -170,16 +170,14 @@ def _remember_arguments() -> None:
     count_any = callback_manager._nargs
     known: dict[tuple[Any, int], int] = {}
 
-    @wraps(count_any)
-    def count(callback: Callable[..., Any]) -> int:
-        is_partial = type(callback) is partial and not callback.keywords
-        function = getattr(callback.func if is_partial else callback, "__func__", None)
+    def count(fn: Callable[..., Any]) -> int:
+        method, given = (fn.func, len(fn.args)) if isinstance(fn, partial) and not fn.keywords else (fn, 0)
+        function = getattr(method, "__func__", None)
         if function is None:
-            return count_any(callback)
-        key = function, len(callback.args) if is_partial else 0
-        if key not in known:
-            known[key] = count_any(callback)
-        return known[key]
+            return count_any(fn)
+        if (function, given) not in known:
+            known[function, given] = count_any(fn)
+        return known[function, given]
 
     callback_manager._nargs = count
 
