@@ -56,9 +56,26 @@ from lab.logs.auxiliary_data import (
     Reference,
     Series,
 )
+from lab.logs.log_columns import (
+    ATTITUDE,
+    ESSENTIAL,
+    FIELD,
+    FORCE,
+    GYRO,
+    HEADING,
+    HEIGHT,
+    IMU,
+    INCREMENTS,
+    PLACE_IF_KNOWN,
+    POSITION,
+    SIGMA,
+    SPEED,
+    TIME,
+    VELOCITY,
+)
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
-from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
-from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
+from lab.logs.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repaired
+from lab.recordings.bounds import MAX_DURATION
 from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES, Column, read_columns, read_duration
@@ -67,67 +84,14 @@ from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 
-_MAX_IMU = 1e6
-"""Largest number of an IMU, whatever its unit: damaged cells lie beyond it. `lab.logs.log_check` judges
-units."""
-_MAX_FIELD = 1e4
-"""Largest component of a magnetic field [µT]: two hundred times the Earth's."""
-_FULL_TURN = 360.0
-"""Largest angle [°]."""
-_MIN_HEADING_SIGMA = 1e-3
-"""Smallest σ of a heading [°]: far below what two antennas a metre apart give (0.2°)."""
 _MAX_HEADER_LINE = 1000
 """Last line on which a header may stand, as `lab.recordings.named_columns` has it."""
-_TIME = Column("t_s", *TIME_STAMPS)
-_GYRO = (("gx_rad_s", "gy_rad_s", "gz_rad_s"), ("gx_deg_s", "gy_deg_s", "gz_deg_s"))
-_FORCE = (("fx_m_s2", "fy_m_s2", "fz_m_s2"), ("fx_g", "fy_g", "fz_g"))
-_INCREMENTS = (
-    ("dtheta_x_rad", "dtheta_y_rad", "dtheta_z_rad"),
-    ("dvelocity_x_m_s", "dvelocity_y_m_s", "dvelocity_z_m_s"),
-)
-_IMU = (
-    _TIME,
-    *(
-        Column(name, -_MAX_IMU, _MAX_IMU, required=False)
-        for names in (*_GYRO, *_FORCE, *_INCREMENTS)
-        for name in names
-    ),
-)
 _MAX_EMPTY_IMU = 0.1
 """Largest share of rows of the IMU with empty cells: loggers lose less than a percent; in files in which rows
 of gyros and accelerometers alternate, all rows have some."""
 _MAX_EMPTY_FIXES = 0.5
 """Largest share of rows without a position in ``gnss.csv``: a receiver may need half of a short log for its
 first fix."""
-_POSITION = (
-    Column("lat_deg", *LATITUDES),
-    Column("lon_deg", *LONGITUDES),
-    Column("alt_m", *HEIGHTS),
-)
-_ESSENTIAL = {column.name for column in (*_IMU[1:], *_POSITION)}
-"""Columns in which an empty cell drops the sample or the fix."""
-_VELOCITY = tuple(
-    Column(name, -MAX_SPEED, MAX_SPEED, required=False, may_be_empty=True)
-    for name in ("vn_m_s", "ve_m_s", "vd_m_s")
-)
-_SIGMA = tuple(
-    Column(name, *SIGMAS, required=False, may_be_empty=True)
-    for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
-)
-_HEADING = (
-    Column("heading_deg", -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True),
-    Column("sd_heading_deg", _MIN_HEADING_SIGMA, _FULL_TURN, required=False, may_be_empty=True),
-)
-_ATTITUDE = tuple(
-    Column(name, -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True)
-    for name in ("roll_deg", "pitch_deg", "heading_deg")
-)
-_PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
-_HEIGHT = Column("height_m", *HEIGHTS, may_be_empty=True)
-_SPEED = Column("speed_m_s", -MAX_SPEED, MAX_SPEED, may_be_empty=True)
-_FIELD = tuple(
-    Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
-)
 
 
 @dataclass(frozen=True)
@@ -190,7 +154,7 @@ class LogFiles:
     @property
     def has_own_names(self) -> bool:
         """Whether each of the two files has a column of the lab's own; files that cannot be read count."""
-        for path, names in ((self.imu, _IMU[1:]), (self.gnss, _POSITION)):
+        for path, names in ((self.imu, IMU[1:]), (self.gnss, POSITION)):
             try:
                 with TextBlocks(path, MAX_BYTES, strict=False) as text:
                     lines = itertools.islice(text.lines(), _MAX_HEADER_LINE)
@@ -226,7 +190,7 @@ class LogFiles:
     @property
     def duration(self) -> float:
         """Time from the first sample of the IMU to the last [s], as stamped; only these are read."""
-        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES, may_be_cut=True)
+        return read_duration(self.imu, IMU, MIN_IMU_SAMPLES, may_be_cut=True)
 
     def read(self) -> SensorLog:
         """Read the log.
@@ -252,8 +216,8 @@ class LogFiles:
             vehicle=self.vehicle,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer, repairs),
             headings=headings,
-            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT, repairs),
-            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED, repairs),
+            barometer=None if self.barometer is None else _read_series(self.barometer, HEIGHT, repairs),
+            odometer=None if self.odometer is None else _read_series(self.odometer, SPEED, repairs),
             comparisons=tuple(
                 Comparison(*_read_solution(path, repairs), name=name) for name, path in self.comparisons
             ),
@@ -269,22 +233,22 @@ class LogFiles:
         return log
 
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
-        cells = (_TIME, *(replace(column, may_be_empty=True) for column in _IMU[1:]))
+        cells = (TIME, *(replace(column, may_be_empty=True) for column in IMU[1:]))
         table, _ = _read(self.imu, cells, repairs, _MAX_EMPTY_IMU)
         if len(table["t_s"]) < MIN_IMU_SAMPLES:
             raise MissionError(
                 f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_IMU_SAMPLES}"
             )
-        present = [name for name in (*_INCREMENTS[0], *_INCREMENTS[1]) if name in table]
-        rates = [name for group in (*_GYRO, *_FORCE) for name in group if name in table]
+        present = [name for name in (*INCREMENTS[0], *INCREMENTS[1]) if name in table]
+        rates = [name for group in (*GYRO, *FORCE) for name in group if name in table]
         if present and rates:
             raise MissionError(
                 f"{self.imu}: has both increments ({present[0]}) and rates ({rates[0]}); accepted are either"
             )
         if present:
-            gyro, force = _one_of(self.imu, table, _INCREMENTS[:1]), _one_of(self.imu, table, _INCREMENTS[1:])
+            gyro, force = _one_of(self.imu, table, INCREMENTS[:1]), _one_of(self.imu, table, INCREMENTS[1:])
         else:
-            gyro, force = _one_of(self.imu, table, _GYRO), _one_of(self.imu, table, _FORCE)
+            gyro, force = _one_of(self.imu, table, GYRO), _one_of(self.imu, table, FORCE)
             if "gx_deg_s" in table:
                 gyro = np.radians(gyro)
             if "fx_g" in table:
@@ -293,19 +257,19 @@ class LogFiles:
         return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
     def _read_gnss(self, repairs: list[str]) -> tuple[GnssLog, Headings | None]:
-        place = tuple(replace(column, may_be_empty=True) for column in _POSITION)
-        cells = (_TIME, *place, *_VELOCITY, *_SIGMA, *_HEADING)
+        place = tuple(replace(column, may_be_empty=True) for column in POSITION)
+        cells = (TIME, *place, *VELOCITY, *SIGMA, *HEADING)
         table, rows = _read(self.gnss, cells, repairs, _MAX_EMPTY_FIXES)
         gnss = GnssLog(
             time=table["t_s"],
             position=_geodetic(table, rows),
-            velocity_n=_columns(table, _VELOCITY, rows),
-            position_sigma=_columns(table, _SIGMA[:3], rows),
-            velocity_sigma=_columns(table, _SIGMA[3:], rows),
+            velocity_n=_columns(table, VELOCITY, rows),
+            position_sigma=_columns(table, SIGMA[:3], rows),
+            velocity_sigma=_columns(table, SIGMA[3:], rows),
             lever_arm=np.array(self.lever_arm, dtype=np.float64),
             latency=self.latency,
         )
-        heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
+        heading, sigma = np.radians(_columns(table, HEADING, rows)).T
         known = np.isfinite(heading)
         if not known.any():
             return gnss, None
@@ -313,8 +277,8 @@ class LogFiles:
         return gnss, Headings(table["t_s"][known] - self.latency, heading[known], sigma[known])
 
     def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
-        table, _ = _read(path, (_TIME, *_FIELD), repairs)
-        field = np.stack([table[column.name] for column in _FIELD], axis=-1)
+        table, _ = _read(path, (TIME, *FIELD), repairs)
+        field = np.stack([table[column.name] for column in FIELD], axis=-1)
         known = np.isfinite(field).all(axis=1)
         time = table["t_s"][known]
         if (np.diff(time) < 0).any():
@@ -417,7 +381,7 @@ def _check_empty(
     path: Path, columns: list[Column], table: FloatArray, first_line: int, accepted: float
 ) -> None:
     """Refuse empty cells, in columns of samples and positions, in more rows than accepted."""
-    needed = [i for i, column in enumerate(columns) if column.name in _ESSENTIAL]
+    needed = [i for i, column in enumerate(columns) if column.name in ESSENTIAL]
     empty = np.isnan(table[:, needed])
     share = float(empty.any(axis=1).mean()) if len(table) else 0.0
     if share > accepted:
@@ -449,21 +413,21 @@ def _columns(table: dict[str, FloatArray], columns: tuple[Column, ...], rows: in
 
 def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
     """Return latitude, longitude [rad], height [m] (n, 3), NaN in rows that lack one of them."""
-    place = _columns(table, _POSITION, rows)
+    place = _columns(table, POSITION, rows)
     place[np.isnan(place).any(axis=1)] = np.nan
     return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
 
 
 def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return time, position, velocity and attitude of a solution; NaN where it has none."""
-    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE), repairs)
+    table, rows = _read(path, (TIME, *PLACE_IF_KNOWN, *VELOCITY, *ATTITUDE), repairs)
     time = table["t_s"]
     if rows < 2 or (np.diff(time) <= 0).any():
         raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
     parts = (
         _geodetic(table, rows),
-        _columns(table, _VELOCITY, rows),
-        np.radians(_columns(table, _ATTITUDE, rows)),
+        _columns(table, VELOCITY, rows),
+        np.radians(_columns(table, ATTITUDE, rows)),
     )
     if not any(np.isfinite(part).all(axis=1).any() for part in parts):
         raise MissionError(
@@ -476,8 +440,8 @@ def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArr
 
 def _read_headings(path: Path, repairs: list[str]) -> Headings:
     """Return headings with their σ; empty cells are left out."""
-    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]), repairs)
-    heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
+    table, rows = _read(path, (TIME, replace(HEADING[0], required=True), HEADING[1]), repairs)
+    heading, sigma = np.radians(_columns(table, HEADING, rows)).T
     known = np.isfinite(heading)
     time = table["t_s"][known]
     if (np.diff(time) < 0).any():
@@ -487,7 +451,7 @@ def _read_headings(path: Path, repairs: list[str]) -> Headings:
 
 def _read_series(path: Path, column: Column, repairs: list[str]) -> Series:
     """Return the readings of a sensor with one number; empty cells are left out."""
-    table, _ = _read(path, (_TIME, column), repairs)
+    table, _ = _read(path, (TIME, column), repairs)
     known = np.isfinite(table[column.name])
     time = table["t_s"][known]
     if (np.diff(time) < 0).any():
