@@ -201,6 +201,8 @@ def read_log(
         If it cannot be read, or has not both.
     """
     files = _files(paths)
+    if not files:
+        raise MissionError("the flight was not read from a file; a log of an IMU and a GPS receiver is")
     readers = [reader_of(file, units) for file in files]
     reader = next((one for one in readers if one.read_logs is None), readers[0])
     if reader.read_logs is not None:

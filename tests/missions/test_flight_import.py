@@ -201,6 +201,10 @@ def test_what_is_added_is_the_flight(tmp_path):
     assert prepare_flight(weave(EVEN)).add("plain", folder=tmp_path).tags == ("imported",)
 
 
+def test_a_flight_that_came_over_a_network_is_no_log():
+    assert prepare_flight(weave(EVEN)).log is None
+
+
 def test_settings_are_not_kept_by_reference():
     settings = ImportSettings()
     read = prepare_flight(weave(EVEN), settings)
