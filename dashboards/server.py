@@ -61,6 +61,7 @@ def serve(
     """
     # These take a second; the first visitor should not wait for them.
     import panel as pn  # noqa: PLC0415
+    from tornado.ioloop import IOLoop  # noqa: PLC0415
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
@@ -71,13 +72,12 @@ def serve(
     from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
     from dashboards.password import Password  # noqa: PLC0415
     from dashboards.teaching.class_link import listen_on  # noqa: PLC0415
-    from dashboards.teaching.teacher import PATH, TeachHandler, admit_no_teacher, admit_teachers  # noqa: PLC0415
+    from dashboards.teaching.teacher import PATH, TeachHandler  # noqa: PLC0415
     from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
     from dashboards.visitors import allow  # noqa: PLC0415
     from dashboards.warming import Warming  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
-    from lab.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
 
     use_algorithms(algorithms)
     use_lessons(lessons)
@@ -97,13 +97,8 @@ def serve(
     if password is not None:
         door |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
     where = "localhost" if loopback else address
-    print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
-    if teacher:
-        named = (own_addresses() or ["localhost"])[0] if is_any(address) else where
-        link = f"http://{in_address(named, port)}/{PATH}?key={admit_teachers()}"
-        print(f"Teachers open {link} and show it to nobody", flush=True)
-    else:
-        admit_no_teacher()
+    # The loop of events runs once the server listens: a browser that is opened before is refused.
+    IOLoop.current().add_callback(print, _greeting(where, address, port, teacher=teacher), flush=True)
     try:
         pn.serve(
             {"/": str(APP)},
@@ -123,6 +118,20 @@ def serve(
     finally:
         if warming:
             warming.end()
+
+
+def _greeting(where: str, address: str, port: int, *, teacher: bool) -> str:
+    """Return where the laboratory is, and the secret link of teachers if they are admitted."""
+    from dashboards.teaching.teacher import PATH, admit_no_teacher, admit_teachers  # noqa: PLC0415
+    from lab.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
+
+    greeting = f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)"
+    if not teacher:
+        admit_no_teacher()
+        return greeting
+    named = (own_addresses() or ["localhost"])[0] if is_any(address) else where
+    link = f"http://{in_address(named, port)}/{PATH}?key={admit_teachers()}"
+    return f"{greeting}\nTeachers open {link} and show it to nobody"
 
 
 def _on_end(*clean: Callable[[], None]) -> None:

@@ -161,7 +161,8 @@ class LogFiles:
                     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
             except MissionError:
                 continue
-            if header and not {column.name for column in names} & set(header.replace(" ", "").split(",")):
+            others = set(header.replace(" ", "").split(",")) - {TIME.name, ""}
+            if others and not {column.name for column in names} & others:
                 return False
         return True
 

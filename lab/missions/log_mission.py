@@ -14,7 +14,6 @@ from lab.logs.log_toml import DESCRIPTION_FILE, KEYS
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_csv import LogFiles, log_files
 from lab.missions.mission import Mission
-from lab.readers.sensor_csv import read_logs
 from lab.recordings.description_toml import read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
@@ -126,6 +125,8 @@ def _read(files: LogFiles) -> SensorLog:
     """Return the log of files with the lab's own columns, or with other headings."""
     if files.has_own_names:
         return files.read()
+    from lab.readers.sensor_csv import read_logs  # noqa: PLC0415 - imports scipy, which takes a while
+
     log = read_logs(
         [files.imu, files.gnss],
         dict(files.columns),

@@ -39,7 +39,8 @@ def test_check_says_what_is_wrong_and_where(tmp_path: Path) -> None:
     path.write_text(GOOD % "1.0", encoding="utf-8")
     assert "Mine: steps: 1, to solve: 1" in ask("lesson", "check", str(path)).stdout
     path.write_text(GOOD % "0.0", encoding="utf-8")
-    refused(ask("lesson", "check", str(path)), "mine.toml: step 1: solution", "r_scale", "accepted is")
+    said = "mine.toml, line ", ": step 1: solution", "r_scale", "accepted is"
+    refused(ask("lesson", "check", str(path)), *said)
     refused(ask("lesson", "check", str(tmp_path / "none.toml")), "none.toml")
 
 

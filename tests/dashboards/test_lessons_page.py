@@ -152,4 +152,4 @@ def test_a_changed_file_is_shown_without_a_restart(walk: Walk, folder: Path) -> 
     assert "Read on." in walk.text()
     path.write_text("title = 3", encoding="utf-8")
     page(walk)._refresh()
-    assert "mine.toml: step: there is none" in walk.text()
+    assert "mine.toml, line 1: step: there is none" in walk.text()
