@@ -6,6 +6,7 @@ import logging
 import time
 
 from panel.io.logging import panel_log_handler
+from tornado.websocket import WebSocketClosedError
 
 LONGEST = 4000
 """Longest text of one record, and of its traceback [characters]: a traceback of forty frames fits."""
@@ -16,7 +17,11 @@ PER_SECOND = 5.0
 
 
 class LogLimit(logging.Filter):
-    """Shortens long records, and drops those that come too fast; the next one written says how many."""
+    """Shortens long records, and drops those that come too fast; the next one written says how many.
+
+    A browser that leaves while a message is on its way is no fault: Bokeh logs that it left, and the failed
+    write, of which Panel leaves a task behind, is not logged.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,6 +29,8 @@ class LogLimit(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether a record is written."""
+        if record.exc_info and isinstance(record.exc_info[1], WebSocketClosedError):
+            return False
         now = time.monotonic()
         self._left = min(AT_ONCE, self._left + PER_SECOND * (now - self._filled))
         self._filled = now

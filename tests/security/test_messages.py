@@ -19,6 +19,7 @@ from bokeh.protocol.exceptions import ProtocolError
 from bokeh.protocol.message import Message
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tornado.websocket import WebSocketClosedError
 from websockets.exceptions import ConnectionClosed
 
 from dashboards.log_limit import AT_ONCE, LONGEST, LogLimit
@@ -223,3 +224,11 @@ def test_long_lines_and_tracebacks_are_shortened(written) -> None:
     (line,) = lines
     assert len(line) < 2 * LONGEST + 200
     assert "characters left out" in line
+
+
+def test_a_browser_that_left_during_a_message_is_no_line(written) -> None:
+    logger, lines = written
+    error = WebSocketClosedError()
+    logger.error("Task exception was never retrieved", exc_info=(type(error), error, None))
+    logger.error("another")
+    assert lines == ["another"]
