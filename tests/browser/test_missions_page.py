@@ -16,6 +16,11 @@ from lab.flying.airports import runway
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 from tests.browser.conftest import RANGE_END, wait_for
 
+LAST_FIGURE = """[...Bokeh.index.query((view) => view.model.type === 'Figure')]
+  .filter((view) => view.el.getClientRects().length)
+  .map((view) => view.el.getBoundingClientRect()).sort((a, b) => a.bottom - b.bottom).at(-1)"""
+"""Place of the lowest figure that is shown."""
+
 pytestmark = pytest.mark.browser
 
 
@@ -193,6 +198,14 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     expect(page.get_by_text("INS Lab flight csv", exact=True)).to_be_visible()
     expect(page.get_by_role("cell", name="300 rows read, 300 used")).to_be_visible()
     expect(box(page, "Name")).to_have_value("our flight")
+    wide = page.viewport_size
+    assert wide is not None
+    page.set_viewport_size({"width": 400, "height": 900})
+    wait_for(page, f"{LAST_FIGURE}.bottom > 900")  # below the track, and not beside it
+    report = page.get_by_role("cell", name="300 rows read, 300 used").bounding_box()
+    assert report is not None
+    assert page.evaluate(f"{LAST_FIGURE}.bottom") <= report["y"], "the report covers the plots"
+    page.set_viewport_size(wide)
     box(page, "Name").fill("ours")
     page.get_by_role("button", name=re.compile("Add mission|Add anyway")).click()
     expect(page.get_by_text("ours was added and chosen.")).to_be_visible()

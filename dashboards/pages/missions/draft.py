@@ -36,7 +36,7 @@ HIGH = 640
 """Height of the preview [px]."""
 PREVIEW = """
 :host { display: grid !important; gap: 6px; grid-template-columns: repeat(2, minmax(0, 1fr));
-        height: auto !important; max-height: none !important; }
+        height: auto !important; max-height: none !important; flex: none !important; }
 .scroll-button { display: none !important; }  /* Panel's own, which would take a cell */
 @media (max-width: 1150px) {
   :host { grid-template-columns: minmax(0, 1fr); }
