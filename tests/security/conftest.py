@@ -203,12 +203,13 @@ def serving(folder: Path, *flags: str, **environment: str) -> Iterator[Served]:
 
 
 def _wait_for(port: int, process: subprocess.Popen[bytes], log: Path) -> None:
-    """Wait until somebody listens."""
+    """Wait until the server says where it is, and somebody listens there."""
     until = time.monotonic() + START
     while True:
         with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
+            listens = probe.connect_ex(("127.0.0.1", port)) == 0
+        if listens and "INS Lab is at http" in log.read_text():
+            return
         assert process.poll() is None, log.read_text()
         assert time.monotonic() < until, log.read_text()
         time.sleep(0.05)
