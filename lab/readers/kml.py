@@ -32,7 +32,7 @@ _OVER_GROUND = ("relativeToGround", "relativeToSeaFloor")
 _DRAWN_ON_GROUND = ("", "clampToGround", "clampToSeaFloor")
 _MAX_NAMES, _MAX_NAME = 10, 40
 """Most quantities that the report names as not used, and most characters of each: the file is hostile."""
-_ACCEPTED = "accepted is KML with a track of times and places (gx:Track)"
+_ACCEPTED = "accepted is KML with a track of times and places (gx:Track), or with points that have times"
 
 
 def recognises(head: bytes) -> bool:
@@ -104,7 +104,8 @@ class _Tracks:
         self.modes: dict[int, str] = {}
         self.unused: list[str] = []
         self.drawn = self._tracks = self._line = 0
-        self._inside = False
+        self._inside = self._point = False
+        self._when = UNKNOWN
 
     def begin(self, name: str, attributes: Mapping[str, str], line: int) -> None:
         """Take the start of an element."""
@@ -113,8 +114,11 @@ class _Tracks:
             self._tracks += 1
         elif name == "when":
             self._line = line
+        elif name == "Placemark":
+            self._when = UNKNOWN
         elif name in {"LineString", "Point"}:
             self.drawn += 1
+            self._point = name == "Point"
         elif self._inside and name in {"angles", "SimpleArrayData"}:
             what = attributes.get("name", name)[:_MAX_NAME]
             if what not in self.unused and len(self.unused) < _MAX_NAMES:
@@ -123,22 +127,42 @@ class _Tracks:
     def end(self, name: str, text: str) -> None:
         """Take the end of an element."""
         if not self._inside:
-            return
-        if name == "Track":
+            self._end_outside(name, text)
+        elif name == "Track":
             self._inside = False
         elif name == "when":
-            self.times.append(self.clock.seconds(text))
-            self.of_time.append(self._tracks)
-            self.line.append(self._line)
+            self._time(self.clock.seconds(text))
         elif name == "coord":
-            cells = text.replace(",", " ").split()
-            longitude, latitude, height = ([number(cell) for cell in cells] + [UNKNOWN] * 3)[:3]
-            self.longitude.append(longitude)
-            self.latitude.append(latitude)
-            self.height.append(height)
-            self.of_place.append(self._tracks)
+            self._place(text)
         elif name == "altitudeMode" and self._tracks not in self.modes:
             self.modes[self._tracks] = text.strip()
+
+    def _end_outside(self, name: str, text: str) -> None:
+        """Take the end of an element of a placemark: points with a time are a track, number 0."""
+        if self._tracks:
+            return
+        if name == "when":
+            self._when = self.clock.seconds(text)
+        elif name == "coordinates" and self._point and np.isfinite(self._when):
+            self._time(self._when)
+            self._place(text)
+            self.drawn -= 1
+            self._when = UNKNOWN
+        elif name == "altitudeMode" and self._point:
+            self.modes.setdefault(0, text.strip())
+
+    def _time(self, seconds: float) -> None:
+        self.times.append(seconds)
+        self.of_time.append(self._tracks)
+        self.line.append(self._line)
+
+    def _place(self, text: str) -> None:
+        cells = text.replace(",", " ").split()
+        longitude, latitude, height = ([number(cell) for cell in cells] + [UNKNOWN] * 3)[:3]
+        self.longitude.append(longitude)
+        self.latitude.append(latitude)
+        self.height.append(height)
+        self.of_place.append(self._tracks)
 
     def counts(self, track: int) -> tuple[int, int]:
         """Return how many times and how many places a track has."""

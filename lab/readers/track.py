@@ -105,6 +105,12 @@ class Track:
         if has_height:
             believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
             self._keep(kept, believed, f"without a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g} m")
+        elif np.isfinite(self.height[kept]).any():
+            part = np.isfinite(self.height[kept]).mean()
+            remarks.append(
+                f"The heights are not used: they are known at {part:.0%} of the points, and less than "
+                f"{_MIN_KNOWN:.0%} is too few."
+            )
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
         course = _held(course, self.speed < _MIN_COURSE_SPEED)
         has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))

@@ -145,6 +145,22 @@ def test_times_without_a_zone_and_what_is_beside_the_track_are_said(file):
     assert "not used: angles, speed" in said
 
 
+def test_points_with_times_are_a_track_unless_there_is_one(file):
+    """Flightradar24 exports a placemark for each point."""
+    points = "".join(
+        f"<Placemark><TimeStamp><when>2024-05-17T14:{i // 60:02d}:{i % 60:02d}+00:00</when></TimeStamp>"
+        f"<Point><altitudeMode>absolute</altitudeMode><coordinates>-73.5,{45 + 1e-4 * i:.6f},{100 + i}"
+        "</coordinates></Point></Placemark>"
+        for i in range(70)
+    )
+    place = "<Placemark><name>CYUL</name><Point><coordinates>-73.7,45.4,30</coordinates></Point></Placemark>"
+    flight = file(document(place, f"<Folder>{points}</Folder>"))
+    np.testing.assert_allclose(np.diff(flight.time), 1.0)
+    np.testing.assert_allclose(flight.height, 100 + np.arange(70))
+    np.testing.assert_allclose(np.degrees(flight.latitude), 45 + 1e-4 * np.arange(70), atol=1e-9)
+    assert len(file(document(track(90), points)).time) == 90
+
+
 def test_a_broken_off_file_gives_what_it_holds(file):
     text = document(track(10))
     flight = file(text[: text.index("45.000600")])

@@ -103,6 +103,14 @@ def test_a_wrong_checksum_and_a_missing_one_are_counted(file):
     assert flight.rows_read == 12
 
 
+def test_heights_that_too_few_points_have_are_named(file):
+    heights = fixes(50)
+    lines = [*fixes(50, "RMC"), *(line for i, line in enumerate(heights) if i % 5)]
+    flight = file("".join(sorted(lines, key=lambda line: line.split(",")[1])))
+    assert flight.height is None
+    assert any("heights are not used: they are known at 80%" in remark for remark in flight.remarks)
+
+
 def test_epochs_without_a_fix_are_counted(file):
     lines = fixes(12)
     lines[3] = sentence("GPGGA,120003.00,,,,,0,00,99.9,,M,,M,,")
