@@ -102,6 +102,7 @@ _TABLE = (
     "It looks like a table whose headings do not say what its columns are: --column HEADING=QUANTITY[UNIT] "
     "does, with the number of a column where there is no header."
 )
+_EXPORT = "It is a {} file: export its topics or tables as csv with named columns."
 _NOT_READ = (
     (
         re.compile(rb"PK\x03\x04"),
@@ -111,6 +112,34 @@ _NOT_READ = (
         re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
         "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
         "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
+    ),
+    (
+        re.compile(
+            rb"(?i)[^\n]{0,200}?(?:p_RS_R_x|\btx,? ty,? tz\b|pos(?:ition)?[._]x\b[^\n]*pos(?:ition)?[._]y\b)"
+        ),
+        "It holds positions in metres from an origin, as of EuRoC or TUM, whose latitude, longitude and "
+        "azimuth it does not give; a flight needs positions on the Earth.",
+    ),
+    (
+        re.compile(rb"(?s).{0,2000}?\$(?:G[A-Z]|B[DQ])(?:GGA|RMC|GLL|GNS|VTG),|(?s:.{0,2000}?)\$P[A-Z]{3},"),
+        "It looks like NMEA 0183, but has no GGA, GNS or RMC with a position and a right checksum (*hh "
+        "at the end) in its first 64 kB.",
+    ),
+    (
+        re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
+        "It looks like ASCII logs of a NovAtel receiver: convert them to NMEA (GGA and RMC) or to a csv with "
+        "named columns, or import them with --column and the numbers of the columns.",
+    ),
+    (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
+    (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
+    (
+        re.compile(rb"(?s).{4}ftyp"),
+        "It is a video: extract its telemetry as csv or GPX, for GoPro with gpmf tools.",
+    ),
+    (re.compile(rb"\s*[\[{]\s*[\"{\[]"), _EXPORT.format("JSON")),
+    (
+        re.compile(rb"[^\n]{40,70}RINEX VERSION"),
+        "It holds raw observations of satellites (RINEX) and no positions.",
     ),
     (re.compile(rb"[^\0]{0,2000}?\n[^\0A-Za-z]*\d[^\0A-Za-z]*[,;\t ][^\0A-Za-z]*\d"), _TABLE),
 )

@@ -98,7 +98,11 @@ _ADVICE = (
 
 def recognises(head: bytes) -> bool:
     """Return whether a file has a header with time, latitude and longitude in units, and then numbers."""
-    return _fields(head_lines(head)) is not None and not jsbsim_csv.recognises(head)
+    # A simulator knows no accuracy, which the receivers of phones give under the same headings.
+    lines = head_lines(head)
+    if any("accuracy" in line.lower() for line in lines[:_MAX_HEADER_LINE]):
+        return False
+    return _fields(lines) is not None and not jsbsim_csv.recognises(head)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

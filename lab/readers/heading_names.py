@@ -18,11 +18,12 @@ VECTORS = {"rate": "angular rate", "force": "acceleration", "gravity": "accelera
 SCALARS = {
     "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
     "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
-    "north": "speed", "east": "speed", "down": "speed", "up": "speed",
+    "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
-their fraction, or a date and a clock."""
+their fraction, or a date and a clock. A place is latitude and longitude in one cell, a side is N, S, E or
+W."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 GIVEN = "given"
@@ -30,6 +31,7 @@ GIVEN = "given"
 IGNORED = "-"
 """Stands for a column that is not read."""
 
+_CALIBRATED = re.compile(r"(?i)_cal$")
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
@@ -38,7 +40,9 @@ _GLUED = re.compile(
     r"(?i)^(?:.*[\s_.:/-])?(a|acc|accel|g|gyr|gyro|w|omega|gf|f|angvel|linacc|rate|accelerometer|gyroscope)"
     r"([xyz])$"
 )
-_LEADING = re.compile(r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate)\b")
+_LEADING = re.compile(
+    r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate)(?![a-z])"
+)
 _UNIT = re.compile(
     r"(?i)[\s_.-](rad[_/ ]?s(?:ec)?|radps|rps|rad_per_s(?:ec)?|dps|deg[_/ ]?s(?:ec)?|degps|deg_per_s(?:ec)?|"
     r"mdps|mrad_s|m[_/ ]?s\^?2|m_s_2|mps2|mpss|m_per_s2|m/s/s|mg|milli_?g|g|m[_/]s|mps|km[_/]?h|kph|kmh|"
@@ -53,12 +57,12 @@ _SPELLINGS = {
     "degrees/s": "°/s", "degrees/sec": "°/s", "degree/s": "°/s", "mdps": "m°/s", "mrad_s": "mrad/s",
     "m_s2": "m/s²", "m_s^2": "m/s²", "ms2": "m/s²", "ms^2": "m/s²", "m_s_2": "m/s²", "mpss": "m/s²",
     "m_per_s2": "m/s²", "m/s/s": "m/s²", "ms^-2": "m/s²", "m*s^-2": "m/s²", "m/sec^2": "m/s²",
-    "m/sec2": "m/s²", "m/s**2": "m/s²", "meters/s^2": "m/s²",
+    "m/sec2": "m/s²", "m/(s^2)": "m/s²", "m/s**2": "m/s²", "meters/s^2": "m/s²",
     "gs": "g", "gravity": "g", "millig": "mg", "milli_g": "mg", "m_s": "m/s", "meters/second": "m/s",
     "meter/s": "m/s", "meters/s": "m/s", "m/sec": "m/s", "km_h": "km/h", "kmph": "km/h", "km/hr": "km/h",
     "ft_s": "ft/s", "ft/sec": "ft/s", "secs": "s", "msec": "ms", "millis": "ms", "usec": "µs",
     "micros": "µs", "μs": "µs", "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "1e7": "1e-7°",
-    "e7": "1e-7°", "dege7": "1e-7°", "º": "°", "wgs84": "°",
+    "e7": "1e-7°", "dege7": "1e-7°", "arcmin": "′", "º": "°", "wgs84": "°",
 }  # fmt: skip
 _QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate"}
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
@@ -71,7 +75,7 @@ _NOT_SENSORS = {
     "attitude", "euler", "error", "jerk", "abs", "mean",
 }  # fmt: skip
 _GYRO = {"gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "omega", "angvel", "angularvelocity",
-         "rotationrate"}  # fmt: skip
+         "rotationrate", "pqr"}  # fmt: skip
 _ACCEL = {"accelerometer", "accelerometers", "accel", "acc", "acceleration", "accelerations", "accelero",
           "linacc", "acce"}  # fmt: skip
 _SHORT_RATE = {"w", "g", "imug", "imuw", "rate", "rates", "wrss"}
@@ -82,10 +86,13 @@ _WORSE = {
     "user": 3, "free": 3, "est": 8, "estimate": 8, "estimated": 8, "estimator": 8, "ekf": 8, "kf": 8,
     "truth": 9,
     "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
-    "setpoint": 9, "sp": 9, "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
+    "setpoint": 9, "sp": 9, "max": 9, "min": 9, "sea": -1,
+    "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
     "pressure": 6, "last": 9, "local": 6,
 }  # fmt: skip
 """How much worse a column is for words in its heading: what is estimated, relative or of another origin."""
+_ALONG_GRAVITY = {"accelerometeracceleration", "motionuseracceleration", "motiongravity"}
+"""Names of Apple's Core Motion, whose accelerations at rest point down: minus the specific force."""
 _RECEIVER = {"gps", "gnss", "location", "fix", "navsatfix"}
 _TIMES = {"time", "timestamp", "timestamps", "stamp", "t", "millis", "micros", "utc", "epoch", "elapsed",
           "unixtime", "timems", "timeus", "timens", "timesec", "datetime", "gmt", "msec", "usec"}  # fmt: skip
@@ -143,8 +150,20 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     words = _words(stem)
     given = set(words)
     rank = sum(_WORSE.get(word, 0) for word in given)
+    joined = "".join(words)
+    if axis and joined in _INDEXED:
+        quantity = _INDEXED[joined]["xyz".index(axis)]
+        return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
+    if not axis and len(given & set(_ABOUT)) == 1 and "rate" in given:
+        axis = _ABOUT[next(iter(given & set(_ABOUT)))]
+        return Heading(
+            text, "rate", axis, "roll, pitch and yaw rate", unit_of("angular rate", unit), rank + 1
+        )
     if axis:
         return _vector(text, axis, unit, words, file, rank)
+    if joined in _NAMED:
+        quantity, named, worse = _NAMED[joined]
+        return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit or named), rank=rank + worse)
     if found := _stamp(text, words, unit, rank):
         return found
     return _scalar(text, words, unit, rank)
@@ -206,15 +225,18 @@ def _cut(text: str) -> tuple[str, str, str]:
     stem, axis, unit = text.strip().strip("\"'\ufeff#% ").strip(), "", ""
     if found := _INDEX.search(stem):
         stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
-    insides = [inside for inside in _BRACKETS.findall(stem) if inside]
-    stem = _BRACKETS.sub(" ", stem).strip(" :,;")
+    insides = _BRACKETS.findall(stem)
+    stem = _BRACKETS.sub(" \0 ", stem)
     for inside in insides:
         if re.fullmatch(r"(?i)([xyz])([\s-]*axis)?", inside):
             axis = axis or inside[0].lower()
         elif not unit and any(unit_of(kind, inside) for kind in UNITS):
             unit = inside
         else:
-            stem = f"{stem} {inside}"
+            stem = stem.replace("\0", inside, 1)
+            continue
+        stem = stem.replace("\0", " ", 1)
+    stem = _CALIBRATED.sub("", stem.strip(" :,;"))
     for _ in range(2):
         if not axis:
             found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)
@@ -246,7 +268,8 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
     joined = "".join(names)
     sensor = " ".join(words) or file
     if given & {"gravity", "grav"}:
-        return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank)
+        sign = -1 if joined in _ALONG_GRAVITY else 1
+        return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank, sign)
     quantity = _sensor_of(given, joined)
     if not quantity:
         found = next((ours for kind, ours in _QUANTITY_OF_UNIT.items() if unit and unit_of(kind, unit)), "")
@@ -264,22 +287,43 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         return None if unit_of("angle", unit) or unit_of("speed", unit) else Heading(
             text, quantity, axis, sensor, "", rank + 1
         )  # fmt: skip
-    return Heading(text, quantity, axis, sensor, known, rank)
+    return Heading(text, quantity, axis, sensor, known, rank, -1 if joined in _ALONG_GRAVITY else 1)
 
 
 def _sensor_of(given: set[str], joined: str) -> str:
     """Return the quantity that words name; empty if they name none."""
-    turning = "angular" in given and given & {"velocity", "rate", "rates", "vel", "speed"}
+    turning = given & {"angular", "angle"} and given & {"velocity", "rate", "rates", "vel", "speed"}
     if given & _GYRO or turning or {"rotation", "rate"} <= given or joined in _SHORT_RATE:
         return "rate"
     pushing = {"specific", "force"} <= given or {"g", "force"} <= given or "specificforce" in given
     return "force" if ("angular" not in given and given & _ACCEL) or pushing or joined in _SHORT_FORCE else ""
 
 
+_ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
+"""Axes of angular rates that are named by their angle."""
+_INDEXED = {
+    "lla": ("latitude", "longitude", "height"),
+    "gpscoord": ("latitude", "longitude", "height"),
+}
+"""What columns with an index instead of an axis are."""
+_NAMED: dict[str, tuple[str, str, int]] = {
+    **dict.fromkeys(
+        ("position", "gps", "coordinates", "latlon", "latlng", "location", "gpsposition", "gpslocation"),
+        ("place", "", 0),
+    ),
+    **dict.fromkeys(("ns", "ew", "latdir", "londir", "lngdir", "latitudedirection", "longitudedirection"),
+                    ("side", "", 0)),
+    "feet": ("height", "ft", 0),
+    "kts": ("speed", "kt", 0),
+    "mph": ("speed", "mph", 1),
+}  # fmt: skip
+"""Quantity, unit and rank of headings that are a name of their own, or a unit alone."""
 _NAMED_STAMPS = {
     **dict.fromkeys(("date", "lcldate", "utcdate", "gpsdate"), ("date", "", 0)),
     **dict.fromkeys(("tow", "gpstow", "timeofweek"), ("time", "", 6)),
     "itow": ("time", "ms", 6),
+    "cts": ("time", "ms", 1),  # of GoPro
+    "clockoffsettime": ("time", "s", 1),  # of DJI
     "yyyymoddhhmisssss": ("time", "", 4),
     "sampletimefine": ("time", "1e-4 s", 2),
 }
@@ -320,26 +364,28 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("vertical_sigma", re.compile(r"(?:location|gps|gnss|fix)*(?:vertical|altitude|v)(?:accuracy|acc)|epv")),
     ("speed_sigma", re.compile(
         r"(?:location|gps|gnss|fix)*(?:speed|velocity|s)(?:accuracy|acc)|svariance|speedaccuracyms")),
-    ("latitude", re.compile(r".*latitude|(?:.*(?:gps|gnss|position|pos|fix|location))?lat")),
+    ("latitude", re.compile(r".*latitude(?:ns)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?lat")),
     ("longitude", re.compile(
-        r".*longitude|(?:.*(?:gps|gnss|position|pos|fix|location))?(?:lon|long|lng)")),
+        r".*longitude(?:ew|west)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?(?:lon|long|lng)")),
     ("north", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:n|north|ned0)(?:velocity|speed)?|northvelocity|northvel|"
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:n|north|ned0)(?:velocity|speed)?|northvelocity|northvel|"
         r"(?:gps|gnss)?vnorth|velnms")),
     ("east", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:e|east|ned1)(?:velocity|speed)?|eastvelocity|eastvel")),
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:e|east|ned1)(?:velocity|speed)?|eastvelocity|eastvel")),
     ("down", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
     ("up", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb")),
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
+        r"vspd|vertvel|vertrate|vertspeed|climbrate")),
     ("height", re.compile(
-        r".*(?:altitude|elevation)(?:msl|ellipsoid|google|wgs)?|(?:.*(?:gps|gnss|position|pos|fix|location))?"
+        r".*(?:altitude|elevation)(?:msl|ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
+        r"(?:.*(?:gps|gnss|position|pos|fix|location|lla))?"
         r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:msl|ellipsoid)?")),
     ("speed", re.compile(
-        r"(?:.*(?:gps|gnss|location|position))?(?:ground)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
+        r"(?:.*(?:gps|gnss|location|position|osd))?(?:ground|d|h|g)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
         r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
     ("course", re.compile(
-        r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|trackangle|headmot|"
+        r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|hdg|direction|trackangle|headmot|"
         r"courseoverground|groundcourse|motionheading|orientation)|headingofmotion")),
 )  # fmt: skip
 """What a column is by its words, put together."""
@@ -356,12 +402,14 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
         if not pattern.fullmatch(joined):
             continue
         known = unit_of(SCALARS[quantity], unit) if unit else ""
-        if quantity == "course" and not (set(words) & _RECEIVER) and "heading" in words:
+        if quantity == "course" and not (set(words) & _RECEIVER) and set(words) & {"heading", "hdg"}:
             rank += 3  # a compass has a heading too
         if quantity == "course" and "orientation" in words and not set(words) & _RECEIVER:
             return None
         if set(words) & _RECEIVER:
             rank -= 2
+        if quantity == "longitude" and "west" in words:
+            return Heading(text, quantity, unit=known, rank=rank, sign=-1)
         if unit and not known and unit_of("speed" if quantity != "speed" else "length", unit):
             return None
         return Heading(text, quantity, unit=known, rank=rank)

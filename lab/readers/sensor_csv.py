@@ -25,6 +25,7 @@ from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_clock import times_of
 from lab.readers.sheet_fixes import Fixes, fixes_of
 from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
+from lab.readers.sheet_sources import KITTI_FRAME, KITTI_STAMPS, as_table, kitti_table
 from lab.readers.track import Track
 from lab.readers.unit_names import refuse_unknown
 from lab.recordings.decompression import whole
@@ -38,6 +39,7 @@ NAME = "csv with named columns"
 MAX_MEMBERS = 200
 """Most files in a zip: exports of phones have some twenty."""
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+_KITTI = b"oxts/"
 _ZIP = b"PK\x03\x04"
 _MIN_QUANTITIES = 3
 """Fewest quantities that the headings of a file must name: time, and two more."""
@@ -50,18 +52,21 @@ _PHONE_WORDS = ("accelerometer", "acceleration")
 def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
     if head.startswith(_ZIP):
-        return any(ending.encode() in head for ending in _ENDINGS[:2])
+        return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
     if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in as_utf8(head):
         return False
     # Columns x, y and z are of a sensor that the name of the file tells.
-    layout = layout_of(as_utf8(head), "accelerometer")
+    layout = layout_of(as_table(as_utf8(head)), "accelerometer")
     if layout is None:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
     names = {name for name, _ in quantities}
     has_time = bool(names & {"time", "seconds", "clock", "date"})
-    return len(quantities) >= _MIN_QUANTITIES and has_time and (set(_POSITION) <= names or "rate" in names
-                                                               or "force" in names)  # fmt: skip
+    return (
+        len(quantities) >= _MIN_QUANTITIES
+        and has_time
+        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place"}))
+    )
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -170,7 +175,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
         data = whole(path, MAX_BYTES)
         for name, text in _members(path, data) if data.startswith(_ZIP) else ((path.name, data),):
             try:
-                sheet = read_sheet(name, as_utf8(text), overrides)
+                sheet = read_sheet(name, as_table(as_utf8(text)), overrides)
             except MissionError as error:
                 raise MissionError(f"{path}: {error}") from error
             if sheet is not None:
@@ -201,6 +206,8 @@ def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     left = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if drive := _kitti(archive, left):
+                return [drive]
             infos = [one for one in archive.infolist() if one.filename.lower().endswith(_ENDINGS)]
             for info in infos[:MAX_MEMBERS]:
                 if info.filename.startswith("__MACOSX") or info.flag_bits & 1:
@@ -228,6 +235,18 @@ def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
             f"{path}: the zip file has no {', '.join(_ENDINGS)} in it; accepted are zip files of such files"
         )
     return found
+
+
+def _kitti(archive: zipfile.ZipFile, most: int) -> tuple[str, bytes] | None:
+    """Return the samples of a KITTI drive as one table; None if this is none."""
+    frames = sorted(
+        (one for one in archive.infolist() if KITTI_FRAME.search(one.filename)), key=lambda one: one.filename
+    )
+    stamps = next((one for one in archive.infolist() if KITTI_STAMPS.search(one.filename)), None)
+    if not frames or stamps is None or sum(one.file_size for one in (*frames, stamps)) > most:
+        return None
+    table = kitti_table([archive.read(one) for one in frames], archive.read(stamps))
+    return frames[0].filename.partition("/oxts/")[0].rpartition("/")[2], table
 
 
 def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading, given_heading, heading_of, unit_of
+from lab.readers.sheet_cells import angles_of_cells, numbers_of_cells, signs_of_sides
 from lab.readers.stamps import seconds_of_texts
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
@@ -41,7 +42,7 @@ _CHUNK = 20_000
 _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN", "NAN", "inf", "-inf", "∞")
 """How loggers write an unknown value."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_COORDINATES = ("latitude", "longitude")
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
 
 Overrides = Mapping[str, str]
@@ -61,8 +62,8 @@ class Sheet:
     columns : tuple of (n,) arrays
         Their numbers, in the unit of the file; NaN where a cell is empty or no number. Time stamps that are
         text are seconds.
-    texts : frozenset of str
-        Headings of time stamps that are text.
+    texts : dict
+        The first cell of time stamps that are text, by heading.
     unknown : tuple of str
         Headings of columns that are not read.
     """
@@ -70,7 +71,7 @@ class Sheet:
     name: str
     headings: tuple[Heading, ...]
     columns: tuple[FloatArray, ...]
-    texts: frozenset[str]
+    texts: Mapping[str, str]
     unknown: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -174,17 +175,41 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
     places = [place for place, known in enumerate(layout.known) if known is not None]
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
                 if (known := layout.known[place]) is not None]  # fmt: skip
+    places, headings = _in_two(places, headings)
     columns, texts = _numbers(name, data[start:], layout, places, headings)
+    columns, headings = _on_their_side(columns, headings)
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
     return Sheet(
         name=name,
         headings=tuple(headings[i] for i in kept),
         columns=tuple(columns[i] for i in kept),
-        texts=frozenset(headings[i].text for i in kept if i in texts),
+        texts={headings[i].text: texts[i] for i in kept if i in texts},
         unknown=tuple(
             text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
         ),
     )
+
+
+def _in_two(places: list[int], headings: list[Heading]) -> tuple[list[int], list[Heading]]:
+    """Return columns with a latitude and a longitude for each place, which has both in one cell."""
+    pairs = [
+        (place, one if quantity is None else replace(one, quantity=quantity))
+        for place, one in zip(places, headings, strict=True)
+        for quantity in (("latitude", "longitude") if one.quantity == "place" else (None,))
+    ]
+    return [place for place, _ in pairs], [one for _, one in pairs]
+
+
+def _on_their_side(
+    columns: list[FloatArray], headings: list[Heading]
+) -> tuple[list[FloatArray], list[Heading]]:
+    """Return columns with the sign of the hemisphere that the column after a coordinate names."""
+    for i in range(1, len(headings)):
+        if headings[i].quantity == "side" and headings[i - 1].quantity in _COORDINATES:
+            sides = columns[i]
+            columns[i - 1] = np.where(np.isfinite(sides), np.abs(columns[i - 1]) * sides, columns[i - 1])
+    kept = [i for i, one in enumerate(headings) if one.quantity != "side"]
+    return [columns[i] for i in kept], [headings[i] for i in kept]
 
 
 def _numbered(head: bytes, overrides: Overrides) -> _Layout | None:
@@ -259,12 +284,13 @@ def _units_below(data: bytes, start: int, layout: _Layout) -> tuple[dict[int, st
 
 def _numbers(
     name: str, data: bytes, layout: _Layout, places: list[int], headings: list[Heading]
-) -> tuple[list[FloatArray], set[int]]:
-    """Return the known columns as numbers, and which of them were text."""
+) -> tuple[list[FloatArray], dict[int, str]]:
+    """Return the known columns as numbers, and the first cell of those that were text."""
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
     how: dict[str, Any] = {
-        "header": None, "names": list(range(len(layout.headings))), "usecols": places, "index_col": False,
+        "header": None, "names": list(range(len(layout.headings))), "usecols": sorted(set(places)),
+        "index_col": False,
         "sep": layout.delimiter if layout.delimiter != " " else r"\s+", "engine": "c", "encoding": "utf-8",
         "encoding_errors": "replace", "on_bad_lines": "skip", "skipinitialspace": True, "comment": None,
     }  # fmt: skip
@@ -272,41 +298,42 @@ def _numbers(
         warnings.simplefilter("ignore", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(io.BytesIO(data), dtype=np.float64, na_values=list(_NO_NUMBER), **how)
-            return [frame[place].to_numpy() for place in places], set()
+            return [frame[place].to_numpy() for place in places], {}
         except (ValueError, OverflowError, pd.errors.ParserError):
             pass
         parts: list[list[FloatArray]] = [[np.empty(0)] for _ in places]
-        texts: set[int] = set()
+        texts: dict[int, str] = {}
         try:
             for chunk in pd.read_csv(
                 io.BytesIO(data), dtype=object, na_filter=False, chunksize=_CHUNK, **how
             ):
                 for i, place in enumerate(places):
                     cells = chunk[place].astype(str)
-                    numbers = _parsed(cells, headings[i].quantity in _TIMES, i, texts)
+                    numbers, unit = _parsed(cells, headings[i].quantity, layout.delimiter == ",", i, texts)
                     parts[i].append(numbers)
+                    unit = unit_of(headings[i].kind, unit) if unit and headings[i].kind else ""
+                    headings[i] = replace(headings[i], unit=headings[i].unit or unit)
         except (ValueError, OverflowError, pd.errors.ParserError) as error:
             raise MissionError(f"{name}: its rows cannot be read: {error}") from error
     return [np.concatenate(part) for part in parts], texts
 
 
-def _parsed(cells: Any, is_time: bool, place: int, texts: set[int]) -> FloatArray:
-    """Return the numbers of a column of texts; times that are no numbers as seconds."""
-    import pandas as pd  # noqa: PLC0415 - see above
-
+def _parsed(
+    cells: Any, quantity: str, comma_separates: bool, place: int, texts: dict[int, str]
+) -> tuple[FloatArray, str]:
+    """Return the numbers of a column of texts, times that are no numbers as seconds; and their unit."""
     cells = cells.str.strip().str.strip("\"'")
-    numbers = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
-    numbers[~np.isfinite(numbers)] = np.nan
+    if quantity == "side":
+        return signs_of_sides(cells), ""
+    numbers, unit = numbers_of_cells(cells, comma_separates)
+    if quantity in _COORDINATES:
+        angles = angles_of_cells(cells, quantity == "longitude")
+        return np.where(np.isfinite(angles), angles, numbers), ""
     if np.isfinite(numbers).mean() > _MOSTLY and place not in texts:
-        return numbers
-    if is_time and (place in texts or not np.isfinite(numbers).any()):
+        return numbers, unit
+    if quantity in _TIMES and (place in texts or not np.isfinite(numbers).any()):
         stamps = seconds_of_texts(list(cells))
         if np.isfinite(stamps).any():
-            texts.add(place)
-            return stamps
-    comma = cells.str.fullmatch(_COMMA_NUMBER.pattern)
-    if comma.any():  # decimal commas
-        numbers = np.array(
-            pd.to_numeric(cells.where(~comma, cells.str.replace(",", ".")), errors="coerce"), dtype=np.float64
-        )
-    return numbers
+            texts.setdefault(place, next(text for text in cells if text))
+            return stamps, ""
+    return numbers, unit

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading
 from lab.readers.sheet import Sheet
+from lab.readers.stamps import IS_AMBIGUOUS, seconds_of_digits
 from lab.readers.unit_names import UNITS
 from lab.units import DAY
 
@@ -17,13 +18,17 @@ FloatArray = NDArray[np.float64]
 
 SINCE_1970 = 1e9
 """Time from which it counts from 1970 [s]: the year 2001."""
-_EPOCHS = ((1e17, "ns"), (1e14, "µs"), (1e11, "ms"))
-"""Size from which a stamp that counts from 1970 has this unit: in 2001 it is 1e18 ns, 1e15 µs, 1e12 ms."""
+_END_OF_EPOCH = 4e9
+"""Time up to which stamps count from 1970 [s]: the year 2096; ns since switching on pass for ms otherwise."""
+_LONGEST_STEP = 600.0
+"""Longest usual step of such stamps [s]."""
 _USUAL_STEP = {True: 0.02, False: 0.5}
 """Usual step between samples of an IMU, and between fixes [s]; the unit whose step comes nearest is taken: an
 IMU has 0.6 to 600 ms, a receiver 16 ms to 16 s."""
 _LONGEST = 10 * DAY
 """Longest log whose stamps are seconds since 1970 [s]: µs since switching on exceed 1e9 after 17 minutes."""
+_MONTHS = 12
+"""Number up to which a day may be a month."""
 _MIN_KNOWN = 0.5
 """Smallest part of the rows in which a time stamp has to be known."""
 _MIN_FORWARD = 0.5
@@ -77,9 +82,15 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = ()) -> Clock | No
         if (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
             continue
         if heading.text in sheet.texts:
+            dated = sheet.texts.get(dates[0][0].text, "") if dates else ""
+            order = _order_of(sheet.texts[heading.text]) or _order_of(dated)
             if dates and values[known].max() < 2 * DAY:
-                return Clock(dates[0][1] + values, f"{dates[0][0].text} + {heading.text}", "text", False)
-            return Clock(values, heading.text, "text", False)
+                return Clock(
+                    dates[0][1] + values, f"{dates[0][0].text} + {heading.text}", f"text{order}", False
+                )
+            return Clock(values, heading.text, f"text{order}", False)
+        if (of_day := seconds_of_digits(values)) is not None:
+            return Clock(of_day, heading.text, "hhmmss", False)
         unit = heading.unit or _guessed_unit(values[known], fast)
         return Clock(values * UNITS["time"][unit], heading.text, unit, not heading.unit)
     return None
@@ -90,15 +101,23 @@ def times_of(sheet: Sheet) -> list[Heading]:
     return [heading for heading in sheet.headings if heading.quantity in ("time", "clock")]
 
 
+def _order_of(text: str) -> str:
+    """Return what is assumed of the order of day and month; empty where it is known."""
+    found = IS_AMBIGUOUS.match(text)
+    both = found is not None and int(found[1]) <= _MONTHS and int(found[2]) <= _MONTHS
+    return ", where the day is assumed to come before the month" if both else ""
+
+
 def _guessed_unit(values: FloatArray, fast: bool) -> str:
     size = float(np.median(np.abs(values)))
-    for limit, unit in _EPOCHS:
-        if size > limit:
-            return unit
-    if size >= SINCE_1970 and np.ptp(values) < _LONGEST:
-        return "s"
     steps = np.diff(values)
     steps = steps[steps > 0]
     step = float(np.median(steps)) if steps.size else 1.0
+    for unit in ("ns", "µs", "ms"):
+        factor = UNITS["time"][unit]
+        if SINCE_1970 <= size * factor < _END_OF_EPOCH and step * factor < _LONGEST_STEP:
+            return unit
+    if size >= SINCE_1970 and np.ptp(values) < _LONGEST:
+        return "s"
     units = ("s", "ms", "µs", "ns")
     return min(units, key=lambda unit: abs(np.log(step * UNITS["time"][unit] / _USUAL_STEP[fast])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,16 +18,22 @@ from lab.readers.sheet_imu import in_order
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
-from lab.units import DEGREE
+from lab.units import DEGREE, FOOT
 
 FloatArray = NDArray[np.float64]
 
+_LOCAL = re.compile(r"(?i)^\s*(?:t|p|pos|position|p_rs_r)[ _.]?[xyz]\b")
+"""Headings of positions in a local frame, as of EuRoC and TUM."""
 _HELD = 0.5
 """Part of the rows that repeat the position before, from which a logger holds the last fix."""
 _MAX_DEGREES = 360.0
 """Largest coordinate in degrees: larger whole numbers are 1e-7°."""
 _MAX_METRES = 10_000.0
 """Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
+_TRANSPONDER_STEP = 25.0
+"""Step of the heights of a transponder [ft] (ICAO Annex 10, mode S)."""
+_MIN_LEVELS = 4
+"""Fewest different heights that show it: four multiples of 25 by chance have a probability of 25⁻⁴."""
 _SIGMA_OF_RADIUS = 1.515
 """Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
 sqrt(-2 ln 0.32)."""
@@ -88,14 +95,18 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
     """
     places = [one for one in sheets if one.all_of("latitude") and one.all_of("longitude")]
     timed = [
-        (one, clock) for one in places if (clock := clock_of(one, fast=False, wanted=wanted)) is not None
+        (one, clock)
+        for one in places
+        # Where the samples of an IMU stand in the same rows, these are as dense as they.
+        if (clock := clock_of(one, fast=bool(one.all_of("rate")), wanted=wanted)) is not None
     ]
     if not timed:
         names = ", ".join(one.name for one in sheets)
         lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
+        local = "" if places else _of_local_positions(sheets)
         raise MissionError(
-            f"{names}: no {lacks} found; accepted are headings such as time, latitude, longitude, altitude, "
-            "speed and course, or what the columns are: --column HEADING=latitude[°]"
+            f"{names}: no {lacks} found{local}; accepted are headings such as time, latitude, longitude, "
+            "altitude, speed and course, or what the columns are: --column HEADING=latitude[°]"
         )
     sheet, clock = min(timed, key=lambda one: _preference(one[0]))
     others = [one.name for one, _ in timed if one is not sheet]
@@ -103,6 +114,18 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
     if others:
         fixes = fixes._replace(remarks=(*fixes.remarks, f"Fixes of {', '.join(others)} are not used."))
     return fixes
+
+
+def _of_local_positions(sheets: Sequence[Sheet]) -> str:
+    """Return a remark on positions in a room, which have no place on the Earth."""
+    unknown = [text for sheet in sheets for text in sheet.unknown]
+    local = [text for text in unknown if _LOCAL.search(text)][:3]
+    if not local:
+        return ""
+    return (
+        f": {', '.join(local)} are positions in metres from an origin, whose latitude, longitude and azimuth "
+        "the file does not give"
+    )
 
 
 def _preference(sheet: Sheet) -> tuple[float, ...]:
@@ -161,6 +184,12 @@ def _degrees(column: _Column) -> _Column:
 
 
 def _metres(height: _Column, latitude: _Column) -> _Column:
+    if _is_of_transponder(height):
+        return height._replace(
+            values=height.values * FOOT,
+            unit="ft",
+            source="guessed: all are multiples of 25, as transponders send",
+        )
     whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
     if (
         height.source == "assumed"
@@ -170,6 +199,15 @@ def _metres(height: _Column, latitude: _Column) -> _Column:
     ):
         return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
     return height
+
+
+def _is_of_transponder(height: _Column) -> bool:
+    """Return whether all heights are multiples of 25, the step in which transponders send feet."""
+    known = height.values[np.isfinite(height.values)]
+    levels = np.unique(known)
+    return bool(
+        height.source == "assumed" and levels.size >= _MIN_LEVELS and (known % _TRANSPONDER_STEP == 0).all()
+    )
 
 
 def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.intp], list[str]]:

@@ -32,6 +32,16 @@ gravity. Measured in motion: 0.98 and more on six real logs, up to 0.69 on the s
 _FORCE_UNITS = ("m/s²", "g", "mg")
 _FASTEST = 35.0
 """Angular rate that no vehicle has [rad/s]: larger numbers are in °/s."""
+_SLOW_DEGREES = 0.15
+"""Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
+_RESTLESS = 0.2
+"""σ of the size of the specific force from which a vehicle moves or shakes [m/s²]; at rest it is noise."""
+_COUNTED = {"acc smooth", "acc adc"}
+"""Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
+_COUNTS = (256, 512, 1024, 2048, 4096)
+"""Counts that are 1 g on the boards of these: a range of ±8 or ±16 g in 12 to 16 bits."""
+_LIKE_COUNTS = 0.2
+"""Largest deviation of the size from such a number, as a logarithm: the motion adds to gravity."""
 _MAX_APART = 2.5
 """Longest interval between samples of an accelerometer, in usual ones, over which it is interpolated."""
 _TOGETHER = 0.5
@@ -199,6 +209,11 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             f"These accelerations are without gravity; {gravity[0].headings[0].text} to "
             f"{gravity[0].headings[2].text} of {gravity[0].sheet.name} was added."
         ]
+    counts = min(_COUNTS, key=lambda one: abs(np.log(size / one)))
+    if bare.headings[0].sensor in _COUNTED and abs(np.log(size / counts)) < _LIKE_COUNTS:
+        values = bare.values * STANDARD_GRAVITY / counts
+        source = f"guessed: it is {size:.4g} long"
+        return bare._replace(values=values, unit=f"counts, {counts} of which are 1 g", source=source), []
     fitting = [
         other for other in _FORCE_UNITS
         if _ONE_G[0] < size * UNITS["acceleration"][other] / STANDARD_GRAVITY < _ONE_G[1]
@@ -228,12 +243,20 @@ def _gravity_factor(gravity: Triad) -> float:
     return next((one for one in factors if _ONE_G[0] < size * one / STANDARD_GRAVITY < _ONE_G[1]), 0.0)
 
 
+def _moves(force: Triad) -> bool:
+    """Return whether the specific force changes as on a vehicle in motion."""
+    return float(np.nanstd(np.linalg.norm(force.values, axis=1))) > _RESTLESS
+
+
 def _gyro(gyro: Triad, force: Triad) -> Triad:
     if gyro.unit:
         return _scaled(gyro, gyro.unit, gyro.source)
     largest = float(np.nanmax(np.abs(gyro.values)))
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
+    size = float(np.sqrt(np.nanmean(gyro.values**2)))
+    if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
+        return _scaled(gyro, "rad/s", f"guessed: {size:.2g} (rms) is too slow for °/s in motion")
     if force.unit in ("g", "mg"):
         return _scaled(gyro, "°/s", f"guessed, because the accelerometers are in {force.unit}")
     return _scaled(gyro, "rad/s", "guessed, because the accelerometers are in m/s²")

@@ -11,7 +11,7 @@ from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0},
-    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE},
+    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "′": DEGREE / 60},
     "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,

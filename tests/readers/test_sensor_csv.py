@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from foreign_tables import UNIX, motion, phone, same, table
 from sensor_logs import IMU, POSITION, VELOCITY, tables, write_csv
 
 from lab.analysis import rest
@@ -16,8 +17,6 @@ from lab.missions.flight_import import prepare_import, read_log
 from lab.missions.log_mission import LogMission
 from lab.readers.heading_names import heading_of
 from lab.readers.stamps import seconds_of_texts
-
-UNIX = 1.7e9
 
 
 @pytest.fixture(scope="module")
@@ -34,37 +33,6 @@ def expected(made, tmp_path_factory):
     write_csv(folder / "imu.csv", IMU, made[0])
     write_csv(folder / "gnss.csv", (*POSITION, *VELOCITY[:2]), made[1][:, :6])
     return read_sensor_log(folder)
-
-
-def table(path, header, rows, separator=",", encoding="utf-8", comma=False, before=""):
-    """Write a table; texts stay as they are, numbers are written with all digits, NaN is empty."""
-
-    def cell(value):
-        text = value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.16g}"
-        return text.replace(".", ",") if comma else text
-
-    lines = [separator.join(map(cell, row)) for row in rows]
-    path.write_bytes((before + "\n".join((header, *lines)) + "\n").encode(encoding))
-    return path
-
-
-def same(log, expected, tolerance=1e-6):
-    """Check that a log has the samples and fixes of another one."""
-    assert len(log.dtheta) == len(expected.dtheta)
-    np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=tolerance)
-    np.testing.assert_allclose(log.rates[1], expected.rates[1], atol=10 * tolerance)
-    np.testing.assert_allclose(log.gnss.time, expected.gnss.time, atol=1e-5)
-    np.testing.assert_allclose(log.gnss.position, expected.gnss.position, atol=1e-9)
-    np.testing.assert_allclose(log.gnss.velocity_n, expected.gnss.velocity_n, atol=1e-5)
-
-
-def phone(vectors):
-    """Return vectors in the axes of a phone with its top forward and its screen up."""
-    return np.column_stack((vectors[:, 1], vectors[:, 0], -vectors[:, 2]))
-
-
-def motion(gnss):
-    return np.hypot(gnss[:, 4], gnss[:, 5]), np.degrees(np.arctan2(gnss[:, 5], gnss[:, 4])) % 360
 
 
 def test_ros(tmp_path, made, expected):

@@ -1,0 +1,86 @@
+"""Sheet cells: the numbers in cells that hold more than a number: units, hemispheres, separators.
+
+Loggers write ``245.5 m``, ``51.477928N``, ``2,114.8``, ``12,5`` and, for a place, ``51.4779 -0.0015``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_THOUSANDS = r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?"
+_BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
+_DECIMAL_COMMA = r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"
+_DECORATED = re.compile(r"[^\w+.-]{0,3}\s*([+-]?\d+(?:\.\d*)?)\s*([^\d\s][^\d]{0,6})?")
+"""A number with an arrow or sign before it, and a unit after it."""
+_HEMISPHERE = re.compile(r"(?i)(?:([NSEW])\s*)?(\d+(?:\.\d*)?)\s*°?(?:\s*([NSEW]))?")
+_PAIR = re.compile(r"\s*([+-]?\d+\.\d+)\s*[,;\s]\s*([+-]?\d+\.\d+)\s*")
+_SOUTH_OR_WEST = frozenset("SWsw")
+_DIGITS = re.compile(r"\d")
+
+
+def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str]:
+    """Return the numbers of a column of texts, NaN where there is none, and the unit in its cells.
+
+    Parameters
+    ----------
+    cells : pandas.Series of str
+        The column.
+    comma_separates
+        Whether commas separate the cells of the file: in a quoted cell they then mark thousands.
+    """
+    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
+
+    def parsed(texts: Any) -> FloatArray:
+        values = np.array(pd.to_numeric(texts, errors="coerce"), dtype=np.float64)
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    numbers = parsed(cells)
+    left = np.isnan(numbers) & cells.str.contains(_DIGITS).to_numpy(dtype=bool)
+    if not left.any():
+        return numbers, ""
+    if cells[left].str.contains(",").any():
+        if comma_separates or cells[left].str.fullmatch(_BOTH_SEPARATORS).any():
+            fits, mark = cells.str.fullmatch(_THOUSANDS), ""
+        else:
+            fits, mark = cells.str.fullmatch(_DECIMAL_COMMA), "."
+        fits &= left
+        numbers[fits.to_numpy(dtype=bool)] = parsed(cells[fits].str.replace(",", mark))
+        left &= np.isnan(numbers)
+    unit = ""
+    for row in np.flatnonzero(left):
+        if found := _DECORATED.fullmatch(cells.iloc[row]):
+            numbers[row], unit = float(found[1]), unit or (found[2] or "").strip()
+    return numbers, unit
+
+
+def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:
+    """Return latitudes or longitudes of a column of texts: with a hemisphere, or two in one cell.
+
+    Parameters
+    ----------
+    cells : pandas.Series of str
+        The column.
+    is_longitude
+        Whether the second number of a cell with two is taken.
+    """
+    values = np.full(len(cells), np.nan)
+    for row, text in enumerate(cells):
+        if found := _PAIR.fullmatch(text):
+            values[row] = float(found[2] if is_longitude else found[1])
+        elif found := _HEMISPHERE.fullmatch(text):
+            side = found[1] or found[3] or ""
+            values[row] = float(found[2]) * (-1 if side in _SOUTH_OR_WEST and side else 1)
+    return values
+
+
+def signs_of_sides(cells: Any) -> FloatArray:
+    """Return 1 for N and E, -1 for S and W, NaN for anything else, of a column of texts."""
+    signs = {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}
+    return np.array([signs.get(text.strip().upper()[:1], np.nan) for text in cells])
