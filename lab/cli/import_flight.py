@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -184,13 +185,19 @@ def _add_log(
         print(f"- {repair}")
     if not vehicle:
         print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")
-    print(f"Added: {added}. Navigate it: ins-lab run {added}")
+    print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
+
+
+def _quoted(name: str) -> str:
+    """Return the name of a mission as a shell takes it."""
+    return name if re.fullmatch(r"[\w.+-]+", name) else f'"{name}"'
 
 
 def _free_name(file: Path) -> str:
     from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
+    from lab.missions.mission_name import without_archive  # noqa: PLC0415 - beside what it goes with
 
-    return free_name(file.name)
+    return free_name(without_archive(file.name))
 
 
 def _units(texts: Sequence[str] | None) -> dict[str, str]:
@@ -251,7 +258,7 @@ def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bo
     if shown is not None:
         print(f"Preview: {shown}")
     if added is not None:
-        print(f"Added: {added}. Navigate it: ins-lab run {added}")
+        print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
 
 
 def _facts(report: ImportReport) -> dict[str, Any]:

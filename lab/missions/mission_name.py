@@ -45,6 +45,11 @@ def accepted_name(name: str) -> str:
     return name
 
 
+def without_archive(text: str) -> str:
+    """Return the name of a file without the ending of an archive: it holds the files of a log."""
+    return re.sub(r"(?i)\.zip$", "", text)
+
+
 def suggested_name(text: str) -> str:
     """Return an accepted name as close as possible to a text, such as the name of a file."""
     text = unicodedata.normalize("NFC", text)

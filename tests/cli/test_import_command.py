@@ -40,6 +40,11 @@ def changed(path: Path, **values: np.ndarray) -> Path:
     return path
 
 
+def test_the_command_that_follows_takes_a_name_with_spaces(flight: Path) -> None:
+    answer = ask("import", str(flight), "--name", "my flight")
+    assert answer.stdout.splitlines()[-1] == 'Added: my flight. Navigate it: ins-lab run "my flight"'
+
+
 def test_a_flight_becomes_a_mission_that_runs(flight: Path) -> None:
     answer = ask("import", str(flight), "--name", "mine", "--title", "My flight")
     assert answer.exit_code == 0, answer.output

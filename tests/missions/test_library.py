@@ -36,7 +36,7 @@ from lab.missions.library import (
     rename_mission,
 )
 from lab.missions.mission import read_toml
-from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name, without_archive
 from lab.recordings.folder_lock import LOCK_FILE
 from lab.toml_file import MAX_BYTES
 
@@ -182,6 +182,7 @@ def test_names_suggested(text, name):
 
 def test_free_names_are_counted(own):
     assert free_name("montreal.csv") == "montreal_2"
+    assert free_name(without_archive("2023-11-14_22-13-20.ZIP")) == "2023-11-14_22-13-20"
     add_mission(circle(), "Montreal_2", title="x")
     assert free_name("montreal") == "montreal_3"
     add_mission(circle(), "x" * MAX_LETTERS, title="x")

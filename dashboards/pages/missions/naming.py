@@ -11,7 +11,7 @@ from dashboards.pages.missions.dialog import fill
 from dashboards.pages.missions.entry_fields import WRAP
 from lab.missions import MissionError
 from lab.missions.library import free_name
-from lab.missions.mission_name import accepted_name
+from lab.missions.mission_name import accepted_name, without_archive
 
 _FIELD: dict[str, Any] = {
     "size": "small",
@@ -45,7 +45,7 @@ class Naming:
 
     def suggest(self, name: str, title: str) -> None:
         """Suggest another name and title."""
-        fill(self._name, free_name(name))
+        fill(self._name, free_name(without_archive(name)))
         fill(self._title, title)
 
     def checked_name(self) -> str:
