@@ -19,7 +19,7 @@ from lab.logs.auxiliary_data import Comparison
 from lab.logs.sensor_log import SensorLog
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
-from lab.readers import READERS, Reader, read_raw, reader_of
+from lab.readers import READERS, Reader, log_reader_of, read_raw
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.repair.raw_flight import RawFlight
@@ -203,7 +203,7 @@ def read_log(
     files = _files(paths)
     if not files:
         raise MissionError("the flight was not read from a file; a log of an IMU and a GPS receiver is")
-    readers = [reader_of(file, units) for file in files]
+    readers = [log_reader_of(file, units) for file in files]
     reader = next((one for one in readers if one.read_logs is None), readers[0])
     if reader.read_logs is not None:
         return reader.read_logs(files, units or {}, axes, vehicle)
@@ -233,7 +233,7 @@ def _files(paths: Sequence[Path]) -> list[Path]:
         tables = []
         for inside in sorted(path.iterdir())[:_MAX_IN_FOLDER]:
             with contextlib.suppress(MissionError):
-                if inside.is_file() and reader_of(inside).read_logs is not None:
+                if inside.is_file() and log_reader_of(inside).read_logs is not None:
                     tables.append(inside)
         if not tables:
             raise MissionError(

@@ -173,6 +173,26 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     )
 
 
+def log_reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
+    """Return the reader of the log in a file: a table of a simulator's headings may be one of a log's files.
+
+    Parameters
+    ----------
+    path
+        The file.
+    units
+        What a person says of columns.
+
+    Raises
+    ------
+    MissionError
+        As `reader_of`.
+    """
+    reader = reader_of(path, units)
+    is_table = reader.read_log is None and sensor_csv.recognises(_head(path))
+    return READERS[-1] if is_table else reader
+
+
 def read_raw(
     paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str], units: Mapping[str, str] | None = None
 ) -> RawFlight:
@@ -194,6 +214,8 @@ def read_raw(
     if not 1 <= len(files) <= MAX_FILES:
         raise MissionError(f"{len(files)} files given; accepted are 1 to {MAX_FILES} of one flight")
     readers = [reader_of(path, units) for path in files]
+    if READERS[-1] in readers and len(set(readers)) > 1:
+        readers = [log_reader_of(path, units) for path in files]
     for path, reader in zip(files, readers, strict=True):
         if reader is not readers[0]:
             raise MissionError(

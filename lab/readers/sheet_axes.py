@@ -20,6 +20,10 @@ FloatArray = NDArray[np.float64]
 Axes = tuple[str, str, str]
 
 NAMES = ("x", "y", "z")
+_IF_REVERSED = (
+    ". With the signs of all accelerations reversed the log agrees: some phones, such as iPhones, report "
+    "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], and y and z alike"
+)
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -73,6 +77,24 @@ def oriented(
         log = build(_turned(samples, given))
         check_log(log)
         return _reported(log, f"Axes: {_words(given)}, as given.")
+    passed, refused = _tried(samples, build, phone)
+    if not passed:
+        reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
+        hint = _IF_REVERSED if _tried(reversed_, build, phone)[0] else ""
+        raise MissionError(f"{refused[0]}{hint}")
+    axes, log = passed[0]
+    why = (
+        "gravity and the motion show them"
+        if len(passed) == 1
+        else "gravity shows down; the motion does not show forward, which is assumed"
+    )
+    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.")
+
+
+def _tried(
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool
+) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
+    """Return the axes with which a log passes, each with the log, and why it does not with the others."""
     passed: list[tuple[Axes, SensorLog]] = []
     refused: list[MissionError] = []
     for axes in _candidates(samples, phone):
@@ -83,15 +105,7 @@ def oriented(
             refused.append(error)
         else:
             passed.append((axes, log))
-    if not passed:
-        raise refused[0]
-    axes, log = passed[0]
-    why = (
-        "gravity and the motion show them"
-        if len(passed) == 1
-        else "gravity shows down; the motion does not show forward, which is assumed"
-    )
-    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.")
+    return passed, refused
 
 
 def _turned(samples: FloatArray, axes: Sequence[str]) -> FloatArray:

@@ -139,6 +139,32 @@ def test_an_iphone_reports_accelerations_along_gravity(tmp_path, made, expected)
     assert any("-accelerometerAccelerationX(G)" in remark for remark in log.repairs)
 
 
+def test_accelerations_along_gravity_are_suspected_in_turns(tmp_path, made, expected):
+    """Swapped gyros look alike, so that nothing is reversed without a word of a person."""
+    imu, _ = made
+    header = "time,wx,wy,wz,ax,ay,az,latitude,longitude,altitude,speed,course"
+    rows = rows_of(
+        made, phone(imu[:, 1:4]), -phone(imu[:, 4:]),
+        fix=lambda lat, lon, h, vn, ve, vd, speed, course: (lat, lon, h, speed, course),
+    )  # fmt: skip
+    path = table(tmp_path / "app.csv", header, rows)
+    with pytest.raises(MissionError, match="along gravity and not against it"):
+        read_log([path])
+    close(read_log([path], {f"a{axis}": f"-force_{axis}" for axis in "xyz"}), expected)
+
+
+def test_a_table_that_a_simulator_could_have_written_goes_with_an_imu(tmp_path, made, expected):
+    """Time, lat, lon, alt, vn and ve are headings of JSBSim too."""
+    imu, gnss = made
+    one = table(
+        tmp_path / "imu_data.csv", "time,ax,ay,az,gyro_x,gyro_y,gyro_z", imu[:, [0, 4, 5, 6, 1, 2, 3]]
+    )
+    two = table(tmp_path / "gps_data.csv", "time,lat,lon,alt,vn,ve", gnss[:, :6])
+    for paths in ([one, two], [tmp_path]):
+        same(read_log(paths), expected)
+    assert read_raw([one, two]).height is not None
+
+
 def test_rates_without_a_unit_beside_g_may_be_radians(tmp_path, made, expected):
     imu, _ = made
     header = "time,gFx,gFy,gFz,wx,wy,wz,Latitude,Longitude,Altitude,Speed (m/s),Bearing"
