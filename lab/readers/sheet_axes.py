@@ -22,7 +22,8 @@ Axes = tuple[str, str, str]
 NAMES = ("x", "y", "z")
 _IF_REVERSED = (
     ". With the signs of all accelerations reversed the log agrees: some phones, such as iPhones, report "
-    "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], and y and z alike"
+    "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], "
+    "and y and z alike"
 )
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
