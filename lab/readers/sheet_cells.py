@@ -21,6 +21,8 @@ _DECORATED = re.compile(r"[^\w+.-]{0,3}\s*([+-]?\d+(?:\.\d*)?)\s*([^\d\s][^\d]{0
 _HEMISPHERE = re.compile(r"(?i)(?:([NSEW])\s*)?(\d+(?:\.\d*)?)\s*°?(?:\s*([NSEW]))?")
 _PAIR = re.compile(r"\s*([+-]?\d+\.\d+)\s*[,;\s]\s*([+-]?\d+\.\d+)\s*")
 _SOUTH_OR_WEST = frozenset("SWsw")
+_NO_PLAIN_NUMBER = re.compile(r"(?i)\d\s*°?\s*[NSEW]|[NSEW]\s*\d|\d[,;\s]+[+-]?\d")
+"""What a column has somewhere whose cells are looked at one by one."""
 _DIGITS = re.compile(r"\d")
 
 
@@ -61,7 +63,7 @@ def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str
 
 
 def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:
-    """Return latitudes or longitudes of a column of texts: with a hemisphere, or two in one cell.
+    """Return latitudes or longitudes of a column of texts with a hemisphere or two numbers; NaN for others.
 
     Parameters
     ----------
@@ -71,6 +73,8 @@ def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:
         Whether the second number of a cell with two is taken.
     """
     values = np.full(len(cells), np.nan)
+    if not cells.str.contains(_NO_PLAIN_NUMBER).any():
+        return values
     for row, text in enumerate(cells):
         if found := _PAIR.fullmatch(text):
             values[row] = float(found[2] if is_longitude else found[1])
