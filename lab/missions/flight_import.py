@@ -19,7 +19,7 @@ from lab.logs.auxiliary_data import Comparison
 from lab.logs.sensor_log import SensorLog
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
-from lab.readers import READERS, Reader, log_reader_of, read_raw
+from lab.readers import READERS, Reader, log_reader_of, read_raw, reader_of
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.repair.raw_flight import RawFlight
@@ -203,7 +203,8 @@ def read_log(
     files = _files(paths)
     if not files:
         raise MissionError("the flight was not read from a file; a log of an IMU and a GPS receiver is")
-    readers = [log_reader_of(file, units) for file in files]
+    find = log_reader_of if len(files) > 1 else reader_of
+    readers = [find(file, units) for file in files]
     reader = next((one for one in readers if one.read_logs is None), readers[0])
     if reader.read_logs is not None:
         return reader.read_logs(files, units or {}, axes, vehicle)
