@@ -138,6 +138,7 @@ def pictures(page: Page, seconds: float) -> tuple[float, float]:
     return spent, (page.evaluate("window.painted.length") - before) / seconds
 
 
+@pytest.mark.timeout(300 + 2 * SECONDS + 60 * PAGES)
 def test_many_pages_cost_little_more_than_one(chromium, monkeypatch: pytest.MonkeyPatch) -> None:
     with device(200) as source:
         monkeypatch.setenv("INS_LAB_DEVICES", source.split("?")[0])
