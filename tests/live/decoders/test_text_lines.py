@@ -301,6 +301,7 @@ def test_headings_are_read_as_those_of_csv_files(header, columns):
     rows = np.full((20, count), 0.1) + 0.01 * np.random.default_rng(1).standard_normal((20, count))
     if header.startswith("time"):
         rows[:, 0] = 10_000.0 * np.arange(20)
+        rows[:, 7:] += 25.0  # the field of the Earth [µT]
     upright = header.split(",").index("f_z" if "f_z" in header else "linear_acceleration.z")
     rows[:, upright] = -1.0
     found = guess_columns([header, *(",".join(f"{value:g}" for value in row) for row in rows)])
