@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import io
 import json
-import math
 import re
 import tempfile
 import time
 import zipfile
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -47,8 +47,11 @@ THEME = "theme"
 """What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
 SOON, PERIOD = 50, 500
-"""Time until a change is in the address, so that a reload keeps it, and between two updates [ms]: who moves a
-slider leaves two entries a second in the history of the browser."""
+"""Time until a change is in the address, so that a reload keeps it, and the same while a setting changes all
+the time, as with a slider [ms]."""
+AT_ONCE, OF_LATE = 8, 10.0
+"""Most updates within a time [s] before they become rare: more changes are those of a slider, and a browser
+accepts a hundred entries in its history in 30 s."""
 
 
 class Download(pmui.FileDownload):
@@ -189,7 +192,8 @@ class Address:
         self._document = document
         self._location = pn.state.location
         self._waits = False  # for the next update
-        self._updated = -math.inf
+        self._updates: deque[float] = deque(maxlen=AT_ONCE)
+        """When the last updates were [s]."""
         self._code, self._keeps_settings = "", True
         self._theme = ""
         session.param.watch(lambda _event: self.update(), "result")
@@ -234,11 +238,13 @@ class Address:
         """Write the settings into the address, soon."""
         if not self._waits:
             self._waits = True
-            since = round(1000 * min(time.monotonic() - self._updated, 1.0))
-            self._document.add_timeout_callback(self._write, max(SOON, PERIOD - since))
+            of_late = [one for one in self._updates if time.monotonic() - one < OF_LATE]
+            due = SOON if len(of_late) < AT_ONCE else PERIOD
+            self._document.add_timeout_callback(self._write, due)
 
     def _write(self) -> None:
-        self._waits, self._updated = False, time.monotonic()
+        self._waits = False
+        self._updates.append(time.monotonic())
         settings = query(self._session.experiment) if self._keeps_settings else ""
         homework = self._session.homework
         is_on = homework is not None and self._session.experiment.hidden == homework.scenario.key

@@ -224,7 +224,7 @@ class Reception:
         found = recognise(b"".join(one.data for one in first))
         if not found:
             seen = counted(self.statistics.bytes, "byte")
-            self.evidence = f"Nothing is recognised in {seen}: is the speed of the line right?"
+            self.evidence = f"Nothing is recognised in {seen}."
             return _NO_IMU, _NO_FIX
         self._use(found[0])
         parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]

@@ -7,6 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from lab.live.address import Address
+from lab.live.cause import in_words
 from lab.live.transport import Chunk, TransportError
 
 BAUD = 115_200
@@ -112,8 +113,7 @@ class SerialPort:
         try:
             self._port = serial.Serial(self._name, self._baud, timeout=0, exclusive=True)
         except serial.SerialException as error:
-            why = os.strerror(error.errno) if error.errno else str(error)
-            raise OSError(f"{self._name}: {why}") from error
+            raise OSError(f"{self._name}: {_why(error)}") from error
         except ValueError as error:
             raise OSError(f"{self._name}: {error}") from error
 
@@ -142,3 +142,11 @@ class SerialPort:
         port, self._port = self._port, None
         if port is not None:
             port.close()
+
+
+def _why(error: Any) -> str:
+    """Return why pyserial cannot open a port; what it says of its settings has the number in its cause."""
+    cause = error.__context__
+    number = error.errno or (cause.args[0] if cause is not None and cause.args else None)
+    words = in_words(number) if isinstance(number, int) else ""
+    return words or (os.strerror(error.errno) if error.errno else str(error))

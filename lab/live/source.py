@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from lab.live.axis_map import AxisMap
+from lab.live.cause import cause_of
 from lab.live.decoders.decoder_error import DecoderError
+from lab.live.progress import Progress
 from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.live.reception import Loss, Reception
 from lab.live.ring import Cursor, Read, Ring
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 SILENCE = 0.5
 """Silence after which a source is stale [s]: five samples of the slowest IMU."""
+SILENCE_OF_FIXES = 2.5
+"""Silence after which a source of fixes alone is stale [s]: two of a receiver at 1 Hz are missing."""
 WAKE = 0.1
 """Longest wait for bytes [s]: within it a source that is closed ends."""
 FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
@@ -77,6 +81,7 @@ class Source:
         self._state, self._why = OPENING, "Opening."
         self._reached = False
         self._heard = clock()
+        self._progress = Progress(self._heard)
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
         self._events: tuple[Event, ...] = ()
         self._losses: tuple[Event, ...] = ()
@@ -211,14 +216,16 @@ class Source:
 
     def _now(self, now: float) -> tuple[str, str]:
         """Return the state, which silence changes, and the state in words."""
-        silent = now - self._heard
+        silent, end = now - self._heard, self._ring.end
         if self._state != STREAMING:
             return self._state, self._why
         remark = str(getattr(self._transport, "remark", ""))
-        if silent > SILENCE:
+        if silent > (SILENCE_OF_FIXES if end.fix and not end.imu else SILENCE):
             return STALE, f"Nothing has come for {silent:.1f} s. {remark}".rstrip()
-        if not sum(self._ring.end):
-            return STREAMING, self._reception.evidence or "Bytes come; their protocol is looked for."
+        if why := self._progress.lacks(now, self._reception, is_serial=self.address.startswith("serial:")):
+            return STALE, f"{why} {remark}".rstrip()
+        if not sum(end) and self._reception.statistics.bytes:
+            return STREAMING, self._reception.evidence or "Bytes come; no sample is complete yet."
         return STREAMING, f"{self._why} {remark}".rstrip()
 
     def _measured(self, now: float) -> tuple[float, float, float, float]:
@@ -298,11 +305,15 @@ class Source:
                 except OSError as error:
                     self._lose(error, opened=False)
                 else:
-                    wait = FIRST_WAIT
+                    connected = self._heard = self._clock()
                     try:
                         self._read()
                     except OSError as error:
                         self._lose(error, opened=True)
+                    if (
+                        self._heard > connected
+                    ):  # who accepts and ends at once is not asked ten times a second
+                        wait = FIRST_WAIT
                 self._transport.close()
                 if not self._transport.reconnects and self._state == LOST:
                     self._end(self._why)
@@ -331,8 +342,8 @@ class Source:
             end()
 
     def _read(self) -> None:
-        self._set(STREAMING, "Connected; nothing has come yet." if not self._ring.end.imu else "Streaming.")
-        self._heard = self._clock()
+        self._progress = Progress(self._heard)
+        self._set(STREAMING, "Connected; nothing has come yet.")
         while not self._ending.is_set():
             chunk = self._transport.read(WAKE)
             if chunk.data:
@@ -343,9 +354,14 @@ class Source:
             if self._writer is not None:
                 self._keep(lambda: self._writer.take(chunk))  # type: ignore[union-attr]
             self._heard, self._arrival = self._clock(), chunk.arrival
-            self._put(*self._reception.take(chunk))
-            if self._why != "Streaming." and self._ring.end.imu + self._ring.end.fix:
-                self._why = "Streaming."
+            imu, fix = self._reception.take(chunk)
+            self._put(imu, fix)
+            if len(imu) or len(fix):
+                self._progress.sampled(self._heard)
+                if self._why != "Streaming.":
+                    self._set(STREAMING, "Streaming.")
+            else:
+                self._progress.without(self._heard, self._reception.statistics.frames)
 
     def _put(self, imu: Any, fix: Any) -> None:
         if len(imu) or len(fix):
@@ -367,7 +383,7 @@ class Source:
 
     def _lose(self, error: OSError, *, opened: bool) -> None:
         """Note that the device is gone, or not there yet."""
-        why = _reason(error)
+        why = cause_of(error)
         first = self._state != LOST
         self._reached |= opened
         with self._lock:
@@ -397,7 +413,3 @@ def _rate(times: Any) -> float:
     return (
         float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 and times[-1] > times[0] else 0.0
     )
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error) or type(error).__name__).rstrip(".")

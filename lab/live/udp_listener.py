@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 
+from lab.counted import counted
 from lab.live.address import Address, computer_and_port
 from lab.live.transport import Chunk
 
@@ -20,7 +21,7 @@ _MOST = 256
 
 
 class UdpListener:
-    """Datagrams of one sender; a `Transport`.
+    """Datagrams of one sender; a `Transport` with remarks.
 
     The first sender is listened to, until it is silent for `SILENCE`: two streams in one would be none.
 
@@ -47,6 +48,13 @@ class UdpListener:
         self._sender: tuple[object, ...] | None = None
         self._heard = -float("inf")
         self.foreign = 0
+
+    @property
+    def remark(self) -> str:
+        """What is not listened to, in a sentence."""
+        if not self.foreign:
+            return ""
+        return f"Another sender sends here too: {counted(self.foreign, 'datagram')} of it not used."
 
     def open(self) -> None:
         """Listen.

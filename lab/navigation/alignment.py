@@ -199,7 +199,8 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
     c, s = np.cos(heading), np.sin(heading)
     ahead, right, down = c * force_n[0] + s * force_n[1], c * force_n[1] - s * force_n[0], force_n[2]
     across = float(np.hypot(force[1], force[2]))
-    roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1])
+    # Without a force across the forward axis, as of a device that stands on its nose, any roll will do.
+    roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1]) if across else 0.0
     below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
     pitch = np.arctan2(below, force[0]) - np.arctan2(down, ahead)
     return float(wrap(roll)), float(wrap(pitch))

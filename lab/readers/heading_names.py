@@ -79,7 +79,7 @@ _GYRO = {"gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "omega", "angvel", "
 _ACCEL = {"accelerometer", "accelerometers", "accel", "acc", "acceleration", "accelerations", "accelero",
           "linacc", "acce"}  # fmt: skip
 _SHORT_RATE = {"w", "g", "imug", "imuw", "rate", "rates", "wrss"}
-_SHORT_FORCE = {"a", "f", "gf", "imua", "arss"}
+_SHORT_FORCE = {"a", "f", "gf", "imua", "arss", "force", "forces"}
 """Short names; those with rs and s are of EuRoC: w_RS_S_x."""
 _WORSE = {
     "total": -1, "uncalibrated": 4, "uncal": 4, "raw": 1, "filtered": 2, "lpf": 2, "linear": 2, "lin": 2,

@@ -175,7 +175,7 @@ def test_a_device_that_is_not_there_is_waited_for() -> None:
         until(lambda: source.end.imu > 0)
     assert transport.opened == 4
     texts = [event.text for event in source.status.events]
-    assert texts[0] == "Not reached: No such file or directory; it is tried again."
+    assert texts[0] == "Not reached: there is no such port; it is tried again."
     assert sum("Not reached" in text for text in texts) == 1
     assert transport.closed >= 4
 

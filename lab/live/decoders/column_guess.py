@@ -1,9 +1,9 @@
 """Column guess: the column map of text lines, found in their header or in their numbers.
 
-A header names columns and units. Without one, time is the column that increases by equal steps, the
-specific force the first three columns that are about 1 g long, a magnetic field three whose length is
-steady, and the angular rate the next three. Its unit cannot be seen at rest: degrees go with g, radians
-with m/s². Each guess says so in a remark.
+A header names columns and units, as that of a csv file does. Without one, time is the column that increases
+by equal steps, the specific force the first three columns that are about 1 g long, a magnetic field three
+whose length is steady, and the angular rate the next three. Its unit cannot be seen at rest: degrees go with
+g, radians with m/s². Each guess says so in a remark.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.decoders.column_map import MAX_COLUMNS, SEPARATORS, UNITS_OF, Column, ColumnMap, ColumnMapError
+from lab.readers.heading_names import heading_of
 from lab.readers.unit_names import unit_name
 from lab.recordings.mission_error import MissionError
 
@@ -27,25 +28,15 @@ NUMBER = r"[+-]?(?:\d{1,15}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
 _IS_NUMBER = re.compile(NUMBER)
 _PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
 _HEADING = re.compile(r"(.*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*")
-_NAMES = (
-    ("time", re.compile(r"t|time.*|timestamp.*|millis|micros|ms|us|seconds.*|.*(?:elapsed|time)")),
+_OTHERS = (
     ("count", re.compile(r"count|counter|sample|n|index")),
-    (
-        "rate",
-        re.compile(
-            r"(?:rate|gyr|gyro|gyroscope|g|w|omega|angular ?(?:rate|velocity)|rotation ?rate).?([xyz])"
-        ),
-    ),
-    (
-        "force",
-        re.compile(
-            r"(?:force|acc|accel|accelerometer|acceleration|a|total ?acceleration|specific ?force).?([xyz])"
-        ),
-    ),
     ("magnetic", re.compile(r"(?:magnetic|mag|magnetometer|magnetic ?field|m|b).?([xyz])")),
     ("temperature", re.compile(r"temp|temperature|t imu")),
     ("pressure", re.compile(r"pres|press|pressure|baro")),
 )
+"""Names of what only streams have; those of times, rates and forces are in `lab.readers.heading_names`."""
+_SHARED = ("time", "rate", "force")
+"""Quantities whose names streams and csv files share."""
 _BARE = re.compile(r"[xyz]")
 _SPELLINGS = {
     "ut": "µT", "μt": "µT", "µt": "µT", "microtesla": "µT", "gauss": "G", "mgauss": "mG", "milligauss": "mG",
@@ -152,34 +143,34 @@ def _header(lines: Sequence[str], separator: str, count: int) -> list[str] | Non
 
 def _named(headings: Sequence[str], remarks: list[str]) -> list[Column]:
     """Return columns by their headings; a unit that is not named is left open."""
-    columns: list[Column] = []
-    for heading in headings:
-        found = _HEADING.fullmatch(heading)
-        name, unit = (found[1], found[2] or "") if found else (heading, "")
-        quantity, unit = _quantity(name.replace("_", " ").strip().lower(), unit)
-        if quantity in {column.quantity for column in columns}:
-            quantity, unit = "-", ""
-        columns.append(Column(quantity, unit))
-    for column, heading in zip(columns, headings, strict=True):
-        if column.quantity != "-":
-            remarks.append(f"{column.quantity}: the heading is {heading!r}.")
-    return columns
+    found = [_quantity(heading) for heading in headings]
+    best: dict[str, int] = {}  # the place of the best column of each quantity
+    for place, (quantity, _unit_name, rank) in enumerate(found):
+        if quantity != "-" and (quantity not in best or rank < found[best[quantity]][2]):
+            best[quantity] = place
+    for quantity, place in sorted(best.items(), key=lambda item: item[1]):
+        remarks.append(f"{quantity}: the heading is {headings[place]!r}.")
+    return [
+        Column(quantity, unit) if best.get(quantity) == place else Column()
+        for place, (quantity, unit, _rank) in enumerate(found)
+    ]
 
 
-def _quantity(name: str, unit: str) -> tuple[str, str]:
-    if _BARE.fullmatch(name):
-        for quantity in ("force", "rate", "magnetic"):
-            if known := _unit(quantity, unit):
-                return f"{quantity}_{name}", known
-        return "-", ""
-    for quantity, pattern in _NAMES:
-        found = pattern.fullmatch(name)
-        if found:
-            known = _unit(quantity, unit)
-            if not known and name in ("ms", "millis", "us", "micros"):
-                known = "ms" if name in ("ms", "millis") else "µs"
-            return (f"{quantity}_{found[1]}" if pattern.groups else quantity), known
-    return "-", ""
+def _quantity(heading: str) -> tuple[str, str, int]:
+    """Return the quantity, unit and rank of a heading; the lowest rank is the best of one quantity."""
+    cut = _HEADING.fullmatch(heading)
+    stem, unit = (cut[1], cut[2] or "") if cut else (heading, "")
+    name = stem.replace("_", " ").strip().lower()
+    if _BARE.fullmatch(name) and (known := _unit("magnetic", unit)):
+        return f"magnetic_{name}", known, 0
+    for quantity, pattern in _OTHERS:
+        if found := pattern.fullmatch(name):
+            return f"{quantity}_{found[1]}" if pattern.groups else quantity, _unit(quantity, unit), 0
+    named = heading_of(heading)
+    if named is None or named.quantity not in _SHARED:
+        return "-", "", 0
+    known = _unit(named.quantity, unit) or _unit(named.quantity, named.unit)
+    return f"{named.quantity}_{named.axis}" if named.axis else named.quantity, known, named.rank
 
 
 def _unit(quantity: str, spelling: str) -> str:

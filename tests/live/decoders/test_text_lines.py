@@ -279,3 +279,30 @@ def test_what_is_encoded_is_read_again_to_the_last_bit():
     found = decoded(decoder, data).imu
     for name in ("time", "rate", "force"):
         np.testing.assert_array_equal(found[name], imu[name])
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        (
+            "timestamp_us,w_x,w_y,w_z,f_x,f_y,f_z,mx,my,mz",
+            "time[µs],rate_x[°/s],rate_y[°/s],rate_z[°/s],force_x[g],force_y[g],force_z[g],"
+            "magnetic_x[µT],magnetic_y[µT],magnetic_z[µT]",
+        ),
+        (
+            "linear_acceleration.x,linear_acceleration.y,linear_acceleration.z,angular_velocity.x,"
+            "angular_velocity.y,angular_velocity.z",
+            "force_x[g],force_y[g],force_z[g],rate_x[°/s],rate_y[°/s],rate_z[°/s]",
+        ),
+    ],
+)
+def test_headings_are_read_as_those_of_csv_files(header, columns):
+    count = header.count(",") + 1
+    rows = np.full((20, count), 0.1) + 0.01 * np.random.default_rng(1).standard_normal((20, count))
+    if header.startswith("time"):
+        rows[:, 0] = 10_000.0 * np.arange(20)
+        rows[:, 7:] += 25.0  # the field of the Earth [µT]
+    upright = header.split(",").index("f_z" if "f_z" in header else "linear_acceleration.z")
+    rows[:, upright] = -1.0
+    found = guess_columns([header, *(",".join(f"{value:g}" for value in row) for row in rows)])
+    assert str(found) == columns
