@@ -6,10 +6,11 @@ sweep that was ended goes on where it stopped.
 
 from __future__ import annotations
 
+import operator
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import product
 from numbers import Real
@@ -115,6 +116,8 @@ def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[
         )
     swept = []
     for path, given in settings.items():
+        if not isinstance(path, str):
+            raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
         if path == "seed":
             raise SettingError("seed: every sweep runs over seeds; give their number or a list as `seeds`")
         if isinstance(given, str) or not hasattr(given, "__iter__"):
@@ -157,12 +160,17 @@ def seeds_of(experiment: Experiment, points: list[Experiment], seeds: int | Sequ
     Raises
     ------
     ValueError
-        If there is none, or several for a sensor log.
+        If there is none, one is no whole number, or there are several for a sensor log.
     """
-    chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
-    numbers = tuple(dict.fromkeys(int(seed) for seed in chosen))
+    accepted = "accepted is a number from 1, or a list of seeds"
+    try:
+        first = experiment.seed
+        given = seeds if isinstance(seeds, Iterable) else range(first, first + operator.index(seeds))
+        numbers = tuple(dict.fromkeys(operator.index(seed) for seed in given))
+    except TypeError as error:
+        raise ValueError(f"seeds: {seeds!r} contains what is no whole number; {accepted}") from error
     if not numbers:
-        raise ValueError(f"seeds: {seeds!r} contains no run; accepted is a number from 1, or a list of seeds")
+        raise ValueError(f"seeds: {seeds!r} contains no run; {accepted}")
     logs = [name for name in {one.mission for one in points} if isinstance(mission(name), LogMission)]
     if logs and len(numbers) > 1:
         raise ValueError(

@@ -135,6 +135,7 @@ def deviation(noise, flicker, random_walk):
     figures = AllanFigures()
     records = rest.simulate(sensors, seed=1)
     figures.show(sensors, {triad: allan.deviation(one.rates, one.dt) for triad, one in records.items()})
+    plots.follow_theme(*figures.figures)
     return pn.Row(*(pn.pane.Bokeh(figure, width=480, height=320) for figure in figures.figures))
 
 

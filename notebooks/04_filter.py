@@ -34,6 +34,7 @@ from lab.navigation.belief import belief
 from lab.navigation.error_models import PHI
 
 hv.extension("bokeh")
+plots.follow_theme()
 pn.extension()
 
 experiment = Experiment(mission="los_angeles", seed=1)

@@ -141,6 +141,7 @@ axis = TimeAxis()
 axis.range.update(end=205, bounds=(0, 205))
 figures = BudgetFigures(axis)
 figures.show(whole.budget, whole.observability, "heading")
+plots.follow_theme(*figures.figures)
 for figure in figures.figures:
     figure.update(sizing_mode="fixed", width=760, height=320)
 pn.Column(*figures.figures)

@@ -78,7 +78,9 @@ def over_time(ensemble):
         time = data[data[name].dims[0]]
         edges = hv.Area((time, data[f"{name}_low"], data[f"{name}_high"]), "time [s]", [title, "high"])
         curve = edges.opts(alpha=0.2, line_alpha=0) * hv.Curve((time, data[name]), "time [s]", title)
-        drawn.append(curve.opts(width=330, height=260, show_grid=True, title=f"{title}, average of the runs"))
+        drawn.append(
+            curve.opts(width=330, height=260, show_grid=True, ylabel="", title=title, fontsize={"title": 10})
+        )
     return hv.Layout(drawn).opts(shared_axes=False)
 
 

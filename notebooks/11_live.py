@@ -30,13 +30,14 @@ import pandas as pd
 import panel as pn
 
 import lab.live
-from lab import Experiment, check
+from lab import Experiment, check, plots
 from lab.live.live_navigator import LiveNavigator
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.live.simulated_flight import SimulatedFlight
 from lab.views.live_figures import LiveFigures
 
 pn.extension()
+pd.set_option("display.max_colwidth", None)
 
 # %% [markdown]
 # ## 1. Open a source
@@ -163,9 +164,10 @@ figures.window = 240.0
 figures.add_history(navigator.since()[1], 0.0)
 figures.add_fixes(fix)
 figures.show(state, 120.0)
-pn.GridBox(
-    *(pn.pane.Bokeh(figure, width=330, height=230) for figure in figures.figures[2:]), ncols=3
-).servable()
+plots.follow_theme(*figures.figures)
+for figure in figures.figures:
+    figure.update(sizing_mode="fixed", width=330, height=230)
+pn.GridBox(*figures.figures[2:], ncols=3).servable()
 
 # %% [markdown]
 # ## 6. Keep it

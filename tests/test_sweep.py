@@ -108,13 +108,20 @@ def test_nothing_is_computed_twice_and_an_interrupted_sweep_goes_on(
         ({"sensors.gps.period": []}, "no value in the list"),
         ({"sensors.gps.period": [1, 1.0]}, "in the list twice"),
         ({"seed": [1, 2]}, "give their number or a list as `seeds`"),
+        ({1: [0.1]}, "1 is no name of a setting"),
     ],
 )
-def test_an_error_names_the_setting_its_unit_and_its_bounds(settings: dict[str, Any], words: str) -> None:
+def test_an_error_names_the_setting_its_unit_and_its_bounds(settings: dict[Any, Any], words: str) -> None:
     with pytest.raises(SettingError, match=words):
         small().sweep(settings)
     with pytest.raises(ValueError, match="contains no run"):
         small().sweep({"sensors.gps.period": [1]}, 0)
+
+
+@pytest.mark.parametrize("seeds", [1.5, "12", [1, 2.5], [None], None])
+def test_seeds_that_are_no_whole_numbers_are_refused(seeds: Any) -> None:
+    with pytest.raises(ValueError, match=r"seeds: .* no whole number; accepted is a number from 1"):
+        small().sweep({"sensors.gps.period": [1]}, seeds)
 
 
 def test_runs_that_the_settings_forbid_are_missing_with_the_reason() -> None:

@@ -78,7 +78,13 @@ def grade(
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")
     else:
-        with atomic_file(out) as file:
-            file.write(text.encode())
+        try:
+            with atomic_file(out) as file:
+                file.write(text.encode())
+        except OSError as error:  # the runs took long: the table must not be lost
+            print(text, end="")
+            raise CommandError(
+                f"{out}: {error.strerror or error}; the table is on standard output instead"
+            ) from error
     done = sum(row["status"] == GRADED for row in rows)
     print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded", file=sys.stderr)

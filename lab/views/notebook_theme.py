@@ -1,7 +1,8 @@
 """Notebook theme: figures of a notebook turn dark with JupyterLab, also when its theme changes later.
 
 Python does not know the theme of the page. JupyterLab notes it on the page's body, where the figure looks as
-soon as it has a size.
+soon as it has a size. Panel takes the colour of texts and labels of widgets from a variable that only the
+package ipywidgets defines: without it they are black, also in the dark. The figure defines it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ FOLLOW = """
 const view = Bokeh.index.find_one(cb_obj);
 if (view == null || view.el.dataset.followsTheme) return;
 view.el.dataset.followsTheme = "yes";
+const colour = "--jp-widgets-label-color";
+if (document.body.dataset.jpThemeLight && !getComputedStyle(document.body).getPropertyValue(colour))
+  document.body.style.setProperty(colour, "var(--jp-ui-font-color1)");
 const dress = () => {
   const dark = document.body.dataset.jpThemeLight === "false";
   view.el.style.filter = dark ? "invert(0.92) hue-rotate(180deg)" : "";

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import holoviews as hv
 import numpy as np
 import panel as pn
+from bokeh.plotting import figure
 
+from lab.views import notebook_theme
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.notebook_theme import theme_hook
 from lab.views.quantities import (
@@ -52,10 +54,19 @@ BUCKETS = 300
 """Number of intervals to which each curve is thinned: one for each pixel of a plot of this width."""
 
 
-def follow_theme() -> None:
-    """Have plots that a notebook draws with HoloViews itself turn dark with JupyterLab, as those here do."""
-    kinds = (hv.opts.Curve, hv.opts.Area, hv.opts.Scatter, hv.opts.ErrorBars)
-    hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
+def follow_theme(*figures: figure) -> None:
+    """Have plots that a notebook draws itself turn dark with JupyterLab, as those here do.
+
+    Parameters
+    ----------
+    *figures
+        Figures of Bokeh, which no cell shows yet; without any, all later plots of HoloViews.
+    """
+    for drawn in figures:
+        notebook_theme.follow_theme(drawn)
+    if not figures:
+        kinds = (hv.opts.Curve, hv.opts.Area, hv.opts.Scatter, hv.opts.ErrorBars, hv.opts.HeatMap)
+        hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
 
 
 def errors(result: Result) -> hv.Layout:
@@ -203,8 +214,8 @@ def _autocorrelation(result: Result, name: str, axis: int) -> hv.Overlay:
     ).opts(
         width=WIDTH,
         height=HEIGHT_PIXELS,
-        title=f"Autocorrelation, {name} {EAST_NORTH_UP[axis]}, 95 % band",
-        xlabel="Lag [fixes]",
+        title=f"Autocorrelation, {name} {EAST_NORTH_UP[axis]}",
+        xlabel="Lag [fixes]; 95 % are in the band",
         ylabel="",
         ylim=(-0.6, 0.6),
         hooks=[theme_hook],

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import holoviews as hv
+import panel as pn
 import pytest
 from bokeh.embed import file_html
 from bokeh.plotting import figure
@@ -42,6 +43,26 @@ def test_a_figure_has_the_theme_of_jupyterlab_and_follows_it(chromium: Browser, 
             expect(shown).to_have_css("filter", INVERTED)
         else:
             expect(shown).not_to_have_css("filter", INVERTED)
+    page.context.close()
+
+
+def test_widgets_beside_a_figure_have_the_text_colour_of_jupyterlab(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    drawn = figure(width=300, height=200)
+    drawn.line([0, 1], [0, 1])
+    follow_theme(drawn)
+    # As in a notebook with PANEL_INLINE; a saved page asks the network for it.
+    native = (Path(pn.__file__).parent / "theme/css/native.css").read_text(encoding="utf-8")
+    slider = pn.widgets.FloatSlider(label="Noise", stylesheets=[native])
+    pn.Column(slider, pn.pane.Bokeh(drawn)).save(tmp_path / "page.html", resources=INLINE)
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<body>" in text
+    page = new_context(chromium).new_page()
+    page.set_content(
+        text.replace("<body>", '<body data-jp-theme-light="false" style="--jp-ui-font-color1: rgb(1, 2, 3)">')
+    )
+    expect(page.locator(".bk-slider-title")).to_have_css("color", "rgb(1, 2, 3)")
     page.context.close()
 
 
@@ -93,9 +114,11 @@ def test_plots_that_a_notebook_draws_itself_follow() -> None:
 curve = hv.Curve(([0, 1], [0, 1]))
 area = hv.Area(([0, 1], [0, 1], [1, 2]), "x", ["y", "high"])
 bars = hv.ErrorBars(([0, 1], [0, 1], [1, 1])) * hv.Scatter([0, 1])
-for one in (curve.opts(width=300), hv.Overlay([curve, curve]) * area, bars):
-    print(*hv.render(one).js_property_callbacks)"""
+heat = hv.HeatMap([(0, 0, 1), (1, 0, 2)])
+for one in (curve.opts(width=300), hv.Overlay([curve, curve]) * area, bars, heat):
+    print(*hv.render(one).js_property_callbacks)
+drawn = hv.render(hv.Bars([1, 2])); plots.follow_theme(drawn); print(*drawn.js_property_callbacks)"""
     found = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True
     )
-    assert found.stdout.split() == ["change:inner_width"] * 3
+    assert found.stdout.split() == ["change:inner_width"] * 5

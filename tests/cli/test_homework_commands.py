@@ -113,3 +113,15 @@ def test_a_homework_that_cannot_be_written_leaves_no_key(folder: Path) -> None:
     name = "n" * 241 + ".homework"  # of 255 letters, but the temporary file has ten more
     refused(ask("homework", "make", "receiver.toml", "--out", name), "File name too long")
     assert not list(folder.glob("*nnn*"))
+
+
+def test_a_table_that_cannot_be_written_is_printed(folder: Path) -> None:
+    (folder / "handed_in").mkdir()
+    (folder / "handed_in/note.txt").write_text("no hand-in", encoding="utf-8")
+    one = ("grade", "handed_in", "--key", "receiver.key")
+    printed = ask(*one)
+    assert "note.txt" in printed.stdout
+    failed = ask(*one, "--out", "g" * 251 + ".csv")  # the temporary file has ten letters more than the 255
+    assert failed.exit_code == 2
+    assert failed.stdout == printed.stdout
+    assert "File name too long; the table is on standard output instead" in failed.stderr
