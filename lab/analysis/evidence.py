@@ -204,6 +204,7 @@ def evidence(
             seen,
             causes_of(motion),
             reference.truth,
+            reference.dtheta,
             solution.fix_rejected[seen],
         ),
         sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,

@@ -141,12 +141,27 @@ def corrected_at(run: Run) -> list[int]:
     return found
 
 
+def _given_start(run: Run, otherwise: Start) -> Start:
+    """Return the start that the filter was given, if the run has it."""
+    if run.aligned is not None:
+        return run.aligned.start
+    return run.recorded.alignment.start if run.recorded is not None else otherwise
+
+
 def _drift_between(run: Run, first: int, last: int) -> float:
     """Return the largest attitude error of a navigator that runs free from one sample to another [rad]."""
     solution, navigator = run.solution_arrays, run.experiment.navigator
     estimates = np.concatenate((solution.scale[first], solution.further[first])).astype(np.float64)
-    bias = solution.bias[first, :3].astype(np.float64)
-    mixing = np.eye(3)
+    start = Start(
+        solution.position[first],
+        solution.velocity_n[first],
+        solution.q_nb[first],
+        solution.bias[first, :3].astype(np.float64),
+    )
+    if first == 0:
+        # A smoothed solution begins close to the truth, but its navigator began where the filter did.
+        start, estimates = _given_start(run, start), np.zeros_like(estimates)
+    bias, mixing = start.gyro_bias.astype(np.float64), np.eye(3)
     for name, elements in (
         (blocks.GYRO_SCALE, [(i, i) for i in range(3)]),
         (blocks.GYRO_MISALIGNMENT, [("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in OFF_DIAGONAL]),
@@ -157,15 +172,14 @@ def _drift_between(run: Run, first: int, last: int) -> float:
                 mixing[place] += estimates[at + k]
     if blocks.GYRO_DRIFT in run.blocks:
         at = blocks.first_state(run.blocks, blocks.GYRO_DRIFT) - blocks.CORE
-        bias += estimates[at : at + 3]
-    start = Start(solution.position[first], solution.velocity_n[first], solution.q_nb[first], bias)
+        bias = bias + estimates[at : at + 3]
     gyro, accelerometer = run.gyro.increments[first:last], run.accelerometer.increments[first:last]
     unmixed = np.asarray(np.linalg.solve(mixing, gyro.T).T, dtype=np.float64)
     imu = Imu(run.time[first : last + 1], unmixed, accelerometer)
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
     largest = 0.0
-    for begin, free in freely(imu, start, alone, Schedule(feedback=False), model):
+    for begin, free in freely(imu, start._replace(gyro_bias=bias), alone, Schedule(feedback=False), model):
         part = slice(first + begin, first + begin + free.q_nb.shape[0])
         there = _in_earth_axes(solution.position[part], solution.q_nb[part])
         apart = there.inv() * _in_earth_axes(free.position, free.q_nb)

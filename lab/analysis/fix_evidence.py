@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab import ecef
 from lab.analysis import errors
@@ -81,6 +82,7 @@ def fix_errors(
     used: NDArray[np.intp],
     causes: FloatArray,
     truth: Truth,
+    dtheta: FloatArray,
     rejected: NDArray[np.bool_],
 ) -> FixErrors:
     """Return the statistics of the errors of the offered fixes.
@@ -95,11 +97,13 @@ def fix_errors(
         Effects of latency and lever arm on them.
     truth
         The true flight.
+    dtheta : (n, 3) array
+        True angular increments [rad].
     rejected : (m,) array
         Mask of the rejected ones.
     """
     times = fixes.time[used]
-    told = causes[:, :, 1:] @ belief.lever_arm
+    told = _of_lever_arm(belief.lever_arm, truth, dtheta, times)
     error = _errors(fixes, used, truth, 0.0) - told
     root = np.sqrt(np.diagonal(belief.R))
     plain = normal_equations(causes / root[:, None], error / root)
@@ -137,6 +141,43 @@ def _latency(fit: Fit) -> tuple[float, float]:
     """Return the latency [s] that best explains the errors alone, and its gain in log-likelihood."""
     late = float(fit.vector[0] / max(fit.matrix[0, 0], 1e-30))
     return late, 0.5 * late * float(fit.vector[0])
+
+
+def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the effect (m, 6) of a lever arm l on fixes at some times [s]: C_nb l and C_nb (ω × l).
+
+    Both are true. An estimated attitude that is wrong by 1° moves an antenna at 2 m by 3.5 cm for as long as
+    it is wrong, and the mean rate before a fix is late; both are more than the noise of the best receivers,
+    whose errors do not contain them.
+
+    Parameters
+    ----------
+    lever_arm : (3,) array
+        The lever arm [m].
+    truth
+        The true flight at n + 1 samples.
+    dtheta : (n, 3) array
+        True angular increments [rad].
+    times : (m,) array
+        Times of validity of the fixes [s].
+    """
+    if not lever_arm.any():
+        return np.zeros((times.size, 6))
+    time, count = truth.time, dtheta.shape[0]
+    times = np.clip(times, time[0], time[-1])
+    last = np.clip(np.searchsorted(time, times), 1, count)
+    before, after = truth.q_nb[last - 1], truth.q_nb[last]
+    after = np.where(np.sum(before * after, axis=1, keepdims=True) < 0, -after, after)
+    step = time[last] - time[last - 1]
+    part = ((times - time[last - 1]) / step)[:, None]
+    # The angle between samples is small; `from_quat` normalises.
+    C_nb = Rotation.from_quat((1 - part) * before + part * after, scalar_first=True).as_matrix()
+    # The mean rate of an interval is that of its middle.
+    other = np.clip(np.where(part[:, 0] < 0.5, last - 1, last + 1), 1, count)
+    weight = np.abs(part - 0.5)
+    rate = ((1 - weight) * dtheta[last - 1] + weight * dtheta[other - 1]) / step[:, None]
+    speed = np.einsum("mij,mj->mi", C_nb, np.cross(rate, lever_arm))
+    return np.concatenate((C_nb @ lever_arm, speed), axis=1)
 
 
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:

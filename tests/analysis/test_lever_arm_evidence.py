@@ -52,3 +52,20 @@ def test_the_arm_is_estimated_with_an_honest_sigma_and_named_beyond_doubt_only(m
     low, high = stats.chi2.interval(1 - CHANCE, 3 * len(SEEDS))
     assert low < np.sum(squares) < high
     assert (certain > 0) == (mission == "pacific")
+
+
+def test_errors_of_the_attitude_are_no_errors_of_a_good_receiver() -> None:
+    """An antenna 2.2 m away and fixes of 2 cm: a heading that is wrong by 1° for minutes is no fault."""
+    named = []
+    for seed in range(1, 7):
+        experiment = Experiment(mission="montreal", seed=seed)
+        experiment.update(
+            {
+                "trajectory.imu_rate": 50.0,
+                "sensors.gps.position_variance": 0.0004,
+                "sensors.gps.velocity_variance": 0.0004,
+                "sensors.gps.lever_arm": (2.0, -1.0, 0.5),
+            }
+        )
+        named += [one.quantity for one in experiment.run().verdict.findings]
+    assert not named

@@ -281,6 +281,25 @@ def test_smoothed_nees_holds_in_combination(settings: dict[str, object]) -> None
     assert low < nees < high
 
 
+def test_a_smoothed_navigator_that_runs_free_too_far_is_named() -> None:
+    """It starts 2° off, as the filter did, although the smoothed flight starts close to the truth."""
+    off = (1.0, 1.0, 5.0)
+    _, after = flights(
+        1,
+        sensors__gyro__noise_density=1e-3,
+        sensors__gyro__bias_sigma=1e-4,
+        navigator__correction="feedforward",
+        navigator__attitude_sigma=off,
+        navigator__attitude_error=off,
+    )
+    wrong = attitude_error(after.aligned.start.q_nb[None], after.flown.q_nb[:1])
+    at_start, drift = np.degrees(np.linalg.norm(wrong)), np.degrees(after.feedforward_drift)
+    print(f"\nattitude error of the free navigator: {drift:.2f}°, at the start {at_start:.2f}°")
+    assert at_start > 1
+    assert drift == pytest.approx(at_start, abs=0.2)
+    assert any("navigator.correction" in remark for remark in after.remarks)
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
