@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import binascii
 import os
+import re
 import stat
 import unicodedata
 from collections.abc import Mapping
@@ -23,6 +24,8 @@ from lab.settings import SettingError
 from lab.toml_file import TomlError, parse_toml, toml_text
 
 FORMAT = "ins-lab hand-in 1"
+_ANY_FORMAT = r"ins-lab hand-in \d{1,6}"
+"""What other versions of the lab call theirs."""
 SUFFIX = ".handin"
 """Ending of the names of hand-ins."""
 LARGEST = 64_000
@@ -135,7 +138,10 @@ def open_hand_in(content: bytes, homework: Homework, key: TeacherKey) -> HandIn:
         If it is none, is of another homework, or has been changed.
     """
     tables = _tables(content)
-    if tables.get("format") != FORMAT:
+    written = tables.get("format")
+    if isinstance(written, str) and written != FORMAT and re.fullmatch(_ANY_FORMAT, written):
+        raise HandInError(f"is of another version of the lab, {written}; accepted is {FORMAT}")
+    if written != FORMAT:
         raise HandInError(
             f"is not a hand-in; accepted is a file *{SUFFIX} from the page or `ins-lab homework`"
         )
@@ -165,6 +171,11 @@ def read_hand_in(path: Path) -> bytes:
         status = path.lstat()
         if stat.S_ISLNK(status.st_mode):
             raise HandInError("is a link, which is not followed; accepted are ordinary files")
+        if stat.S_ISDIR(status.st_mode):
+            raise HandInError(
+                "is a folder that is too deep or cannot be listed, so its files are not graded; accepted are "
+                "hand-ins at most three folders deep"
+            )
         if not stat.S_ISREG(status.st_mode):
             raise HandInError("is not an ordinary file")
         if status.st_size > LARGEST:

@@ -254,6 +254,7 @@ HOSTILE: dict[str, Callable[[Keyed], bytes]] = {
     "short": lambda keyed: (
         f'format = "ins-lab hand-in 1"\nhomework = "{keyed.homework.name}"\nsealed = "AA=="'.encode()
     ),
+    "version": lambda keyed: sealed(keyed).replace(b"ins-lab hand-in 1", b"ins-lab hand-in 27"),
     "number": lambda keyed: (
         f'format = "ins-lab hand-in 1"\nhomework = "{keyed.homework.name}"\nsealed = 3'.encode()
     ),
@@ -287,11 +288,14 @@ def test_hostile_files_get_a_reason_and_stop_nothing(
     inner = tmp_path / "Müller, A_12_file"
     inner.mkdir()
     write_hand_in(inner / "=1+1.handin", keyed.homework, solved(keyed))
+    deep = tmp_path / "1" / "2" / "3" / "4" / "5"
+    deep.mkdir(parents=True)
+    write_hand_in(deep / "deep.handin", keyed.homework, solved(keyed))
     odd = os.fsencode(tmp_path) + b"/\xff\n.handin"
     Path(os.fsdecode(odd)).write_bytes(b"")
     rows = graded(keyed, tmp_path)
     assert rows.pop("Müller, A_12_file/=1+1.handin")["status"] == GRADED
-    assert len(rows) == len(HOSTILE) + 5
+    assert len(rows) == len(HOSTILE) + 6
     for name, row in rows.items():
         assert row["status"] == REFUSED, name
         assert row["remark"], name
@@ -301,6 +305,8 @@ def test_hostile_files_get_a_reason_and_stop_nothing(
     assert "trajectory.imu_rate" in rows["rate.handin"]["remark"]
     assert "another homework" in rows["other.handin"]["remark"]
     assert "UTF-8" in rows["latin-1.handin"]["remark"]
+    assert "too deep" in rows["1/2/3/4"]["remark"]
+    assert "ins-lab hand-in 27" in rows["version.handin"]["remark"]
 
 
 def test_settings_that_cannot_be_run_cost_no_other_points(keyed: Keyed, tmp_path: Path) -> None:
