@@ -173,8 +173,9 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
     # The angle between samples is small; `from_quat` normalises.
     C_nb = Rotation.from_quat((1 - part) * before + part * after, scalar_first=True).as_matrix()
     # The mean rate of an interval is that of its middle.
-    other = np.clip(np.where(part[:, 0] < 0.5, last - 1, last + 1), 1, count)
-    weight = np.abs(part - 0.5)
+    from_middle = part - 1 / 2
+    other = np.clip(np.where(from_middle[:, 0] < 0, last - 1, last + 1), 1, count)
+    weight = np.abs(from_middle)
     rate = ((1 - weight) * dtheta[last - 1] + weight * dtheta[other - 1]) / step[:, None]
     speed = np.einsum("mij,mj->mi", C_nb, np.cross(rate, lever_arm))
     return np.concatenate((C_nb @ lever_arm, speed), axis=1)

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import holoviews as hv
-import panel as pn
 import pytest
 from bokeh.embed import file_html
 from bokeh.plotting import figure
@@ -46,16 +45,28 @@ def test_a_figure_has_the_theme_of_jupyterlab_and_follows_it(chromium: Browser, 
     page.context.close()
 
 
+SAVE_WIDGET = """
+import sys
+from pathlib import Path
+import panel as pn
+from bokeh.plotting import figure
+from bokeh.resources import INLINE
+from lab.views.notebook_theme import follow_theme
+drawn = figure(width=300, height=200)
+drawn.line([0, 1], [0, 1])
+follow_theme(drawn)
+# As in a notebook with PANEL_INLINE; a saved page asks the network for it.
+native = (Path(pn.__file__).parent / "theme/css/native.css").read_text(encoding="utf-8")
+slider = pn.widgets.FloatSlider(label="Noise", stylesheets=[native])
+pn.Column(slider, pn.pane.Bokeh(drawn)).save(sys.argv[1], resources=INLINE)
+"""
+"""In a process of its own: one that has imported the dashboard also asks the network for its scripts."""
+
+
 def test_widgets_beside_a_figure_have_the_text_colour_of_jupyterlab(
     chromium: Browser, tmp_path: Path
 ) -> None:
-    drawn = figure(width=300, height=200)
-    drawn.line([0, 1], [0, 1])
-    follow_theme(drawn)
-    # As in a notebook with PANEL_INLINE; a saved page asks the network for it.
-    native = (Path(pn.__file__).parent / "theme/css/native.css").read_text(encoding="utf-8")
-    slider = pn.widgets.FloatSlider(label="Noise", stylesheets=[native])
-    pn.Column(slider, pn.pane.Bokeh(drawn)).save(tmp_path / "page.html", resources=INLINE)
+    subprocess.run([sys.executable, "-c", SAVE_WIDGET, str(tmp_path / "page.html")], cwd=ROOT, check=True)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<body>" in text
     page = new_context(chromium).new_page()
