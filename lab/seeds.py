@@ -6,10 +6,11 @@ than a hundred.
 
 from __future__ import annotations
 
+import operator
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import NamedTuple
 
@@ -81,10 +82,7 @@ def run_ensemble(
         If there is no seed, or more than one for a log; and as in `Experiment.run`. Runs that diverge are
         left out (`Ensemble.diverged`), unless all do.
     """
-    chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
-    numbers = tuple(int(seed) for seed in chosen)
-    if not numbers:
-        raise ValueError(f"seeds: {seeds!r} contains no run; accepted is a number from 1, or a list of seeds")
+    numbers = seed_numbers(experiment, seeds)
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
             f"seeds: {len(numbers)} runs of a sensor log would all be the same, since it has no random "
@@ -111,6 +109,33 @@ def run_ensemble(
     finally:
         pool.shutdown(cancel_futures=True)
     return done.ensemble()
+
+
+def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[int, ...]:
+    """Return the seeds of some runs.
+
+    Parameters
+    ----------
+    experiment
+        The experiment; its own seed is the first if a number of runs is given.
+    seeds
+        Number of runs, or the seed of each.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or one is no whole number.
+    """
+    accepted = "accepted is a number from 1, or a list of seeds"
+    first = experiment.seed
+    try:
+        given = seeds if isinstance(seeds, Iterable) else range(first, first + operator.index(seeds))
+        numbers = tuple(operator.index(seed) for seed in given)
+    except TypeError as error:
+        raise ValueError(f"seeds: {seeds!r} contains what is no whole number; {accepted}") from error
+    if not numbers:
+        raise ValueError(f"seeds: {seeds!r} contains no run; {accepted}")
+    return numbers
 
 
 def _blocks(count: int, one_by_one: int) -> list[range]:

@@ -6,11 +6,10 @@ sweep that was ended goes on where it stopped.
 
 from __future__ import annotations
 
-import operator
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import product
 from numbers import Real
@@ -24,6 +23,7 @@ from lab.ensemble import QUANTITIES, UNITS
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.result import Result
+from lab.seeds import seed_numbers
 from lab.setting_help import value_text
 from lab.settings import SettingError
 from lab.sweep import Sweep
@@ -162,15 +162,7 @@ def seeds_of(experiment: Experiment, points: list[Experiment], seeds: int | Sequ
     ValueError
         If there is none, one is no whole number, or there are several for a sensor log.
     """
-    accepted = "accepted is a number from 1, or a list of seeds"
-    try:
-        first = experiment.seed
-        given = seeds if isinstance(seeds, Iterable) else range(first, first + operator.index(seeds))
-        numbers = tuple(dict.fromkeys(operator.index(seed) for seed in given))
-    except TypeError as error:
-        raise ValueError(f"seeds: {seeds!r} contains what is no whole number; {accepted}") from error
-    if not numbers:
-        raise ValueError(f"seeds: {seeds!r} contains no run; {accepted}")
+    numbers = tuple(dict.fromkeys(seed_numbers(experiment, seeds)))
     logs = [name for name in {one.mission for one in points} if isinstance(mission(name), LogMission)]
     if logs and len(numbers) > 1:
         raise ValueError(

@@ -188,6 +188,12 @@ def test_no_seeds_are_refused(seeds: object) -> None:
         run_ensemble(Experiment(), seeds)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("seeds", [1.5, "12", None, [1.5]])
+def test_seeds_that_are_no_whole_numbers_are_refused(seeds: object) -> None:
+    with pytest.raises(ValueError, match="no whole number; accepted is"):
+        run_ensemble(Experiment(), seeds)  # type: ignore[arg-type]
+
+
 def test_what_is_wrong_with_a_run_is_told_and_the_threads_end() -> None:
     wrong = Experiment(mission="los_angeles")
     wrong.set("navigator.r", [1, 1, 1, 0, 1, 1])

@@ -21,15 +21,13 @@ from typing import Any, NamedTuple
 
 from lab.homework.bounded_runs import Examining
 from lab.homework.examination import FIGURES, examine
-from lab.homework.hand_in import HandIn, HandInError, open_hand_in, read_hand_in
+from lab.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, read_hand_in
 from lab.homework.homework import Judge
 from lab.homework.homework_file import Keyed
 from lab.lessons.quantities import QUANTITIES
 
 MOST_FILES = 2000
 """Most files in a folder; more than any class hands in."""
-DEEPEST = 3
-"""Deepest folder within the folder: learning platforms make one for each student."""
 GRADED, NOT_RUN, REFUSED = "graded", "not run", "refused"
 """Status of a row: with its settings run; with answers only; with a reason only."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")

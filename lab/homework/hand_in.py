@@ -28,6 +28,8 @@ _ANY_FORMAT = r"ins-lab hand-in \d{1,6}"
 """What other versions of the lab call theirs."""
 SUFFIX = ".handin"
 """Ending of the names of hand-ins."""
+DEEPEST = 3
+"""Deepest folder within the folder: learning platforms make one for each student."""
 LARGEST = 64_000
 """Largest hand-in accepted [bytes]; one in which every setting is changed has 10 kB."""
 LONGEST_NAME = 80
@@ -174,7 +176,7 @@ def read_hand_in(path: Path) -> bytes:
         if stat.S_ISDIR(status.st_mode):
             raise HandInError(
                 "is a folder that is too deep or cannot be listed, so its files are not graded; accepted are "
-                "hand-ins at most three folders deep"
+                f"hand-ins at most {DEEPEST} folders deep"
             )
         if not stat.S_ISREG(status.st_mode):
             raise HandInError("is not an ordinary file")

@@ -310,9 +310,8 @@ class Source:
                         self._read()
                     except OSError as error:
                         self._lose(error, opened=True)
-                    if (
-                        self._heard > connected
-                    ):  # who accepts and ends at once is not asked ten times a second
+                    # Who accepts and ends at once is not asked ten times a second.
+                    if self._heard > connected:
                         wait = FIRST_WAIT
                 self._transport.close()
                 if not self._transport.reconnects and self._state == LOST:

@@ -128,7 +128,7 @@ _NOT_READ = (
     (
         re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
         "It looks like ASCII logs of a NovAtel receiver: convert them to NMEA (GGA and RMC) or to a csv with "
-        "named columns, or import them with --column and the numbers of the columns.",
+        "named columns.",
     ),
     (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
     (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),

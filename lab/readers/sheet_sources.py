@@ -26,6 +26,12 @@ _GPS_EPOCH = 315_964_800.0
 _LEAP_SECONDS = 18.0
 """GPS time minus UTC since 2017 [s]."""
 
+_NUMBER = r"[+-]?\d{1,10}(?:\.\d{0,20})?(?:[eE][+-]?\d{1,2})?"
+_BEGIN = re.compile(rf"{_NUMBER}(?=,)")
+"""The time with which a row begins [s]."""
+_FLYSIGHT_TIME = re.compile(rf"\$TIME,({_NUMBER}),({_NUMBER}),(\d{{1,5}})\b")
+"""Clock of the device, GPS time of week, and GPS week."""
+
 KITTI_FRAME = re.compile(r"(?:^|/)oxts/data/\d+\.txt$")
 """Path of the file with one sample."""
 KITTI_STAMPS = re.compile(r"(?:^|/)oxts/timestamps\.txt$")
@@ -71,13 +77,23 @@ def _of_flysight(data: bytes) -> bytes:
     )
     head = [f"{name}[{unit}]" if unit else name for name, unit in zip(names, units, strict=False)]
     rows = [line.split(",", 1)[1] for line in lines if line.startswith(f"${sensor},")]
-    known = [line.split(",") for line in lines if line.startswith("$TIME,")]
-    if sensor == "IMU" and known:
+    if sensor == "IMU" and head and (start := _utc_at_start(lines)) is not None:
         head[0] = "utc[s]"
-        first = known[0]
-        start = float(first[3]) * 7 * DAY + float(first[2]) + _GPS_EPOCH - _LEAP_SECONDS - float(first[1])
-        rows = [f"{float(time) + start:.4f},{rest}" for time, _, rest in (row.partition(",") for row in rows)]
+        rows = [
+            f"{float(found[0]) + start:.4f}{row[found.end() :]}"
+            for row in rows
+            if (found := _BEGIN.match(row))
+        ]
     return "\n".join((",".join(head), *rows, "")).encode()
+
+
+def _utc_at_start(lines: Sequence[str]) -> float | None:
+    """Return UTC when the clock of a FlySight 2 was zero [s], by its first complete time stamp."""
+    found = next(filter(None, map(_FLYSIGHT_TIME.match, lines)), None)
+    if found is None:
+        return None
+    clock, of_week, week = map(float, found.groups())
+    return week * 7 * DAY + of_week + _GPS_EPOCH - _LEAP_SECONDS - clock
 
 
 def kitti_table(frames: Sequence[bytes], stamps: bytes) -> bytes:

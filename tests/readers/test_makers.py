@@ -12,10 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from foreign_tables import UNIX, motion, phone, same, table
-from sensor_logs import IMU, POSITION, VELOCITY, tables, write_csv
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers import read_raw
@@ -25,22 +23,6 @@ from lab.units import FOOT, KNOT
 
 FLU = np.array((1, -1, -1))
 MPH = 0.44704
-
-
-@pytest.fixture(scope="module")
-def made():
-    """Return what sensors log on the mission montreal: IMU and GPS, in the lab's own units and axes."""
-    source = tables(30, 90)
-    return source.imu, source.gnss
-
-
-@pytest.fixture(scope="module")
-def expected(made, tmp_path_factory):
-    """Return the log as the lab's own files give it."""
-    folder = tmp_path_factory.mktemp("own")
-    write_csv(folder / "imu.csv", IMU, made[0])
-    write_csv(folder / "gnss.csv", (*POSITION, *VELOCITY[:2]), made[1][:, :6])
-    return read_sensor_log(folder)
 
 
 def rows_of(made, rate, force, stamp=float, fix=None):
@@ -278,6 +260,23 @@ def test_flysight_2(tmp_path, made, expected):
     log = read_log([tmp_path])
     np.testing.assert_allclose(log.gnss.time, expected.gnss.time, atol=1e-3)
     np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "$TIME,1\n$IMU,abc",
+        "$COL,IMU,time,wx\n$UNIT,IMU,s,deg/s\n$TIME,a,b,c\n$IMU,1,2",
+        "$COL,IMU,time,wx,wy,wz\n$TIME,1,2,3\n$IMU,x,2",
+        "$COL,IMU,\n$TIME,1,2,3\n$IMU,",
+        "$COL\n$UNIT\n$IMU,1,2",
+    ],
+)
+def test_damaged_files_of_flysight_are_refused(tmp_path, lines):
+    path = tmp_path / "SENSOR.CSV"
+    path.write_text(f"$FLYS,1\n{lines}\n")
+    with pytest.raises(MissionError):
+        read_log([path])
 
 
 def test_counts_of_betaflight(tmp_path, made, expected):

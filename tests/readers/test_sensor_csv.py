@@ -7,32 +7,14 @@ import zipfile
 import numpy as np
 import pytest
 from foreign_tables import UNIX, motion, phone, same, table
-from sensor_logs import IMU, POSITION, VELOCITY, tables, write_csv
 
 from lab.analysis import rest
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions import MissionError
 from lab.missions.flight_import import prepare_import, read_log
 from lab.missions.log_mission import LogMission
 from lab.readers.heading_names import heading_of
 from lab.readers.stamps import seconds_of_texts
-
-
-@pytest.fixture(scope="module")
-def made():
-    """Return what sensors log on the mission montreal: IMU and GPS, in the lab's own units and axes."""
-    source = tables(30, 90)
-    return source.imu, source.gnss
-
-
-@pytest.fixture(scope="module")
-def expected(made, tmp_path_factory):
-    """Return the log as the lab's own files give it."""
-    folder = tmp_path_factory.mktemp("own")
-    write_csv(folder / "imu.csv", IMU, made[0])
-    write_csv(folder / "gnss.csv", (*POSITION, *VELOCITY[:2]), made[1][:, :6])
-    return read_sensor_log(folder)
 
 
 def test_ros(tmp_path, made, expected):
