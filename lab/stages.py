@@ -20,7 +20,7 @@ from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, SINGLE, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import timed
-from lab.memory import Retiring, check_memory, give_back
+from lab.memory import Retiring, check_memory, give_back, large_blocks_given_back
 from lab.missions import Mission
 from lab.navigation import blocks, rest_alignment, smoother, unscented
 from lab.navigation.aiding import aids_of, most_aids, needs_rest
@@ -113,6 +113,10 @@ class Stages:
     def result(self) -> SimulatedResult:
         """Compute the stages in order."""
         self.progress("Reading the flight", 0.0)
+        with large_blocks_given_back(int(self.mission.duration * self.experiment.trajectory.imu_rate)):
+            return self._result()
+
+    def _result(self) -> SimulatedResult:
         flight = self.kept_flight()
         self.progress("Simulating the sensors", 0.3)
         aligned = self.begin(flight.trajectory.at(0.0))

@@ -39,6 +39,23 @@ def test_freed_memory_is_given_back() -> None:
     assert before - taken() > 100e6
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
+def test_a_very_long_flight_gives_large_blocks_back_at_once_and_others_keep_them() -> None:
+    def given_back() -> int:
+        blocks = [np.ones(1_000_000) for _ in range(17)]  # 136 MB
+        last = blocks.pop()  # keeps the end of the heap
+        before = taken()
+        blocks.clear()
+        assert last.size
+        return before - taken()
+
+    with memory.large_blocks_given_back(memory.VERY_LONG + 1):
+        assert given_back() > 100e6
+    with memory.large_blocks_given_back(memory.VERY_LONG):
+        assert given_back() < 30e6
+    memory.give_back()
+
+
 @pytest.mark.parametrize(
     ("groups", "files"),
     [

@@ -140,7 +140,8 @@ def pictures(page: Page, seconds: float) -> tuple[float, float]:
 
 @pytest.mark.timeout(300 + 2 * SECONDS + 60 * PAGES)
 def test_many_pages_cost_little_more_than_one(chromium, monkeypatch: pytest.MonkeyPatch) -> None:
-    with device(200) as source:
+    # The pages are opened one after the other, while those that are open draw.
+    with device(200, 120 + 2 * SECONDS + 60 * PAGES) as source:
         monkeypatch.setenv("INS_LAB_DEVICES", source.split("?")[0])
         with served() as address:
             pages = [watching(chromium, address)]

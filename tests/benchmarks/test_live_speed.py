@@ -34,13 +34,13 @@ pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(300 + 2 * SECONDS)]
 
 
 @contextmanager
-def device(rate: int) -> Iterator[str]:
-    """Run a simulated device on a table in another process; give its address."""
+def device(rate: int, seconds: float = SECONDS + 120) -> Iterator[str]:
+    """Run a simulated device on a table in another process for some time [s]; give its address."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     command = [sys.executable, "-m", "dashboards", "live", "simulate", "rest"]
-    command += ["--rest", str(int(SECONDS) + 120), "--rate", str(rate), "--to", f"tcp:{port}"]
+    command += ["--rest", str(int(seconds)), "--rate", str(rate), "--to", f"tcp:{port}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()
