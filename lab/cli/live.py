@@ -397,7 +397,7 @@ def _conclude(status: Status) -> None:
         f"{loss.missing} missing": loss.missing,
         f"{loss.repeated} repeated": loss.repeated,
         f"{loss.backwards} backwards": loss.backwards,
-        f"{counted(loss.jumps, 'jump')} of the device's clock": loss.jumps,
+        f"{counted(loss.jumps, 'change')} of the device's clock": loss.jumps,
     }
     told = ", ".join(text for text, count in lost.items() if count)
     print(f"ins-lab: {_came(status)}; {told or 'nothing was lost'}.", file=sys.stderr)

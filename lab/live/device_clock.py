@@ -110,6 +110,14 @@ class DeviceClock:
         """Forget the offset, as when the device was lost; the drift stays."""
         self._device = math.nan
 
+    def shift(self, step: float) -> None:
+        """Go on with a clock that was set by a step [s]: the mapping of its new times is that of the old."""
+        self._device += step
+
+    def predicted(self, device: float) -> float:
+        """Return the host's time for a time of the device, or for its last with NaN [s]; NaN before one."""
+        return self._host if math.isnan(device) else self._host + self._pace * (device - self._device)
+
     def mapped(self, device: FloatArray, arrival: float) -> tuple[FloatArray, bool]:
         """Return times of the host for times of the device, and whether the mapping began anew.
 

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.counted import counted
 from lab.live.axis_map import AxisMap
+from lab.live.clock_watch import ClockWatch
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.decoder import Decoder, Statistics
 from lab.live.decoders.recognition import Candidate, recognise
 from lab.live.decoders.text_lines import TextLines
 from lab.live.device_clock import DeviceClock
+from lab.live.nominal_rate import NEAR, nominal_rate
 from lab.live.samples import NO_FIX, Samples
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import Chunk, TransportError
@@ -36,19 +39,6 @@ MOST = 2**14
 """Bytes in which it is looked for again: to look in them takes 0.1 s."""
 COUNTED = 2.0
 """Time over which the rate of a device without a clock is taken [s]."""
-USUAL_RATES = (
-    1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 60, 100, 104, 119, 120, 125, 128, 150, 160, 200, 208, 238, 240, 250,
-    256, 300, 400, 416, 476, 500, 512, 600, 800, 833, 952, 1000, 1024, 1125, 1600, 2000,
-)  # fmt: skip
-"""Rates that devices are set to [Hz]."""
-NEAR = 0.03
-"""Largest part by which a measured rate may differ from a usual one: over `COUNTED`, at 50 Hz, one sample."""
-MISSING = 1.5
-"""Interval, in usual ones, from which a sample is missing before it."""
-REMEMBERED = 0.02
-"""Part that a new interval has in the usual one."""
-MOST_BACK = 5
-"""Most samples in a row whose time runs backwards until the clock is taken to have been set."""
 LATENCY = 0.1
 """How much earlier than they arrive fixes are taken to be valid, if the receiver has not the clock of the IMU
 [s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
@@ -68,11 +58,11 @@ class Loss:
     missing : int
         Samples that the device's clock or counter shows to be missing.
     repeated : int
-        Samples with the time of the one before, which are dropped.
+        Samples with the time and the values of the one before, which are dropped.
     backwards : int
-        Samples whose time runs backwards, which are dropped.
+        Samples that came after later ones, which are dropped.
     jumps : int
-        How often the device's clock was set, or began anew, while samples came.
+        How often the device's clock was set, began anew, or became useless, while samples came.
     """
 
     missing: int = 0
@@ -94,6 +84,8 @@ class Reception:
         How samples are timed, in words.
     rate : float
         Rate by which samples are counted [Hz]; 0 if their clock is used, or it is not known yet.
+    counted : int
+        Samples that were timed by their number.
     triads_apart : bool
         Whether the device sends rates and forces one by one: a rate then gets the last force.
     loss : Loss
@@ -131,7 +123,7 @@ class Reception:
         self.timing = ""
         self.rate = rate
         self.triads_apart = False
-        self.loss = Loss()
+        self._missing = 0
         self.clock = DeviceClock()
         self.fix_clock = DeviceClock()
         self._columns = ColumnMap.of(columns) if columns else None
@@ -143,13 +135,14 @@ class Reception:
         self._tried: float | None = None  # when a protocol was last looked for
         self._has_counter = self._counting = False
         self._waiting: list[tuple[float, Rows]] = []
-        self._counted = 0
-        self._last_device = np.nan
+        self.counted = 0
+        self.watch = ClockWatch()
+        self._values: FloatArray | None = None  # rates and forces of the last sample
+        self._paced: deque[tuple[float, int]] = deque()  # arrivals and numbers of the last samples
+        self._rebase = False  # whether times by number begin
         self._last_arrival = np.nan
         self._wrapped = 0.0
         self._force: FloatArray | None = None  # the last, of a device that sends the triads one by one
-        self._usual = np.nan
-        self._back = 0
         self._gap = True
         self._latest = -np.inf
         self._latest_fix = -np.inf
@@ -166,6 +159,12 @@ class Reception:
         return Statistics(*(a + b for a, b in zip(_counts(self._before), _counts(now), strict=True)))
 
     @property
+    def loss(self) -> Loss:
+        """Losses between the device and the filter, so far."""
+        watch = self.watch
+        return Loss(self._missing, watch.repeated, watch.backwards, watch.jumps)
+
+    @property
     def described(self) -> str:
         """What speaks for the protocol, and what the decoder found out about the device, in sentences."""
         return f"{self.evidence} {getattr(self._decoder, 'evidence', '')}".strip()
@@ -174,6 +173,12 @@ class Reception:
     def columns(self) -> ColumnMap | None:
         """The columns of text lines, once they are known."""
         return self._decoder.columns if isinstance(self._decoder, TextLines) else self._columns
+
+    def restore(self, watch: Any, number: Any) -> None:
+        """Go on with the state of a watch, and the number of samples, that a recording says."""
+        self.watch.restore(watch)
+        if isinstance(number, int) and 0 <= number < 2**53:
+            self.counted = number
 
     def take(self, chunk: Chunk) -> tuple[Rows, Rows]:
         """Return the timed samples and fixes of bytes that arrived.
@@ -203,7 +208,9 @@ class Reception:
         self._waiting.clear()
         self.clock.restart()
         self.fix_clock.restart()
-        self._last_device, self._last_arrival, self._wrapped, self._gap = np.nan, np.nan, 0.0, True
+        self.watch.forget()
+        self._paced.clear()
+        self._last_arrival, self._wrapped, self._gap = np.nan, 0.0, True
         self._force = None
         return rest
 
@@ -250,13 +257,38 @@ class Reception:
         if not len(rows):
             return _NO_IMU
         if np.isfinite(rows["time"][-1]):
-            self.timing = "by the clock of the device"
-            return self._by_clock(rows, self._unwrapped(rows["time"], arrival), arrival)
-        numbers = self._counted + np.arange(len(rows), dtype=float)
-        self._counted += len(rows)
+            device = self._unwrapped(rows["time"], arrival)
+            rows, device = self._once(rows, device, arrival)
+            if not len(rows):
+                return _NO_IMU
+            if not self.watch.distrusted:
+                self.timing = "by the clock of the device"
+                return self._by_clock(rows, device, arrival)
+        numbers = self.counted + np.arange(len(rows), dtype=float)
+        self.counted += len(rows)
         if self.rate == 0.0:
             return self._measure_rate(rows, arrival)
         return self._by_count(rows, numbers, arrival)
+
+    def _once(self, rows: Rows, device: FloatArray, arrival: float) -> tuple[Rows, FloatArray]:
+        """Return samples without those that were sent twice; see whether a bad clock runs evenly again."""
+        values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
+        before = np.full((1, 7), np.nan) if self._values is None else self._values
+        self._values = values[-1:]
+        fresh = (values != np.concatenate((before, values[:-1]))).any(axis=1)
+        if not fresh.all():
+            self.watch.repeated += int((~fresh).sum())
+            rows, device = rows[fresh], device[fresh]
+        passed = self._paced[-1][1] if self._paced else 0
+        self._paced.append((arrival, passed + len(rows)))
+        while arrival - self._paced[0][0] > 2 * COUNTED:
+            self._paced.popleft()
+        waits = not self.watch.distrusted or not self.rate or not len(device)
+        if not waits and self.watch.runs_again(device, 1 / self.rate, arrival):
+            self.watch.rebase(float(device[0]) - 1 / self.rate, self.clock)
+            self.clock.counted = False
+            self.rate = self.rate if self._given_rate else 0.0
+        return rows, device
 
     def _with_both_triads(self, rows: Rows) -> Rows:
         """Return the rows with rates; those that lack the force get the last one that came by itself."""
@@ -281,7 +313,7 @@ class Reception:
         silence = arrival - self._last_arrival
         self._last_arrival = arrival
         if np.isfinite(period) and silence > period / 2:
-            missed = self._last_device + silence - (float(device[-1]) + self._wrapped)
+            missed = self.watch.last + silence - (float(device[-1]) + self._wrapped)
             self._wrapped += period * round(missed / period)
         return device + self._wrapped
 
@@ -296,81 +328,63 @@ class Reception:
         self._has_counter = bool(counts.min() >= 0 and (np.diff(counts) > 0).all())
         passed = counts[-1] - first["count"][-1] if self._has_counter else len(counts) - len(first)
         self.rate = nominal_rate(max(float(passed), 1.0) / (arrival - begin))
-        self._counted = 0
+        self.counted = 0
         held, self._waiting = self._waiting, []
         parts = []
         for when, part in held:
-            numbers = self._counted + np.arange(len(part), dtype=float)
-            self._counted += len(part)
+            numbers = self.counted + np.arange(len(part), dtype=float)
+            self.counted += len(part)
             parts.append(self._by_count(part, numbers, when))
         return np.concatenate(parts)
 
     def _by_count(self, rows: Rows, numbers: FloatArray, arrival: float) -> Rows:
         """Time samples by the counter of the device, or by their numbers, at the nominal rate."""
         if self._given_rate and not self._counting:
-            self._has_counter = bool((rows["count"] >= 0).all())
+            self._has_counter = bool((rows["count"] >= 0).all()) and not self.watch.distrusted
         self._counting = True
         counter = "by the counter of the device" if self._has_counter else "by the number of samples"
         self.clock.counted = not self._has_counter
         self.timing = f"{counter} at {self.rate:g} Hz, {'given' if self._given_rate else 'measured'}"
         count = rows["count"].astype(float) if self._has_counter else numbers
+        if self._rebase:
+            self.watch.rebase(-1 / self.rate, self.clock)
+            self._rebase = False
         return self._by_clock(rows, count / self.rate, arrival)
 
     def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
-        """Map times of the device to those of the host; drop what is not later than what was before."""
+        """Map times of the device to those of the host; drop what was sent twice, or came after later."""
         known = np.isfinite(device)
         rows, device = rows[known], device[known]
         if not len(rows):
             return _NO_IMU
-        previous = np.concatenate(([self._last_device], device[:-1]))
-        highest = np.fmax.accumulate(previous)
-        late = ~(device <= highest)
-        back = int((~late & (device != previous)).sum())
-        self._back = self._back + back if back else 0
-        if self._back > MOST_BACK:  # the clock was set, or the device began anew
-            begin = int(np.flatnonzero(device < previous)[-1]) if (device < previous).any() else 0
-            self.loss.backwards += begin
-            self.loss.jumps += 1
-            self._last_device, self._back, self._gap = np.nan, 0, True
-            self.clock.restart()
-            return self._by_clock(rows[begin:], device[begin:], arrival)
-        self.loss.repeated += int((~late).sum()) - back
-        self.loss.backwards += back
-        if not late.any():
+        begun, last = np.isfinite(self.clock.offset), self.watch.last
+        followed = self.watch.follow(device, arrival, self.clock)
+        rows, device = rows[followed.kept], followed.device
+        if not len(rows):
             return _NO_IMU
-        rows, device = rows[late], device[late]
-        steps = np.diff(device, prepend=self._last_device)
-        begun = np.isfinite(self.clock.offset)
+        steps = np.diff(device, prepend=last)
         times, anew = self.clock.mapped(device, arrival)
-        jump = 0
-        if anew and begun and not self.clock.counted:
-            self.loss.jumps += 1
-            jump = int(np.nanargmax(steps))
-            steps[jump] = np.nan  # the clock was set: no sample is missing
-        gap = self._gaps(steps)
-        if anew:
-            gap[0] = gap[jump] = True
-        self._last_device = float(device[-1])
-        return self._put(rows, times, arrival, gap)
-
-    def _gaps(self, steps: FloatArray) -> NDArray[np.bool_]:
-        """Return before which samples some are missing, by the usual interval of the device's clock."""
-        if np.isnan(self._usual):
-            known = steps[steps > 0]
-            if known.size:
-                self._usual = float(np.median(known))
-        gap = steps > MISSING * self._usual
-        ordinary = steps[~gap & (steps > 0)]
-        if ordinary.size:
-            share = min(1.0, REMEMBERED * ordinary.size)
-            self._usual += share * (float(ordinary.mean()) - self._usual)
-        if gap.any():
-            self.loss.missing += int(np.rint(steps[gap] / self._usual - 1).sum())
-            # A pace that changed for good is no gap: the usual interval follows it slowly.
-            self._usual += REMEMBERED * (float(steps[gap].min()) - self._usual)
+        steps[followed.changed] = np.nan  # the clock was set: no sample is missing
+        gap, missing = self.watch.gaps(steps)
+        self._missing += missing
+        if anew and begun:
+            gap[0] = True
         if self._gap:
             gap[0], self._gap = True, False
-        return np.asarray(gap)
+        self.clock.shift(followed.moved)
+        if followed.useless:
+            self._begin_to_count(arrival)
+        return self._put(rows, times, arrival, gap)
+
+    def _begin_to_count(self, arrival: float) -> None:
+        """Time samples by their number from now on, at the rate so far if it is known."""
+        self.counted, self._rebase, self._counting, self._has_counter = 0, True, True, False
+        begin, first = self._paced[0]
+        if self.rate or arrival - begin < COUNTED:
+            return
+        measured = (self._paced[-1][1] - first) / (arrival - begin)
+        usual = 1 / self.watch.usual
+        self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
 
     def _put(self, rows: Rows, times: FloatArray, arrival: float, gap: NDArray[np.bool_]) -> Rows:
         kept = times > np.maximum.accumulate(np.concatenate(([self._latest], times[:-1])))
@@ -398,7 +412,7 @@ class Reception:
             return _NO_FIX
         own = rows["time"]
         shared = np.isfinite(own).all() and np.isfinite(self.clock.offset)
-        if shared and abs(own[-1] - self._last_device) < STALE:
+        if shared and abs(own[-1] - self.watch.last) < STALE:
             times = self.clock.offset + own
         else:
             clock = np.where(np.isfinite(rows["week_time"]), rows["week_time"], rows["utc"])
@@ -417,12 +431,6 @@ class Reception:
             if name not in ("time", "arrival"):
                 made[name] = rows[name]
         return made
-
-
-def nominal_rate(measured: float) -> float:
-    """Return the usual rate next to a measured one [Hz], or the measured one if none is near."""
-    best = min(USUAL_RATES, key=lambda rate: abs(rate / measured - 1)) if measured > 0 else 0
-    return float(best) if best and abs(best / measured - 1) <= NEAR else measured
 
 
 def _counts(statistics: Statistics) -> tuple[int, ...]:

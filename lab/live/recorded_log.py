@@ -75,6 +75,7 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
     )
     if "clock" in header:
         reception.clock = DeviceClock.restored(header["clock"])
+    reception.restore(header.get("watch"), header.get("counted"))
     return reception
 
 

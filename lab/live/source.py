@@ -16,7 +16,7 @@ from lab.live.cause import cause_of
 from lab.live.decoders.decoder_error import DecoderError
 from lab.live.progress import Progress
 from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
-from lab.live.reception import Loss, Reception
+from lab.live.reception import Reception
 from lab.live.ring import Cursor, Read, Ring
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
@@ -204,10 +204,11 @@ class Source:
             latency=latency,
             silence=now - self._heard,
             statistics=reception.statistics,
-            loss=Loss(**vars(reception.loss)),
+            loss=reception.loss,
             drift=reception.clock.drift if end.imu else float("nan"),
             drift_sigma=reception.clock.drift_sigma if end.imu else float("nan"),
             offset=reception.clock.offset,
+            clock=reception.watch.events[-1].text if reception.watch.events else "",
             recording=path,
             recorded=size,
             warning=self._warning or (writer.warning if writer else ""),
@@ -269,6 +270,8 @@ class Source:
                     "axes": str(reception.axes),
                     "rate": reception.rate,
                     "clock": reception.clock.state,
+                    "watch": reception.watch.state,
+                    "counted": reception.counted,
                     **self._header,
                 },
             )
@@ -355,6 +358,7 @@ class Source:
             self._heard, self._arrival = self._clock(), chunk.arrival
             imu, fix = self._reception.take(chunk)
             self._put(imu, fix)
+            self._tell_of_the_clock()
             if len(imu) or len(fix):
                 self._progress.sampled(self._heard)
                 if self._why != "Streaming.":
@@ -388,11 +392,16 @@ class Source:
         with self._lock:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
+                self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
                 if self._writer is not None:
                     self._tell({DEVICE_LOST: why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."
         self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", told=first)
+
+    def _tell_of_the_clock(self) -> None:
+        for event in self._reception.watch.told():
+            self._happened(event.text)
 
     def _happened(self, text: str) -> None:
         self._events = (*self._events, Event(self._clock(), text))[-MOST_EVENTS:]

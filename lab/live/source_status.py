@@ -61,6 +61,8 @@ class Status:
         samples.
     offset : float
         Host's clock minus the device's [s].
+    clock : str
+        What last happened to the device's clock, in a sentence; empty if nothing did.
     recording : str
         Path of the raw recording; empty if there is none.
     recorded : int
@@ -89,6 +91,7 @@ class Status:
     drift: float = float("nan")
     drift_sigma: float = float("nan")
     offset: float = float("nan")
+    clock: str = ""
     recording: str = ""
     recorded: int = 0
     warning: str = ""

@@ -13,7 +13,8 @@ from live_streams import capture, damaged, fixes, motion
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.decoders.decoder import Statistics
-from lab.live.reception import LATENCY, Reception, nominal_rate
+from lab.live.nominal_rate import nominal_rate
+from lab.live.reception import LATENCY, Reception
 from lab.live.samples import FIX, IMU, Samples
 from lab.live.transport import Chunk
 

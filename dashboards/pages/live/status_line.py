@@ -60,6 +60,8 @@ class StatusLine:
             f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status, state))}</div>',
             f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>",
         ]
+        if status.clock:
+            lines.append(f'<p class="dim">{escape(status.clock)}</p>')
         if failure:
             lines.append(f'<p class="bad">{escape(failure)}</p>')
         if verdict:
@@ -95,7 +97,7 @@ def _numbers(status: Status, state: LiveState) -> list[str]:
     if state.rows.spikes:
         found.append(_named("Spikes", str(state.rows.spikes), bad=True))
     if loss.jumps:
-        found.append(_named("Clock jumps", str(loss.jumps), bad=True))
+        found.append(_named("Clock changes", str(loss.jumps), bad=True))
     if status.timing:
         found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
     if status.evidence and status.protocol:
