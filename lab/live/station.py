@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,8 @@ class Station:
         Why the navigator has ended; empty while it has not.
     verdict : str
         What the innovations say so far; empty while there are too few.
+    recorded : str
+        What became of the last recording, in a sentence, for all who watch.
     """
 
     def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
@@ -67,6 +70,8 @@ class Station:
         self.zero = self.newest = 0.0
         self.failure = ""
         self.verdict = ""
+        self.recorded = ""
+        self._claimed: set[Path] = set()
         self.sensors, self.settings = sensors, navigator
         self._navigator = LiveNavigator(sensors, navigator)
         self._state = self._navigator.state
@@ -91,6 +96,13 @@ class Station:
     def state(self) -> LiveState:
         """What the navigator knew after the last samples."""
         return self._state
+
+    def claim(self, recording: Path) -> bool:
+        """Return whether nobody else makes a mission of a recording; the first who asks does."""
+        with self._growing_lock:
+            first = recording not in self._claimed
+            self._claimed.add(recording)
+        return first
 
     def history(self, cursor: HistoryCursor) -> tuple[HistoryCursor, LiveHistory] | None:
         """Return the next cursor, and what the navigator showed since one; None while it computes.
@@ -228,6 +240,12 @@ class Stations:
         """Return the names of the open stations, by their keys."""
         with self._lock:
             return {key: station.name for key, (station, _) in self._open.items()}
+
+    def recordings(self) -> set[Path]:
+        """Return the recordings that run."""
+        with self._lock:
+            running = [station.source.recording for station, _ in self._open.values()]
+        return {path for path in running if path is not None}
 
     def watchers(self, key: str) -> int:
         """Return how many watch a station; 0 if it is not open."""

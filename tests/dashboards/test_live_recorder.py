@@ -11,11 +11,12 @@ import dashboards.pages.live.live as live_module
 from dashboards import devices, visitors
 from dashboards.devices import allow_devices
 from dashboards.pages.live.recorder import Recorder
+from lab.live import unfinished
 from lab.live.raw_recording import SUFFIX
 from lab.live.recorded_log import recorded_samples
 from lab.live.source_status import LOST
 from lab.logs import sensor_log
-from lab.missions import mission
+from lab.missions import mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.log_mission import LogMission
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
@@ -38,6 +39,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Opened]]:
         one.connect()
         return one
 
+    open_one.pages = pages  # type: ignore[attr-defined]
     yield open_one
     for one in pages:
         one.close()
@@ -84,22 +86,83 @@ def test_quick_clicks_lose_no_recording(opened: Callable[[], Opened], folder: Pa
     assert all(any(path.name in text and "No mission" in text for text in told) for path in files)
 
 
-def test_a_page_ends_its_own_recording_only(opened: Callable[[], Opened]) -> None:
+def test_two_pages_share_one_recording(opened: Callable[[], Opened], folder: Path) -> None:
+    first, second = opened(), opened()
+    station = first.page._station
+    assert station is not None
+    assert station is second.page._station
+    clicked(first)
+    begun = station.source.end
+    clicked(second)  # both at once: it has not shown the other's recording yet
+    assert "Another page records" in said(second)
+    assert recorder(second)._button.label == recorder(first)._button.label == "Stop"
+    assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
+    first.until(lambda: station.source.end.fix > begun.fix + 3)
+    clicked(second)  # who did not begin it may stop it
+    assert station.source.recording is None
+    for one in (first, second):
+        one.until(lambda one=one: "in the library" in said(one))
+        assert recorder(one)._button.label == "Record"
+    assert said(first).split()[0] == said(second).split()[0]
+    assert len([name for name in missions() if name.startswith("recording")]) == 1
+
+
+def test_a_page_that_leaves_does_not_end_what_others_watch(opened: Callable[[], Opened]) -> None:
     first, second = opened(), opened()
     clicked(first)
     assert first.page._station is not None
-    source = first.page._station.source
-    clicked(second)
-    assert "is being recorded; stop it first" in said(second)
-    source.stop_recording()  # as a full disk does
-    clicked(second)
-    running = source.recording
-    assert running is not None
-    clicked(first)  # it still shows Stop
-    assert source.recording == running
-    assert recorder(second)._path == running
-    first.page.close()
-    assert source.recording == running
+    running = first.page._station.source.recording
+    first.close()  # as its reload does
+    second.until(lambda: recorder(second)._path == running)
+    assert second.page._station is not None
+    assert second.page._station.source.recording == running
+
+
+def begun_and_left(opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch) -> Recorder:
+    """Return the recorder of a page that was opened after the only one had gone amid a recording."""
+    monkeypatch.setattr(unfinished, "RUNS", 0.0)
+    one = opened()
+    station = one.page._station
+    assert station is not None
+    clicked(one)
+    begun = station.source.end
+    one.until(lambda: station.source.end.fix > begun.fix + 3)
+    one.close()
+    wait_until_nothing_is_left()
+    again = opened()
+    again.page.appear()
+    return recorder(again)
+
+
+def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
+    opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = begun_and_left(opened, monkeypatch)
+    assert found.offer.view.visible
+    assert found.offer._name.value == "recording"
+    found.offer._name.value = "../evil"
+    found.offer._finish()
+    assert "../evil" in found._job._after.text
+    found.offer._name.value = "after the reload"
+    found.offer._finish()
+    page = next(one for one in opened.pages if recorder(one) is found)  # type: ignore[attr-defined]
+    page.until(lambda: "in the library" in found._job._after.text)
+    assert isinstance(mission("after the reload"), LogMission)
+    found.offer.refresh()
+    assert not found.offer.view.visible
+    assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
+
+
+def test_an_unfinished_recording_is_discarded_only_after_a_question(
+    opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = begun_and_left(opened, monkeypatch)
+    found.offer._discard()
+    assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
+    assert "for good" in found.offer._drop.label
+    found.offer._discard()
+    assert not list(folder.glob("*"))
+    assert not found.offer.view.visible
 
 
 def test_a_device_that_is_unplugged_is_recorded_when_it_comes_back(

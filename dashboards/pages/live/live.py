@@ -129,11 +129,13 @@ class Live(Page):
         """Begin to follow the stream."""
         self._visible = True
         self._fields.refresh()
+        self._recorder.offer.follow()
         self._turn()
 
     def hide(self) -> None:
         """Stop following the stream, which goes on."""
         self._visible = False
+        self._recorder.offer.rest()
         self._unwatch()
         self._stage[:] = []  # `appear` fills the plots before a browser has them
 

@@ -11,6 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import Progress
+from dashboards.pages.live.unfinished_part import UnfinishedPart, name_of
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
 from dashboards.visitors import may_edit
@@ -18,6 +19,7 @@ from lab.live.raw_recording import SUFFIX
 from lab.live.recorded_log import log_of_recording
 from lab.live.source_status import Status
 from lab.live.station import Station
+from lab.live.unfinished import mark, unmark
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name
 from lab.missions.mission_name import accepted_name
@@ -29,6 +31,7 @@ class _Stopped(NamedTuple):
     path: Path
     name: str
     title: str
+    station: Station | None  # whose watchers learn what became of it
 
 
 class Recorder:
@@ -38,17 +41,21 @@ class Recorder:
     ----------
     widgets : list
         Its fields, for the row of the page; empty for visitors who may not record.
+    offer : UnfinishedPart
+        Recordings that were not finished.
     view : panel.viewable.Viewable
-        Progress and outcome.
+        Progress and outcome, and that offer.
     """
 
     def __init__(self) -> None:
         self._station: Station | None = None
         self._path: Path | None = None
-        self._name = ""
+        self._own = False  # whether this page began the recording
+        self._heard = ""  # what became of the last recording, as far as it is shown
         self._stopped: deque[_Stopped] = deque()
         self._job = Job()
-        self.view = self._job.view
+        self.offer = UnfinishedPart(self._finish, self._job.say)
+        self.view = pn.Column(self._job.view, self.offer.view, margin=0, sizing_mode="stretch_width")
         self._field = pmui.TextInput(
             label="Name of the recording", value="recording", size="small", variant="outlined", margin=(8, 4),
             **sized(190),
@@ -60,25 +67,40 @@ class Recorder:
         self.widgets: list[pn.viewable.Viewable] = [self._field, self._button] if may_edit() else []
 
     def watch(self, station: Station | None) -> None:
-        """Record from another station; a recording of the one before is ended."""
-        if self._path is not None:
+        """Record from another station; a recording that this page began on the one before is ended."""
+        if self._path is not None and self._own:
             self._end()
+        self._path = None
+        self._show_idle()
         self._station = station
+        self._heard = "" if station is None else station.recorded
         self._button.disabled = station is None
+        self.offer.refresh()
 
     def tell(self, status: Status) -> None:
-        """Say what is wrong with a recording that runs; make a mission of one that has ended by itself."""
-        if self._path is None or self._station is None:
+        """Show a recording that runs, whoever began it; make a mission of one that has ended by itself."""
+        station = self._station
+        if station is None:
             return
-        if self._station.source.recording != self._path:
-            self._end()
-        elif status.warning:
+        running = station.source.recording
+        if self._path is not None and running != self._path:
+            if self._own:
+                self._end()
+            else:
+                self._path = None
+                self._show_idle()
+                self._job.say("The recording has ended.", "info")
+        if running is not None and self._path is None:
+            self._adopt(running)
+        elif self._path is not None and status.warning:
             self._job.say(status.warning, "warning")
+        if station.recorded != self._heard:
+            self._heard = station.recorded
+            if running is None and not self._job.busy:
+                self._job.say(self._heard, "info")
 
     def close(self) -> None:
-        """End the recording; its bytes stay."""
-        if self._path is not None and self._station is not None:
-            self._station.source.stop_recording(self._path)
+        """Leave a recording to those who still watch; it ends with the last, and is offered as unfinished."""
         self._job.close()
 
     def _toggle(self) -> None:
@@ -92,21 +114,50 @@ class Recorder:
             folder = own_folder()
             folder.mkdir(parents=True, exist_ok=True)
             path = _new_file(folder, f"{name} {time.strftime('%Y%m%d-%H%M%S')}")
-            self._station.source.record(path)
+            mark(path)
+            try:
+                self._station.source.record(path)
+            except ValueError:
+                unmark(path)
+                raise
         except (ValueError, OSError) as error:
-            self._job.say(str(error))
+            running = self._station.source.recording
+            if running is None:
+                self._job.say(str(error))
+            else:  # another page was faster
+                self._adopt(running)
             return
-        self._name, self._path = name, path
-        self._button.param.update(label="Stop", icon="stop", color="default")
+        self._show_running(path, own=True)
         self._job.say(f"Recording into {path.name}.", "info")
+
+    def _adopt(self, running: Path) -> None:
+        """Show a recording that another page began."""
+        self._show_running(running, own=False)
+        self._job.say(f"Another page records into {running.name}; Stop ends it for all.", "info")
+
+    def _show_running(self, path: Path, *, own: bool) -> None:
+        self._path, self._own = path, own
+        self._button.param.update(label="Stop", icon="stop", color="default")
+
+    def _show_idle(self) -> None:
+        self._button.param.update(label="Record", icon="fiber_manual_record", color="error")
 
     def _end(self) -> None:
         path, self._path = self._path, None
-        self._button.param.update(label="Record", icon="fiber_manual_record", color="error")
-        if path is None or self._station is None:
+        station = self._station
+        self._show_idle()
+        if path is None or station is None or not may_edit():
             return
-        self._station.source.stop_recording(path)
-        self._stopped.append(_Stopped(path, self._name, f"Recorded from {self._station.name}"))
+        station.source.stop_recording(path)
+        if not station.claim(path):
+            self._job.say("The recording was ended on another page.", "info")
+            return
+        self._stopped.append(_Stopped(path, name_of(path), f"Recorded from {station.name}", station))
+        self._job.start("Making a mission of the recording", self._make, self._made)
+
+    def _finish(self, path: Path, name: str) -> None:
+        """Make a mission of an unfinished recording; raises `ValueError` for a name that is not accepted."""
+        self._stopped.append(_Stopped(path, accepted_name(name), "Recorded, and finished later", None))
         self._job.start("Making a mission of the recording", self._make, self._made)
 
     def _make(self, _progress: Progress) -> tuple[list[str], list[str]]:
@@ -119,11 +170,16 @@ class Recorder:
         """
         made, problems = [], []
         while self._stopped:
-            path, name, title = self._stopped.popleft()
+            path, name, title, station = self._stopped.popleft()
             try:
                 made.append(add_log(log_of_recording(path), free_name(name), title=title).name)
+                outcome = f"{made[-1]} is in the library now: choose under Missions."
             except (ValueError, OSError) as error:
-                problems.append(f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}")
+                outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
+                problems.append(outcome)
+            unmark(path)
+            if station is not None:
+                station.recorded = outcome
         return made, problems
 
     def _made(self, outcome: tuple[list[str], list[str]]) -> None:

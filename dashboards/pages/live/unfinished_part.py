@@ -1,0 +1,149 @@
+"""Unfinished part: recordings that a reload or a crash left without a mission, to name or to discard."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.devices import STATIONS
+from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.visitors import may_edit
+from lab.live.raw_recording import SUFFIX
+from lab.live.unfinished import discard, unfinished
+from lab.missions import own_folder
+
+LOOK = 2000
+"""Time between two looks at the folder [ms]."""
+_DISCARD, _SURE = "Discard", "Delete these bytes for good"
+_STAMP = "%Y%m%d-%H%M%S"
+"""What the recorder writes behind the name."""
+
+
+class UnfinishedPart:
+    """Offers unfinished recordings to visitors who may record.
+
+    Parameters
+    ----------
+    make
+        Makes a mission of a recording, with this name.
+    say
+        Shows a sentence.
+
+    Attributes
+    ----------
+    view : panel.Column
+        The offer; invisible while there is none.
+    """
+
+    def __init__(self, make: Callable[[Path, str], None], say: Callable[[str], None]) -> None:
+        self._make, self._say = make, say
+        self._taken: set[Path] = set()  # of which missions are being made
+        self._document = pn.state.curdoc
+        self._periodic: Any = None
+        small: dict[str, Any] = {"size": "small", "margin": (10, 4)}
+        self._choice = pmui.Select(label="Not finished recording", size="small", margin=(8, 4), **sized(330))
+        self._name = pmui.TextInput(
+            label="Name", value="recording", size="small", variant="outlined", margin=(8, 4), **sized(190)
+        )
+        self._add = pmui.Button(label="Make a mission", icon="add", color="primary", **small)
+        self._drop = pmui.Button(label=_DISCARD, icon="delete", variant="outlined", **small)
+        self._choice.param.watch(lambda _event: self._chosen(), "value")
+        self._add.on_click(lambda _event: self._finish())
+        self._drop.on_click(lambda _event: self._discard())
+        words = pn.pane.HTML(
+            "<p style='margin:2px 0'>A recording was not finished, because its page or the server ended. "
+            "Its bytes are kept: name it, or discard it.</p>",
+            sizing_mode="stretch_width", margin=(4, 10),
+        )  # fmt: skip
+        row = pn.Row(
+            self._choice, self._name, self._add, self._drop,
+            margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
+        )  # fmt: skip
+        self.view = pn.Column(words, row, visible=False, margin=0, sizing_mode="stretch_width")
+
+    def follow(self) -> None:
+        """Look at the folder, now and then, until `rest`."""
+        self.refresh()
+        if may_edit() and self._periodic is None and self._document is not None:
+            self._periodic = self._document.add_periodic_callback(self.refresh, LOOK)
+
+    def rest(self) -> None:
+        """Look no more."""
+        if self._periodic is not None and self._document is not None:
+            self._document.remove_periodic_callback(self._periodic)
+        self._periodic = None
+
+    def refresh(self) -> None:
+        """Offer what is there now."""
+        if not may_edit():
+            return
+        found = {
+            _described(path): path
+            for path in unfinished(own_folder(), STATIONS.recordings())
+            if path not in self._taken
+        }
+        if found != self._choice.options:
+            self._choice.options = found
+            if self._choice.value not in found.values():
+                self._choice.value = next(iter(found.values()), None)
+        self.view.visible = bool(found)
+
+    def _chosen(self) -> None:
+        self._drop.label = _DISCARD
+        path = self._choice.value
+        if isinstance(path, Path):
+            self._name.value = name_of(path)
+
+    def _path(self) -> Path | None:
+        """Return the chosen recording, if it is among those that are offered."""
+        return self._choice.value if self._choice.value in self._choice.options.values() else None
+
+    def _finish(self) -> None:
+        path = self._path()
+        if path is None or not may_edit():
+            return
+        try:
+            self._make(path, str(self._name.value_input or self._name.value).strip())
+        except ValueError as error:
+            self._say(str(error))
+            return
+        self._taken.add(path)
+        self.refresh()
+
+    def _discard(self) -> None:
+        path = self._path()
+        if path is None or not may_edit():
+            return
+        if self._drop.label == _DISCARD:
+            self._drop.label = _SURE
+            return
+        self._drop.label = _DISCARD
+        try:
+            discard(path)
+        except OSError as error:
+            self._say(f"{path.name} cannot be deleted: {error.strerror or error}.")
+        self.refresh()
+
+
+def name_of(path: Path) -> str:
+    """Return the name that a person gave to a recording: that of its file without the time."""
+    stem = path.name.removesuffix(SUFFIX)
+    name, _, stamp = stem.rpartition(" ")
+    try:
+        time.strptime(stamp.partition("_")[0], _STAMP)
+    except ValueError:
+        return stem
+    return name or stem
+
+
+def _described(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+    except OSError:
+        size = 0
+    return f"{path.name.removesuffix(SUFFIX)} ({size / 1e6:.2f} MB)"

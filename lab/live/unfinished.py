@@ -1,0 +1,64 @@
+"""Unfinished recordings: raw recordings of which nobody has made a mission yet, or thrown away.
+
+A file beside the recording marks it while it runs and until somebody decides, so a browser that is reloaded
+or a server that is killed loses none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+from lab.live.raw_recording import FLUSH, SUFFIX
+
+MARK: Final = ".unfinished"
+"""Added to the name of a recording for the file that marks it."""
+RUNS: Final = 3 * FLUSH
+"""Age of the last bytes below which another process may still record [s]: they are flushed each `FLUSH`."""
+
+
+def mark(path: Path) -> None:
+    """Mark a recording that begins; raises `OSError`."""
+    _marked(path).touch()
+
+
+def unmark(path: Path) -> None:
+    """Remove the mark of a recording: it is a mission now, or its owner was told why not."""
+    with contextlib.suppress(OSError):
+        _marked(path).unlink()
+
+
+def discard(path: Path) -> None:
+    """Delete an unfinished recording, with its mark; raises `OSError`."""
+    path.unlink(missing_ok=True)
+    unmark(path)
+
+
+def unfinished(folder: Path, running: Collection[Path] = ()) -> list[Path]:
+    """Return the unfinished recordings in a folder, the newest first.
+
+    Parameters
+    ----------
+    folder
+        The folder, which need not exist.
+    running
+        Recordings of this process that still run; they are left out, as those of other processes are.
+    """
+    found = []
+    for marked in folder.glob(f"*{SUFFIX}{MARK}"):
+        path = marked.with_name(marked.name.removesuffix(MARK))
+        try:
+            changed = path.stat().st_mtime
+        except OSError:  # it was never begun, or somebody deleted it
+            unmark(path)
+            continue
+        if path not in running and time.time() - changed > RUNS:
+            found.append((changed, path))
+    return [path for _, path in sorted(found, reverse=True)]
+
+
+def _marked(path: Path) -> Path:
+    return path.with_name(path.name + MARK)
