@@ -100,9 +100,9 @@ def test_two_pages_share_one_recording(opened: Callable[[], Opened], folder: Pat
     first.until(lambda: station.source.end.fix > begun.fix + 3)
     clicked(second)  # who did not begin it may stop it
     assert station.source.recording is None
-    for one in (first, second):
-        one.until(lambda one=one: "in the library" in said(one))
-        assert recorder(one)._button.label == "Record"
+    first.until(lambda: "in the library" in said(first))
+    second.until(lambda: "in the library" in said(second))
+    assert recorder(first)._button.label == recorder(second)._button.label == "Record"
     assert said(first).split()[0] == said(second).split()[0]
     assert len([name for name in missions() if name.startswith("recording")]) == 1
 

@@ -26,7 +26,7 @@ so changes by more cannot be seen."""
 
 
 def set_by(step: float) -> np.ndarray:
-    return np.where(np.arange(COUNT) < AT, TRUE, TRUE + step)
+    return np.asarray(TRUE + step * (np.arange(COUNT) >= AT))
 
 
 def stream(device: str, times: np.ndarray, many: int = 1, silence: float = 0.0) -> list[Chunk]:
