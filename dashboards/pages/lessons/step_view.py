@@ -36,7 +36,7 @@ math { font-size: 1.08em; } math[display="block"] { margin: 4px 0; overflow: aut
 .said.right { border-color: #1a8f4c; } .said.wrong { border-color: #d0702e; }
 .said p { margin: 0; }
 """
-CHOICES = {"& .MuiFormControlLabel-label": {"whiteSpace": "normal"}}
+CHOICES = {"& .MuiFormControlLabel-label": {"whiteSpace": "normal", "lineHeight": 1.35, "padding": "5px 0"}}
 """Style of the choices: long ones wrap on a phone."""
 BUTTONS = ":host { flex-wrap: wrap; }"
 LONGEST_ANSWER = 40
