@@ -58,7 +58,7 @@ class LargeType:
                 model.update(**{name: _large(size) if self.on else size for name, size in own.items()})
 
     def _changed(self, changed: ref[Model], name: str, _old: object, new: object) -> None:
-        """Enlarge letters again that a browser has made smaller: it sets their size with each change of theme."""
+        """Enlarge letters again that a browser has made smaller, as it does when the theme changes."""
         model = changed()
         if self.on and model is not None:
             large = _large(self._sizes[model][name])
