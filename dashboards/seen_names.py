@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from html import escape
 
 from dashboards.settings_panel import SECTIONS
 from lab.experiment import Experiment
 
 _PATH = re.compile(r"\b(?:sensors|navigator|trajectory)(?:\.[a-z][a-z0-9_]*)+")
+_CODE = re.compile(rf"<code>({_PATH.pattern})</code>")
 
 
 def as_seen(text: str) -> str:
@@ -19,6 +21,23 @@ def as_seen(text: str) -> str:
     """
     fields = _fields()
     return _PATH.sub(lambda found: fields.get(found[0], found[0]), text)
+
+
+def html_as_seen(html: str) -> str:
+    """Return HTML with the settings in `code` elements replaced by group and label of their fields.
+
+    The path is the tooltip of the new element.
+
+    >>> html_as_seen("<p>Set <code>navigator.r_scale</code>.</p>")
+    '<p>Set <b class="field" title="navigator.r_scale">Navigator and filter: R scale</b>.</p>'
+    """
+    return _CODE.sub(lambda found: _field(found[1]) or found[0], html)
+
+
+def _field(path: str) -> str:
+    """Return the element that names the field of a setting; empty where the page has none."""
+    named = _fields().get(path)
+    return f'<b class="field" title="{path}">{escape(named.strip("“”"))}</b>' if named else ""
 
 
 @cache

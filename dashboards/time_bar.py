@@ -28,8 +28,8 @@ ROOMY = "@media (max-width: 800px) { :host { display: none !important; } }"
 """Hides labels on narrow windows, to leave room for the slider."""
 
 READOUT = """
-:host { width: 104px; }
-@media (max-width: 800px) { :host { width: 52px; } span { display: none; } }
+:host { width: 120px; white-space: nowrap; }
+@media (max-width: 800px) { :host { width: 66px; } span { display: none; } }
 """
 
 
@@ -180,4 +180,4 @@ class TimeBar:
         self._follow(time)
 
     def _tell(self, time: float) -> None:
-        self._readout.object = f"<b>{time:.2f}</b> <span>/ {self._axis.duration:.0f} s</span>"
+        self._readout.object = f"<b>{time:.2f} s</b> <span>/ {self._axis.duration:.0f} s</span>"

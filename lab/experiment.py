@@ -87,8 +87,8 @@ class Experiment(Runnable):
         MissionError
             If the mission cannot be found or read.
         ValueError
-            If there is no seed, or more than one for a log, or no run is possible. If only some runs are
-            impossible, their values are NaN, and `Sweep.refused` has the reasons.
+            If there is no seed, or more than one for a log, or no thread, or no run is possible. If only
+            some runs are impossible, their values are NaN, and `Sweep.refused` has the reasons.
         """
         with find("experiment", "progress")(progress) as tell:
             found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers)

@@ -79,8 +79,8 @@ def run_ensemble(
     Raises
     ------
     ValueError
-        If there is no seed, or more than one for a log; and as in `Experiment.run`. Runs that diverge are
-        left out (`Ensemble.diverged`), unless all do.
+        If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
+        Runs that diverge are left out (`Ensemble.diverged`), unless all do.
     """
     numbers = seed_numbers(experiment, seeds)
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
@@ -90,8 +90,8 @@ def run_ensemble(
         )
 
     # The user's code need not be thread-safe.
-    workers = 1 if algorithm is not None else workers or os.cpu_count() or 1
-    pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
+    threads = thread_count(workers)
+    pool = ThreadPoolExecutor(1 if algorithm is not None else threads, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
     try:
         lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
@@ -109,6 +109,25 @@ def run_ensemble(
     finally:
         pool.shutdown(cancel_futures=True)
     return done.ensemble()
+
+
+def thread_count(workers: int | None) -> int:
+    """Return the number of threads that a user asks for; None stands for one for each core.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number from 1.
+    """
+    if workers is None:
+        return os.cpu_count() or 1
+    try:
+        count = operator.index(workers)
+    except TypeError:
+        count = 0  # a fraction, or no number
+    if count < 1:
+        raise ValueError(f"workers: {workers!r} is no number of threads; accepted is a whole number from 1")
+    return count
 
 
 def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[int, ...]:

@@ -6,7 +6,6 @@ sweep that was ended goes on where it stopped.
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,7 +22,7 @@ from lab.ensemble import QUANTITIES, UNITS
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.result import Result
-from lab.seeds import seed_numbers
+from lab.seeds import seed_numbers, thread_count
 from lab.setting_help import value_text
 from lab.settings import SettingError
 from lab.sweep import Sweep
@@ -78,7 +77,7 @@ def sweep(
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
     tasks = [(index, seed) for seed in numbers for index in range(len(points))]
     found: dict[tuple[int, int], Numbers] = {}
-    pool = ThreadPoolExecutor(workers or os.cpu_count(), thread_name_prefix="sweep")
+    pool = ThreadPoolExecutor(thread_count(workers), thread_name_prefix="sweep")
     told = time.monotonic()
     try:
         running = {pool.submit(one, *task): task for task in tasks}

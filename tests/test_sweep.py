@@ -124,6 +124,15 @@ def test_seeds_that_are_no_whole_numbers_are_refused(seeds: Any) -> None:
         small().sweep({"sensors.gps.period": [1]}, seeds)
 
 
+@pytest.mark.parametrize("workers", [0, -1, 1.5, float("nan"), "two"])
+def test_a_number_of_threads_that_is_none_is_refused(workers: Any) -> None:
+    words = "accepted is a whole number from 1"
+    with pytest.raises(ValueError, match=words):
+        small().sweep({"sensors.gps.period": [1.0, 2.0]}, 2, workers=workers)
+    with pytest.raises(ValueError, match=words):
+        run_ensemble(small(), 2, workers=workers)
+
+
 def test_runs_that_the_settings_forbid_are_missing_with_the_reason() -> None:
     some = small().sweep({"navigator.model": ["phi", "nonlinear"], "navigator.smoother": [True]}, 1)
     (reason,) = some.refused

@@ -24,6 +24,7 @@ td.unit, th.unit, td.words, th.words { text-align: left; opacity: .7; }
 td.words { min-width: 260px; }
 th, td:not(.words) { white-space: nowrap; }
 tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
+@media (max-width: 600px) { table { font-size: 13px; } th, td { padding: 6px 5px; } }
 p { opacity: .75; margin: 0 0 12px; }
 ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; padding-left: 20px; opacity: .85; }
 """
@@ -38,7 +39,7 @@ class Summary(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return an empty table."""
         self._table = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(16, 20), stylesheets=[TABLE_STYLE]
+            "", sizing_mode="stretch_width", margin=(16, 16), stylesheets=[TABLE_STYLE]
         )
         return self._table
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import panel as pn
 import panel_material_ui as pmui
@@ -49,8 +50,20 @@ class LargeType:
     def _dress_plot(self, plot: Model) -> None:
         for kind, names in SIZES.items():
             for model in plot.select({"type": kind}):
-                own = self._sizes.setdefault(model, {name: str(getattr(model, name)) for name in names})
+                if model not in self._sizes:
+                    self._sizes[model] = {name: str(getattr(model, name)) for name in names}
+                    for name in names:
+                        model.on_change(name, partial(self._changed, ref(model)))
+                own = self._sizes[model]
                 model.update(**{name: _large(size) if self.on else size for name, size in own.items()})
+
+    def _changed(self, changed: ref[Model], name: str, _old: object, new: object) -> None:
+        """Enlarge letters again that a browser has made smaller, as it does when the theme changes."""
+        model = changed()
+        if self.on and model is not None:
+            large = _large(self._sizes[model][name])
+            if new != large:
+                model.update(**{name: large})
 
     def _dress_text(self, text: Any) -> None:
         own = self._zoomed.setdefault(text, dict(text.styles))

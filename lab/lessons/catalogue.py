@@ -79,6 +79,12 @@ class Catalogue:
                 return entry.lesson
         return None
 
+    def after(self, key: tuple[str, str]) -> tuple[str, str] | None:
+        """Return origin and name of the lesson after another of the same origin; None behind the last one."""
+        keys = [(entry.origin, entry.name) for entry in self.entries if entry.lesson is not None]
+        following = keys[keys.index(key) + 1 :][:1] if key in keys else []
+        return following[0] if following and following[0][0] == key[0] else None
+
     def _own(self, path: Path) -> Entry:
         try:
             status = path.stat()

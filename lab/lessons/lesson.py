@@ -36,6 +36,7 @@ PAGES = (
 """Titles of the pages that a step may show."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."
+NO_NUMBER = "The answer is a number without its unit, such as 0.5."
 NO_RESULT = "There is no result yet. Wait until it is computed."
 
 Answer = str | float | None
@@ -110,6 +111,8 @@ class Step:
         if self.answer is not None:
             if answer is None or answer == "":
                 return Outcome(None, NO_ANSWER)
+            if self._lacks_number(answer):
+                return Outcome(None, NO_NUMBER)
             if not self._is_right(answer):
                 return Outcome(False, self.hint)
         if self.check is not None:
@@ -118,6 +121,9 @@ class Step:
             if not self.check.accepts(result):
                 return Outcome(False, f"{NOT_YET} {self.hint}".rstrip())
         return Outcome(True, self.because)
+
+    def _lacks_number(self, answer: str | float) -> bool:
+        return not isinstance(self.answer, str) and not math.isfinite(number_typed(answer))
 
     def _is_right(self, answer: str | float) -> bool:
         if isinstance(self.answer, str):

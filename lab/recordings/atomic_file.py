@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from lab.file_lock import locked
+from lab.recordings.temporary_files import clear
 
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file for writing bytes; it takes its name only when everything has been written.
 
+    What killed processes have left of the same file is removed.
+
     Raises
     ------
     OSError
         If it cannot be written; a file already there is left as it was.
     """
+    clear(path.parent, re.compile(rf"\.{re.escape(path.name)}\.[a-z0-9_]{{8}}").fullmatch)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -2,7 +2,8 @@
 
 The sweep removes only files that the lab names itself: temporary files and folders, and recordings with a
 note that their mission is not written yet. A writer holds a lock, which ends with its process; locked
-files stay, however old they are.
+files stay, however old they are. Other folders, such as those of exports, are not swept as a whole: who
+writes a file first removes what a killed process has left of the same one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ NOTE = ".unfinished"
 """How the names of notes end."""
 OLD = 24 * 3600.0
 """Age above which a file is no longer being written, without locks [s]: writing takes less than an hour."""
+SETTLED = 60.0
+"""Age above which a file that nobody holds is no longer being written [s]: its writer takes the lock within
+milliseconds."""
 
 _FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
 
@@ -49,11 +53,14 @@ def unfinished(recording: Path) -> Iterator[None]:
 def temporary_folder(where: Path) -> Iterator[Path]:
     """Make a folder for files that are then moved into another one; it is removed afterwards.
 
+    Such folders that killed processes have left there are removed, too.
+
     Raises
     ------
     OSError
         If it cannot be made.
     """
+    clear(where, lambda name: name.startswith(TEMPORARY))
     with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as name, _held(Path(name) / LOCK_FILE):
         yield Path(name)
 
@@ -77,6 +84,23 @@ def _is_held(path: Path) -> bool:
     if lock is not None:
         lock.close()
     return lock is None
+
+
+def clear(folder: Path, is_left: Callable[[str], object]) -> None:
+    """Remove temporary files and folders of some names that nobody holds, and that are not quite new.
+
+    What cannot be removed stays.
+    """
+    limit = time.time() - SETTLED
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for path in [Path(entry.path) for entry in entries if is_left(entry.name)]:
+            with contextlib.suppress(OSError):
+                if path.is_symlink() or _newest(path) > limit or _is_held(path):
+                    continue
+                if path.is_dir():
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
 
 
 def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = None) -> list[str]:

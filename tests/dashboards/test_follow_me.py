@@ -337,6 +337,8 @@ def test_large_type_makes_letters_larger_and_small_again(room: Room) -> None:
     walk.page._show_again(walk.page._page)
     large = (first.xaxis[0].major_label_text_font_size, first.title.text_font_size)
     assert [float(size[:-2]) for size in large] == [1.5 * float(size[:-2]) for size in before]
+    first.title.text_font_size = "1.05em"  # as a browser does when the theme changes
+    assert first.title.text_font_size == large[1]
     walk.page._large_type.on = False
     walk.page._show_again(walk.page._page)
     assert (first.xaxis[0].major_label_text_font_size, first.title.text_font_size) == before

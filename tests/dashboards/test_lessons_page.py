@@ -24,7 +24,7 @@ mission = "los_angeles"
 trajectory.imu_rate = 50
 [[step]]
 title = "One"
-text = "<img src=x> and $R$"
+text = "<img src=x> and $R$: change `navigator.r_scale`, not `title`"
 settings = { navigator.r_scale = 0.1 }
 page = "Height"
 time = 40
@@ -67,6 +67,7 @@ def test_a_step_sets_the_settings_and_judges_the_result_of_the_student(walk: Wal
     click(walk, "Of <b>mine</b>")
     assert session.experiment.navigator.r_scale == 0.1
     assert "<img src=x> and" in walk.text()
+    assert "change Navigator and filter: R scale , not title" in " ".join(walk.text().split())
     click(walk, "Check my result")
     assert OLD_RESULT in walk.text()
     computed(walk)
@@ -83,12 +84,31 @@ def test_a_step_sets_the_settings_and_judges_the_result_of_the_student(walk: Wal
     click(walk, "Next step")
     assert session.experiment.navigator.r_scale == 1.0  # what the student has is left
     (box,) = page(walk).view.select(pmui.TextInput)
-    for typed, said in (("", "Give an answer first"), ("4", "Not yet."), ("3,05", "Right.")):
+    for typed, said in (
+        ("", "Give an answer first"),
+        ("4", "Not yet."),
+        ("3 m", "without its unit"),
+        ("3,05", "Right."),
+    ):
         box.value = typed
         click(walk, "Check the answer")
         assert said in walk.text()
     click(walk, "All lessons")
     assert "2 of 2 solved" in walk.text()
+
+
+def test_the_last_step_leads_to_the_next_lesson(walk: Walk) -> None:
+    click(walk, "A first look")
+    for _ in range(2):
+        click(walk, "Next step")
+    click(walk, "Next lesson")
+    assert "Alone: drift without GPS · step 1 of 4" in walk.text()
+    click(walk, "All lessons")
+    click(walk, "Break it 10")
+    for _ in range(2):
+        click(walk, "Next step")
+    (button,) = [one for one in page(walk).view.select(pmui.Button) if one.label == "Next lesson"]
+    assert button.disabled  # it is the last of the gallery
 
 
 def test_look_opens_the_page_at_the_time_and_the_reminder_stays(walk: Walk) -> None:

@@ -56,7 +56,7 @@ wrong = [ { navigator.q_scale = 2 } ]"""
     assert not isinstance(experiment, FaultyExperiment)
     assert found.judge("3,4", None).right is None  # the answer is right, but there is no result
     assert found.judge("4", None).right is False
-    assert found.judge("three", None).right is False
+    assert found.judge("three", None).right is None  # no number is no wrong answer
     assert found.judge("", None).right is None
 
 

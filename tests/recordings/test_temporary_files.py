@@ -80,3 +80,38 @@ def test_a_killed_import_is_swept_by_the_next_one(own):
         aged(left)
     add_mission(circle(), "next", title="Next")
     assert sorted(one.name for one in own.iterdir() if one.name != ".lock") == ["next.csv.gz", "next.toml"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from lab.recordings.atomic_file import atomic_file
+from lab.recordings.temporary_files import temporary_folder
+folder = Path(sys.argv[1])
+with atomic_file(folder / "path.kml") as file, temporary_folder(folder) as half:
+    file.write(b"half")
+    (half / "errors.csv").write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
+def test_a_killed_export_is_swept_by_the_next_one_of_the_same_file(tmp_path):
+    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False)
+    left = list(tmp_path.iterdir())
+    assert len(left) == 2
+    stays = tmp_path / ".path.kml.backup"
+    other = tmp_path / ".other.kml.abcdefgh"
+    for path in (stays, other):
+        path.write_text("not of this file")
+    for path in tmp_path.iterdir():
+        aged(path)
+    with atomic_file(tmp_path / "path.kml") as slow, temporary_folder(tmp_path) as half:
+        slow.write(b"whole")
+        for path in tmp_path.iterdir():
+            aged(path)
+        with atomic_file(tmp_path / "path.kml") as file, temporary_folder(tmp_path):
+            file.write(b"meanwhile")
+        assert half.is_dir()  # the one that is still at work keeps its own
+    assert (tmp_path / "path.kml").read_bytes() == b"whole"
+    assert {path.name for path in tmp_path.iterdir()} == {"path.kml", stays.name, other.name}

@@ -129,7 +129,7 @@ class HomeworkPart:
         if found is not None:
             button.on_click(lambda _event: self._show(found, shared=True))
         words = f"{found.best:g} points" if found else f'<div class="problem">{escape(entry.problem)}</div>'
-        about = pn.pane.HTML(f"<div>{words}</div>", margin=(0, 8), stylesheets=[SUMMARY])
+        about = pn.pane.HTML(f"<div>{words}</div>", margin=(0, 4), stylesheets=[SUMMARY])
         return pn.Row(button, about, margin=0, sizing_mode="stretch_width", stylesheets=[ROW])
 
     def _show(self, homework: Homework, *, shared: bool) -> None:

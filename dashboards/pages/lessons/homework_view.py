@@ -16,6 +16,7 @@ import panel_material_ui as pmui
 
 from dashboards.exchange import Download
 from dashboards.pages.lessons.step_view import BUTTONS, CHOICES, TEXT, Choices
+from dashboards.seen_names import html_as_seen
 from dashboards.style import WHOLE
 from dashboards.upload import plain_name
 from lab.homework.hand_in import LONGEST_NAME, SUFFIX
@@ -187,7 +188,7 @@ class HomeworkView:
 
     def _html(self, inside: str) -> pn.pane.HTML:
         return pn.pane.HTML(
-            f'<div class="step">{inside}</div>',
+            f'<div class="step">{html_as_seen(inside)}</div>',
             margin=(2, 4),
             sizing_mode="stretch_width",
             stylesheets=[TEXT, PARTS],

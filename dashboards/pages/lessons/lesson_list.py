@@ -27,6 +27,7 @@ h2 { font: 500 18px/1.4 Roboto, sans-serif; margin: 14px 0 2px; }
 SUMMARY = """
 :host { flex: 1 1 260px !important; min-width: 0 !important; }
 div { font: 14px/1.45 Roboto, sans-serif; padding: 6px 0; overflow-wrap: anywhere; }
+@media (max-width: 600px) { div { padding: 0 0 4px; } }  /* two nested ones, below the title */
 .count { opacity: .7; white-space: nowrap; }
 .done { color: color-mix(in srgb, #1a8f4c 65%, currentColor); font-weight: 500; }
 .problem { border-left: 3px solid #d0702e; padding-left: 8px; }
@@ -78,7 +79,7 @@ class LessonList:
         )
         key = entry.origin, entry.name
         button.on_click(lambda _event: self._open(key))
-        words = pn.pane.HTML(_words(entry, solved), margin=(0, 8), stylesheets=[SUMMARY])
+        words = pn.pane.HTML(_words(entry, solved), margin=(0, 4), stylesheets=[SUMMARY])
         return pn.Row(button, words, margin=0, sizing_mode="stretch_width", stylesheets=[ROW])
 
 

@@ -152,7 +152,9 @@ class Lessons(Page):
         """
         views: list[pn.viewable.Viewable]
         if self._lesson is not None:
-            self._step.show(self._lesson, self._number, self._done)
+            self._step.show(
+                self._lesson, self._number, self._done, has_next=self._catalogue.after(self._key) is not None
+            )
             views = [self._step.view]
             where = f"{self._lesson.title}, step {self._number + 1} of {len(self._lesson.steps)}"
             title = self._lesson.steps[self._number].title
@@ -201,7 +203,11 @@ class Lessons(Page):
             self._take(Experiment().update(self._session.experiment.to_dict()))
 
     def _turn(self, by: int) -> None:
-        if self._lesson is not None and 0 <= self._number + by < len(self._lesson.steps):
+        if self._lesson is not None and self._number + by == len(self._lesson.steps):
+            following = self._catalogue.after(self._key)
+            if following is not None:
+                self._open(following)
+        elif self._lesson is not None and 0 <= self._number + by < len(self._lesson.steps):
             self._number += by
             self._lay_out()
             self._begin()

@@ -14,6 +14,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.lessons.lesson_list import progress_html
+from dashboards.seen_names import html_as_seen
 from dashboards.style import WHOLE
 from lab.exercises.exercise import Outcome
 from lab.lessons.lesson import Answer, Lesson, Step
@@ -23,7 +24,8 @@ TEXT = """
 :host { max-width: 46em; }
 div.step { font: 16px/1.6 Roboto, sans-serif; overflow-wrap: anywhere; }
 h2 { font: 500 21px/1.35 Roboto, sans-serif; margin: 6px 0 8px; }
-.where { font-size: 14px; opacity: .75; }
+div.step.where, .where { font-size: 14px; opacity: .75; } .count { white-space: nowrap; }
+b.field { font-weight: 500; border-bottom: 1px dotted currentColor; }
 .done { color: color-mix(in srgb, #1a8f4c 65%, currentColor); font-weight: 500; opacity: 1; }
 p { margin: 0 0 12px; } ul { margin: 0 0 12px; padding-left: 22px; }
 code { font: 14px/1.4 "Roboto Mono", monospace; background: rgba(128,128,128,.16); border-radius: 3px;
@@ -34,7 +36,7 @@ math { font-size: 1.08em; } math[display="block"] { margin: 4px 0; overflow: aut
 .said.right { border-color: #1a8f4c; } .said.wrong { border-color: #d0702e; }
 .said p { margin: 0; }
 """
-CHOICES = {"& .MuiFormControlLabel-label": {"whiteSpace": "normal"}}
+CHOICES = {"& .MuiFormControlLabel-label": {"whiteSpace": "normal", "lineHeight": 1.35, "padding": "5px 0"}}
 """Style of the choices: long ones wrap on a phone."""
 BUTTONS = ":host { flex-wrap: wrap; }"
 LONGEST_ANSWER = 40
@@ -61,7 +63,7 @@ class Actions(NamedTuple):
     answer : callable
         Check an answer, None where the step asks for none.
     turn : callable
-        Go on by so many steps.
+        Go on by so many steps; behind the last one follows the next lesson.
     close : callable
         Go back to the list.
     """
@@ -94,8 +96,8 @@ class StepView:
         self._entry: Any = None
         self.view = pn.Column(margin=(6, 12, 20, 12), sizing_mode="stretch_width", stylesheets=[WHOLE])
 
-    def show(self, lesson: Lesson, number: int, solved: set[int]) -> None:
-        """Show a step of a lesson, without an answer."""
+    def show(self, lesson: Lesson, number: int, solved: set[int], *, has_next: bool) -> None:
+        """Show a step of a lesson, without an answer; after the last one, a next lesson may follow."""
         step = lesson.steps[number]
         self._entry = _entry(step)
         self._said.object = ""
@@ -111,7 +113,7 @@ class StepView:
             check = pmui.Button(label=word, icon="check", variant="contained", size="small", margin=(8, 4))
             check.on_click(lambda _event: self._actions.answer(self._answer(step)))
             parts.append(check)
-        self.view[:] = [*parts, self._said, self._ways(lesson, number)]
+        self.view[:] = [*parts, self._said, self._ways(lesson, number, has_next=has_next)]
 
     def show_progress(self, lesson: Lesson, number: int, solved: set[int]) -> None:
         """Show which step this is, and how many are solved."""
@@ -131,11 +133,11 @@ class StepView:
         self._say("wrong", escape(sentence))
 
     def _say(self, kind: str, inside: str) -> None:
-        self._said.object = f'<div class="step"><div class="said {kind}">{inside}</div></div>'
+        self._said.object = f'<div class="step"><div class="said {kind}">{html_as_seen(inside)}</div></div>'
 
     def _html(self, inside: str) -> pn.pane.HTML:
         return pn.pane.HTML(
-            f'<div class="step">{inside}</div>',
+            f'<div class="step">{html_as_seen(inside)}</div>',
             margin=(2, 4),
             sizing_mode="stretch_width",
             stylesheets=[TEXT],
@@ -164,13 +166,14 @@ class StepView:
             buttons.append(look)
         return pn.Row(*buttons, margin=0, sizing_mode="stretch_width", stylesheets=[BUTTONS])
 
-    def _ways(self, lesson: Lesson, number: int) -> pn.viewable.Viewable:
-        """Return the buttons to the steps before and after, and to the list."""
+    def _ways(self, lesson: Lesson, number: int, *, has_next: bool) -> pn.viewable.Viewable:
+        """Return the buttons to the steps before and after, to the next lesson, and to the list."""
         common = {"variant": "text", "size": "small", "margin": (14, 4)}
         back = pmui.Button(label="Back", icon="arrow_back", disabled=number == 0, **common)
         back.on_click(lambda _event: self._actions.turn(-1))
-        last = number + 1 == len(lesson.steps)
-        on = pmui.Button(label="Next step", icon="arrow_forward", disabled=last, **common)
+        is_last = number + 1 == len(lesson.steps)
+        word = "Next lesson" if is_last else "Next step"
+        on = pmui.Button(label=word, icon="arrow_forward", disabled=is_last and not has_next, **common)
         on.on_click(lambda _event: self._actions.turn(1))
         away = pmui.Button(label="All lessons", icon="list", **common)
         away.on_click(lambda _event: self._actions.close())
