@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.logs.gyro_check import GyroError
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import SensorLog
 from lab.recordings.mission_error import MissionError
@@ -102,6 +103,9 @@ def _tried(
         log = build(_turned(samples, axes))
         try:
             check_log(log)
+        except GyroError as error:
+            refused.append(error)
+            break  # it holds whichever way the IMU points
         except MissionError as error:
             refused.append(error)
         else:
