@@ -31,6 +31,8 @@ _MAX_DEGREES = 360.0
 """Largest coordinate in degrees: larger whole numbers are 1e-7°."""
 _MAX_NMEA = 18_000.0
 """Largest coordinate as degrees times 100 plus minutes, as NMEA writes it."""
+_HUNDRED, _MINUTES = 100.0, 60.0
+"""Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
 _MAX_METRES = 10_000.0
 """Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
 _TRANSPONDER_STEP = 25.0
@@ -188,15 +190,15 @@ def _in_degrees(latitude: _Column, longitude: _Column) -> tuple[_Column, _Column
     numbers = [np.abs(one.values[np.isfinite(one.values)]) / DEGREE for one in (latitude, longitude)]
     stated = {latitude.source, longitude.source} != {"assumed"} or not all(one.size for one in numbers)
     largest = max(float(np.median(one)) for one in numbers) if not stated else 0.0
-    if _MAX_DEGREES < largest < _MAX_NMEA and all((one % 100 < 60).all() for one in numbers):
+    if _MAX_DEGREES < largest < _MAX_NMEA and all((one % _HUNDRED < _MINUTES).all() for one in numbers):
         return _of_nmea(latitude), _of_nmea(longitude)
     return _degrees(latitude), _degrees(longitude)
 
 
 def _of_nmea(column: _Column) -> _Column:
     """Return a coordinate that is written as the number ddmm.mmmm."""
-    degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, 100)
-    values = np.copysign((degrees + minutes / 60) * DEGREE, column.values)
+    degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
+    values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
     return column._replace(values=values, unit="ddmm.mmmm", source="guessed by its size")
 
 
