@@ -106,6 +106,12 @@ def check_gyros(log: SensorLog, windows: Sequence[Window]) -> None:
     _check_velocities(log.name, windows)
 
 
+def are_explained(windows: Sequence[Window]) -> bool:
+    """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
+    as_it_is = _Axes(np.eye(3), np.eye(3))
+    return not windows or float(np.mean([_misfit(window, as_it_is) for window in windows])) < _MISFIT
+
+
 def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
     """Compare the course with the gyros about the vertical and about each axis, of either sign."""
     stretches = list(_stretches(log))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lab.displacement import metres_per_radian
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.fix_check import check_fixes
-from lab.logs.gyro_check import check_gyros
+from lab.logs.gyro_check import are_explained, check_gyros
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
@@ -164,6 +164,11 @@ def check_log(log: SensorLog) -> None:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
     check_gyros(log, windows)
     _check_clock(log, windows, matches)
+
+
+def is_explained(log: SensorLog) -> bool:
+    """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
+    return are_explained(_windows(piece(log)))
 
 
 def _check_leap_seconds(log: SensorLog) -> None:

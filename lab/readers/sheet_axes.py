@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.logs.gyro_check import GyroError
-from lab.logs.log_check import check_log
+from lab.logs.log_check import check_log, is_explained
 from lab.logs.sensor_log import SensorLog
 from lab.recordings.mission_error import MissionError
 
@@ -82,7 +82,8 @@ def oriented(
     passed, refused = _tried(samples, build, phone)
     if not passed:
         reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
-        hint = _IF_REVERSED if _tried(reversed_, build, phone)[0] else ""
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, build, phone)[0][:1])
+        hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
     why = (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from foreign_tables import motion, same, table
 
+from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_cells import angles_of_cells
@@ -113,3 +114,18 @@ def test_angles_in_cells():
     values = angles_of_cells(pd.Series(texts), False)
     north = 48 + 7 / 60 + 2.5 / 3600
     np.testing.assert_allclose(values, [north, north, -12.5, -12.5, -0.25, north, np.nan], atol=1e-7)
+
+
+def test_a_wrong_gyro_is_not_blamed_on_the_accelerometers(recordings, tmp_path):
+    """With all accelerations reversed as well, nothing refuses the log, but the velocities do not fit."""
+    imu, gnss = (
+        np.loadtxt(recordings / "rtkx_walk" / f"{name}.csv", delimiter=",", skiprows=1)
+        for name in ("imu", "gnss")
+    )
+    imu[:, 3] *= -1
+    files = stamped(tmp_path, (imu, gnss), "time", lambda t: [t])
+    with pytest.raises(MissionError, match="the gyro called down has the wrong sign") as caught:
+        read_log(files)
+    assert "iPhones" not in str(caught.value)
+    corrected = read_log(files, {"gyro_z_rad_s": "-rate_z[rad/s]"})
+    assert corrected.gnss.time.size > 500
