@@ -25,7 +25,7 @@ def copter(
     late: float = 0.0,
     rest: float = 0.0,
     nose: float = 0.7,
-    aside: bool = False,
+    aside: float = 0.0,
     seed: int = 3,
 ) -> Tables:
     """Return what a copter logs that pulls forward and lets go, again and again.
@@ -41,7 +41,7 @@ def copter(
     nose
         Heading at the start, from which the nose swings to either side while the course stays [rad].
     aside
-        True lets the nose keep that angle to the course instead.
+        1 lets the nose keep that angle to the course instead, -1 turns it as far against the course.
     seed
         Of the noise.
     """
@@ -55,7 +55,7 @@ def copter(
         (speed * np.cos(course), speed * np.sin(course), -0.4 * flying * np.sin(2 * np.pi * t / 13.0)),
         axis=-1,
     )
-    heading = nose + (course if aside else flying * 0.5 * np.sin(2 * np.pi * t / 23.0))
+    heading = nose + (aside * course if aside else flying * 0.5 * np.sin(2 * np.pi * t / 23.0))
     moving = CubicSpline(fine, velocity)
     g = float(earth.gravity(np.sin(LATITUDE), HEIGHT))
     force_n = moving(fine, 1) - (0, 0, g)

@@ -4,7 +4,7 @@ Gravity has a known magnitude and, on a vehicle that is level on average, a know
 moves where its nose points turns with its course and senses its change of speed. A wrong unit violates one
 of these by a known factor; wrong axes show them on another axis. Copters, boats and walkers may move in
 any direction and are not judged by this. A wrong clock violates what holds for every vehicle: the velocity
-changes by the sensed force.
+changes by the sensed force. So do wrong gyros (`lab.logs.gyro_check`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lab.displacement import metres_per_radian
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.fix_check import check_fixes
+from lab.logs.gyro_check import are_explained, check_gyros
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
@@ -161,7 +162,13 @@ def check_log(log: SensorLog) -> None:
             _check_forward(log, motion)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
+    check_gyros(log, windows)
     _check_clock(log, windows, matches)
+
+
+def is_explained(log: SensorLog) -> bool:
+    """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
+    return are_explained(_windows(piece(log)))
 
 
 def _check_leap_seconds(log: SensorLog) -> None:

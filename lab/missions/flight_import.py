@@ -29,6 +29,8 @@ RECONSTRUCTED = "attitude reconstructed"
 """Tag of a mission whose attitude is not recorded."""
 _MAX_IN_FOLDER = 200
 """Most files of a folder that are looked at: exports of phones have some twenty."""
+_KITTI_STAMPS = "timestamps.txt"
+"""File of a drive of KITTI that stands for all its samples."""
 IMPORTED = "imported"
 """Tag of every mission that was imported."""
 
@@ -230,6 +232,10 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         if not path.is_dir():
             files.append(path)
+            continue
+        drives = [one / _KITTI_STAMPS for one in (path / "oxts", path) if (one / "data").is_dir()]
+        if drives and drives[0].is_file():
+            files.append(drives[0])
             continue
         tables = []
         for inside in sorted(path.iterdir())[:_MAX_IN_FOLDER]:

@@ -25,7 +25,14 @@ from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_clock import times_of
 from lab.readers.sheet_fixes import Fixes, fixes_of
 from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
-from lab.readers.sheet_sources import KITTI_FRAME, KITTI_STAMPS, as_table, kitti_table
+from lab.readers.sheet_sources import (
+    KITTI_FRAME,
+    KITTI_STAMP,
+    KITTI_STAMPS,
+    as_table,
+    kitti_files,
+    kitti_table,
+)
 from lab.readers.track import Track
 from lab.readers.unit_names import refuse_unknown
 from lab.recordings.decompression import whole
@@ -53,6 +60,8 @@ def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
     if head.startswith(_ZIP):
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
+    if KITTI_STAMP.match(head):
+        return True
     if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in as_utf8(head):
         return False
     # Columns x, y and z are of a sensor that the name of the file tells.
@@ -173,7 +182,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
     sheets = []
     for path in paths:
         data = whole(path, MAX_BYTES)
-        for name, text in _members(path, data) if data.startswith(_ZIP) else ((path.name, data),):
+        for name, text in _members(path, data):
             try:
                 sheet = read_sheet(name, as_table(as_utf8(text)), overrides)
             except MissionError as error:
@@ -201,13 +210,16 @@ def _override(text: str) -> str:
 
 
 def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
-    """Return the tables in a zip file, by name."""
+    """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
+    if not data.startswith(_ZIP):
+        drive = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
+        return [drive or (path.name, data)]
     found = []
     left = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if drive := _kitti(archive, left):
-                return [drive]
+            if zipped := _kitti(archive, left):
+                return [zipped]
             infos = [one for one in archive.infolist() if one.filename.lower().endswith(_ENDINGS)]
             for info in infos[:MAX_MEMBERS]:
                 if info.filename.startswith("__MACOSX") or info.flag_bits & 1:

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.log_check import check_log
+from lab.logs.gyro_check import GyroError
+from lab.logs.log_check import check_log, is_explained
 from lab.logs.sensor_log import SensorLog
 from lab.recordings.mission_error import MissionError
 
@@ -81,7 +82,8 @@ def oriented(
     passed, refused = _tried(samples, build, phone)
     if not passed:
         reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
-        hint = _IF_REVERSED if _tried(reversed_, build, phone)[0] else ""
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, build, phone)[0][:1])
+        hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
     why = (
@@ -102,6 +104,9 @@ def _tried(
         log = build(_turned(samples, axes))
         try:
             check_log(log)
+        except GyroError as error:
+            refused.append(error)
+            break  # it holds whichever way the IMU points
         except MissionError as error:
             refused.append(error)
         else:

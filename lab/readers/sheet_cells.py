@@ -18,10 +18,17 @@ _BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
 _DECIMAL_COMMA = r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"
 _DECORATED = re.compile(r"[^\w+.-]{0,3}\s*([+-]?\d+(?:\.\d*)?)\s*([^\d\s][^\d]{0,6})?")
 """A number with an arrow or sign before it, and a unit after it."""
-_HEMISPHERE = re.compile(r"(?i)(?:([NSEW])\s*)?(\d+(?:\.\d*)?)\s*°?(?:\s*([NSEW]))?")
+_SIZE = r"(\d{1,12}(?:\.\d{0,20})?)"
+_MINUTES = rf"\s{{0,3}}{_SIZE}\s{{0,3}}(?:['′’]|(?=\s)|$)"
+_SECONDS = rf"\s{{0,3}}{_SIZE}\s{{0,3}}(?:\"{{1,2}}|″|”|'{{2}}|(?=\s)|$)"
+_HEMISPHERE = re.compile(
+    rf"(?i)(?:([NSEW])\s{{0,3}})?([+-]?){_SIZE}\s{{0,3}}(?:[°º]|deg|(?=\s\d))?"
+    rf"(?:{_MINUTES}(?:{_SECONDS})?)?(?:\s{{0,3}}([NSEW]))?"
+)
+"""Degrees, or degrees and minutes, or degrees, minutes and seconds."""
 _PAIR = re.compile(r"\s*([+-]?\d+\.\d+)\s*[,;\s]\s*([+-]?\d+\.\d+)\s*")
 _SOUTH_OR_WEST = frozenset("SWsw")
-_NO_PLAIN_NUMBER = re.compile(r"(?i)\d\s*°?\s*[NSEW]|[NSEW]\s*\d|\d[,;\s]+[+-]?\d")
+_NO_PLAIN_NUMBER = re.compile(r"(?i)\d\s*°?\s*[NSEW]|[NSEW]\s*\d|\d[,;\s]+[+-]?\d|\d\s*[°º]")
 """What a column has somewhere whose cells are looked at one by one."""
 _DIGITS = re.compile(r"\d")
 
@@ -79,8 +86,9 @@ def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:
         if found := _PAIR.fullmatch(text):
             values[row] = float(found[2] if is_longitude else found[1])
         elif found := _HEMISPHERE.fullmatch(text):
-            side = found[1] or found[3] or ""
-            values[row] = float(found[2]) * (-1 if side in _SOUTH_OR_WEST and side else 1)
+            side = found[1] or found[6] or ""
+            size = float(found[3]) + float(found[4] or 0) / 60 + float(found[5] or 0) / 3600
+            values[row] = size * (-1 if (side in _SOUTH_OR_WEST and side) or found[2] == "-" else 1)
     return values
 
 

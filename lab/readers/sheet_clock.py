@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading
 from lab.readers.sheet import Sheet
-from lab.readers.stamps import IS_AMBIGUOUS, seconds_of_digits
+from lab.readers.stamps import IS_AMBIGUOUS, over_midnight, seconds_of_digits
 from lab.readers.unit_names import UNITS
 from lab.units import DAY
 
@@ -33,6 +33,11 @@ _MIN_KNOWN = 0.5
 """Smallest part of the rows in which a time stamp has to be known."""
 _MIN_FORWARD = 0.5
 """Smallest part of the steps that do not go backwards in a column that is time."""
+
+_COUNTER = 2.0**32
+"""Values of a counter of 32 bits: microseconds begin again after 72 minutes."""
+_NEARLY = 0.9
+"""Part of the period of a counter by which its time falls back when it begins again."""
 
 
 class Clock(NamedTuple):
@@ -85,15 +90,40 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = ()) -> Clock | No
             dated = sheet.texts.get(dates[0][0].text, "") if dates else ""
             order = _order_of(sheet.texts[heading.text]) or _order_of(dated)
             if dates and values[known].max() < 2 * DAY:
+                # A date that changes at midnight holds the day that `over_midnight` has added.
+                clock = values % DAY if np.ptp(dates[0][1][np.isfinite(dates[0][1])]) > 0 else values
                 return Clock(
-                    dates[0][1] + values, f"{dates[0][0].text} + {heading.text}", f"text{order}", False
+                    dates[0][1] + clock, f"{dates[0][0].text} + {heading.text}", f"text{order}", False
                 )
-            return Clock(values, heading.text, f"text{order}", False)
+            # Cells are read in parts, of which each begins at its own midnight.
+            onwards = over_midnight(values.copy()) if values[known].max() < 2 * DAY else values
+            return Clock(onwards, heading.text, f"text{order}", False)
         if (of_day := seconds_of_digits(values)) is not None:
             return Clock(of_day, heading.text, "hhmmss", False)
         unit = heading.unit or _guessed_unit(values[known], fast)
-        return Clock(values * UNITS["time"][unit], heading.text, unit, not heading.unit)
+        return Clock(_onwards(values, UNITS["time"][unit]), heading.text, unit, not heading.unit)
     return None
+
+
+def _onwards(values: FloatArray, factor: float) -> FloatArray:
+    """Return times [s] that go on where a counter begins again: of the day, of the week, of 32 bits.
+
+    Parameters
+    ----------
+    values
+        The times in the unit of the file.
+    factor
+        That unit [s].
+    """
+    time = values * factor
+    known = np.flatnonzero(np.isfinite(time))
+    largest = float(time[known].max())
+    period = next((one for one in (_COUNTER * factor, DAY, 7 * DAY) if _NEARLY * one < largest < one), 0.0)
+    if not period or time[known].min() < 0:
+        return time
+    back = np.diff(time[known]) < -_NEARLY * period
+    time[known[1:]] += period * np.cumsum(back)
+    return time
 
 
 def times_of(sheet: Sheet) -> list[Heading]:

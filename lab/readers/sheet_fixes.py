@@ -18,6 +18,7 @@ from lab.readers.sheet_imu import in_order
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
+from lab.rotation import wrap
 from lab.units import DEGREE, FOOT
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +29,10 @@ _HELD = 0.5
 """Part of the rows that repeat the position before, from which a logger holds the last fix."""
 _MAX_DEGREES = 360.0
 """Largest coordinate in degrees: larger whole numbers are 1e-7°."""
+_MAX_NMEA = 18_000.0
+"""Largest coordinate as degrees times 100 plus minutes, as NMEA writes it."""
+_HUNDRED, _MINUTES = 100.0, 60.0
+"""Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
 _MAX_METRES = 10_000.0
 """Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
 _TRANSPONDER_STEP = 25.0
@@ -37,6 +42,9 @@ _MIN_LEVELS = 4
 _SIGMA_OF_RADIUS = 1.515
 """Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
 sqrt(-2 ln 0.32)."""
+_ALONG, _CLEARLY = 0.9, 0.5
+"""Mean cosine between the course and the motion of the positions from which they agree, and the largest part
+of the rms angle between them in ° that may be left in rad."""
 _SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s")
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
@@ -138,7 +146,7 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     latitude, longitude = (_column(sheet, name) for name in ("latitude", "longitude"))
     height = _column(sheet, "height")
     assert latitude is not None and longitude is not None
-    latitude, longitude = _degrees(latitude), _degrees(longitude)
+    latitude, longitude = _in_degrees(latitude, longitude)
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
     ]
@@ -175,6 +183,23 @@ def _column(sheet: Sheet, quantity: str) -> _Column | None:
     unit = heading.unit or next(iter(UNITS[kind]))
     source = "named in the heading" if heading.unit else "assumed"
     return _Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def _in_degrees(latitude: _Column, longitude: _Column) -> tuple[_Column, _Column]:
+    """Return coordinates without a unit by their size: degrees, ddmm.mmmm of NMEA, or 1e-7°."""
+    numbers = [np.abs(one.values[np.isfinite(one.values)]) / DEGREE for one in (latitude, longitude)]
+    stated = {latitude.source, longitude.source} != {"assumed"} or not all(one.size for one in numbers)
+    largest = max(float(np.median(one)) for one in numbers) if not stated else 0.0
+    if _MAX_DEGREES < largest < _MAX_NMEA and all((one % _HUNDRED < _MINUTES).all() for one in numbers):
+        return _of_nmea(latitude), _of_nmea(longitude)
+    return _degrees(latitude), _degrees(longitude)
+
+
+def _of_nmea(column: _Column) -> _Column:
+    """Return a coordinate that is written as the number ddmm.mmmm."""
+    degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
+    values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
+    return column._replace(values=values, unit="ddmm.mmmm", source="guessed by its size")
 
 
 def _degrees(column: _Column) -> _Column:
@@ -239,6 +264,7 @@ def _velocity(
         pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
     elif speed is not None and course is not None:
         speed = _speed_unit(speed, rows, time, position)
+        course = _course_unit(course, rows, time, position)
         used += [speed, course]
         pace, angle = speed.values[rows], course.values[rows]
         pace, angle = np.where(pace >= 0, pace, np.nan), np.where(angle >= -np.pi, angle, np.nan)
@@ -276,6 +302,30 @@ def _speed_unit(speed: _Column, rows: NDArray[np.intp], time: FloatArray, positi
         values=speed.values * UNITS["speed"][unit],
         unit=unit,
         source=f"guessed: the positions move {ratio:.3g} times as fast as in m/s",
+    )
+
+
+def _course_unit(course: _Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> _Column:
+    """Return the course in radians if its heading names no unit and the positions move so."""
+    stated = course.values[rows] / DEGREE
+    known = stated[np.isfinite(stated)]
+    if course.source != "assumed" or not known.size or np.abs(known).max() > 2 * np.pi:
+        return course
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
+    step += np.diff(position[:, 0]) * per_latitude[1:]
+    fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(stated[1:])
+    if fast.sum() < _MIN_LEGS:
+        return course
+    motion, written = np.angle(step[fast]), stated[1:][fast]
+    in_degrees, in_radians = (
+        float(np.sqrt(np.mean(wrap(motion - written * unit) ** 2))) for unit in (DEGREE, 1.0)
+    )
+    mean = float(np.mean(np.cos(motion - written)))
+    if mean < _ALONG or in_radians > _CLEARLY * in_degrees:
+        return course
+    return course._replace(
+        values=course.values / DEGREE, unit="rad", source="guessed: the positions move in that direction"
     )
 
 

@@ -29,7 +29,7 @@ _SPELLINGS = {
     "metres": "m", "meters": "m", "metre": "m", "meter": "m", "feet": "ft", "foot": "ft",
     "ftmsl": "ft", "ftagl": "ft",
     "mps": "m/s", "knots": "kt", "knot": "kt", "kts": "kt", "ktas": "kt", "fps": "ft/s", "kmh": "km/h",
-    "kph": "km/h", "fpm": "ft/min",
+    "kn": "kt", "kph": "km/h", "fpm": "ft/min",
     "deg/s": "°/s", "degps": "°/s", "degreespersecond": "°/s", "radps": "rad/s", "rad/sec": "rad/s",
     "radianspersecond": "rad/s", "rad_sec": "rad/s",
     "m/s2": "m/s²", "m/s^2": "m/s²", "mps2": "m/s²", "gforce": "g", "ft/s2": "ft/s²", "ft/s^2": "ft/s²",

@@ -233,6 +233,11 @@ def test_a_drive_of_kitti(tmp_path, made, expected):
     log = read_log([tmp_path / "drive.zip"])
     close(log, expected)
     assert any("forward is x, right is -y, down is -z" in remark for remark in log.repairs)
+    with zipfile.ZipFile(tmp_path / "drive.zip") as archive:
+        archive.extractall(tmp_path)
+    drive = tmp_path / folder
+    for place in (drive.parent, drive, drive / "timestamps.txt"):
+        close(read_log([place]), expected)
 
 
 def test_flysight_2(tmp_path, made, expected):
@@ -260,6 +265,37 @@ def test_flysight_2(tmp_path, made, expected):
     log = read_log([tmp_path])
     np.testing.assert_allclose(log.gnss.time, expected.gnss.time, atol=1e-3)
     np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=1e-3)
+
+
+def test_the_clock_of_a_flysight_drifts(tmp_path, made, expected):
+    """Its stamps of GPS time show by how much; the first came before the receiver knew the time."""
+    imu, gnss = made
+    drift = 5e-4
+
+    def device(t):
+        return (t - 1000) * (1 + drift)
+
+    def stamp(t, error=0.0):
+        week, second = divmod(UNIX + t - 315_964_800 + 18 + error, 604_800)
+        return f"$TIME,{device(t):.6f},{second:.4f},{week:.0f}"
+
+    lines = [stamp(imu[0, 0], -3e7), *(stamp(t) for t in np.arange(imu[0, 0], imu[-1, 0], 5.0))]
+    sensors = np.column_stack((np.degrees(imu[:, 1:4]), imu[:, 4:] / STANDARD_GRAVITY))
+    lines += [
+        f"$IMU,{device(t):.6f},{','.join(f'{x:.9g}' for x in row)}"
+        for t, row in zip(imu[:, 0], sensors, strict=True)
+    ]
+    head = "$FLYS,1\n$COL,IMU,time,wx,wy,wz,ax,ay,az\n$UNIT,IMU,s,deg/s,deg/s,deg/s,g,g,g\n$DATA\n"
+    (tmp_path / "SENSOR.CSV").write_text(head + "\n".join(lines) + "\n")
+    table(
+        tmp_path / "TRACK.CSV",
+        "$COL,GNSS,time,lat,lon,hMSL,velN,velE\n$UNIT,GNSS,,deg,deg,m,m/s,m/s\n$DATA",
+        [["$GNSS", moment(row[0], "%Y-%m-%dT%H:%M:%S.%fZ"), *row[1:6]] for row in gnss],
+        before="$FLYS,1\n",
+    )
+    log = read_log([tmp_path])
+    np.testing.assert_allclose(log.gnss.time, expected.gnss.time, atol=1e-3)
+    np.testing.assert_allclose(log.duration, expected.duration, atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -416,6 +452,9 @@ def test_vbox_counts_minutes_and_west(tmp_path, made):
     assert flight.velocity_n is not None
     speeds = np.hypot(*flight.velocity_n[:, :2].T)
     np.testing.assert_allclose(speeds, track(made)[:, 4], rtol=1e-6)
+    other = read_raw(path, {"velocity": "mph"})
+    assert other.velocity_n is not None
+    np.testing.assert_allclose(np.hypot(*other.velocity_n[:, :2].T), speeds * MPH / KNOT, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,263 @@
+"""Gyro check: whether the axes and signs of the gyros agree with the course and with the accelerometers.
+
+Neither needs to know the vehicle. One that turns changes its course by what its gyros turn about the
+vertical, up to a bias, unless it moves where it likes; then they have nothing in common. And whatever it
+does, the velocity changes by the specific force, resolved by the gyros (`lab.logs.velocity_matching`): with
+a wrong sign of one gyro this fails, and with the right sign it holds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.displacement import metres_per_radian
+from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.logs.velocity_matching import Window, match
+from lab.recordings.mission_error import MissionError
+
+FloatArray = NDArray[np.float64]
+
+_MIN_SPEED = 1.0
+"""Speed from which fixes show a course [m/s]: a walker has 1.3."""
+_MIN_SPEED_SIGMA = 5.0
+"""The same in σ of the velocity: a course good to 11°."""
+_VELOCITY_SIGMA = 0.1
+"""σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
+_MAX_INTERVAL = 2.5
+"""Longest interval between two fixes of a stretch [s]: the course of a longer one is ambiguous."""
+_SHORTEST, _LONGEST = 15.0, 120.0
+"""Length of a stretch [s]: time for a turn, and up to which a bias is constant."""
+_MIN_FIXES = 10
+"""Fewest fixes of a stretch: four times its unknowns."""
+_MAX_BIAS = np.radians(5.0)
+"""Largest gyro bias [rad/s]: consumer parts are off by a few °/s."""
+_MIN_TURNING = np.radians(5.0)
+"""Rms change of the course from which gyros are judged by it [rad]: sideslip and noise change it by less. A
+drive along a highway has 0.4°, a walk 72°."""
+_EXPLAINED, _UNEXPLAINED = 0.5, 1.3
+"""Part of the change of the course that is left by gyros which turn with it, and against it. Measured: 0.31
+and 1.96 on a walk, 1.0 and 1.0 on a copter that flies where it likes."""
+_AXIS_UNEXPLAINED = 0.9
+"""The same, left by gyros that have nothing to do with it: below they are a part of it."""
+_MAX_WORSE = 1.5
+"""Factor by which the velocities may fit worse with gyros that explain the course: the noise of a fit."""
+_SIGMA = 0.1
+"""Least σ of velocities in the comparison [m/s]: a receiver's own is what it was configured with."""
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median size of a normal variable over its σ; that of second differences is √6 times as large."""
+_MISFIT = 0.8
+"""Mean square residual up to which the IMU as it is explains the velocities. Measured: up to 0.64, the mean
+over the windows, on real logs."""
+_MUCH_BETTER = 0.2
+"""Part of the misfit as it is that other axes may leave to be the right ones."""
+_BETTER = 0.5
+"""The same in each window."""
+_MIN_WINDOWS = 2
+"""Fewest windows that have to agree."""
+_NAMES = ("forward", "right", "down")
+
+
+class GyroError(MissionError):
+    """Gyros contradict the course or the accelerometers; turning the whole IMU does not help."""
+
+
+class _Stretch(NamedTuple):
+    """Fixes in motion without a gap: their times in that of the IMU [s] and course [rad]."""
+
+    time: FloatArray
+    course: FloatArray
+
+
+class _Axes(NamedTuple):
+    """Axes that are tried: matrices applied to the gyros and to the accelerometers."""
+
+    gyros: FloatArray
+    forces: FloatArray
+
+    @property
+    def words(self) -> str:
+        """What has to be changed."""
+        if not np.array_equal(self.forces, np.eye(3)):
+            return f"accelerometers along {_words(self.forces)}"
+        return f"gyros about {_words(self.gyros)}"
+
+
+def check_gyros(log: SensorLog, windows: Sequence[Window]) -> None:
+    """Raise if other axes or signs of the gyros explain the motion, and those of the log do not.
+
+    Parameters
+    ----------
+    log
+        The log, without a break.
+    windows
+        Windows in which the velocity changes most.
+
+    Raises
+    ------
+    GyroError
+        Naming the axes.
+    """
+    _check_course(log, windows)
+    _check_velocities(log.name, windows)
+
+
+def are_explained(windows: Sequence[Window]) -> bool:
+    """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
+    as_it_is = _Axes(np.eye(3), np.eye(3))
+    return not windows or float(np.mean([_misfit(window, as_it_is) for window in windows])) < _MISFIT
+
+
+def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
+    """Compare the course with the gyros about the vertical and about each axis, of either sign."""
+    stretches = list(_stretches(log))
+    if not stretches:
+        return
+    turned = _left(log, stretches, np.zeros(3))
+    if turned < _MIN_TURNING:
+        return
+    _, force = log.rates
+    up = np.median(force, axis=0)
+    down = -up / np.linalg.norm(up)
+    right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
+    what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
+    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(windows, np.diag([1.0, 1.0, -1.0])):
+        raise GyroError(
+            f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
+            f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
+            f"the gyros have swapped axes{_REMEDY}"
+        )
+    if min(right, reversed_) < _AXIS_UNEXPLAINED:
+        return
+    for axis, sign in itertools.product((0, 1), (1, -1)):
+        left = _left(log, stretches, sign * np.eye(3)[axis]) / turned
+        if left < _EXPLAINED:
+            raise GyroError(
+                f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{_NAMES[axis]}, not "
+                f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
+                f"the gyros are likely{_REMEDY}"
+            )
+
+
+_REMEDY = ". Swap or negate their columns; of tables with other headings so: --column HEADING=-rate_z[rad/s]"
+
+
+def _stretches(log: SensorLog) -> Iterator[_Stretch]:
+    gnss = log.gnss
+    time = gnss.time - gnss.latency
+    velocity = _level_velocity(gnss)
+    speed = np.linalg.norm(velocity, axis=1)
+    sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
+    sigma = np.where(np.isfinite(sigma), sigma, _VELOCITY_SIGMA)
+    fast = (speed > np.maximum(_MIN_SPEED, _MIN_SPEED_SIGMA * sigma)) & (time >= 0) & (time <= log.duration)
+    rows = np.flatnonzero(fast)
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    for part in np.split(rows, np.flatnonzero(np.diff(time[rows]) > _MAX_INTERVAL) + 1):
+        if part.size < _MIN_FIXES:
+            continue
+        pieces = max(1, round((time[part[-1]] - time[part[0]]) / _LONGEST))
+        for piece in np.array_split(part, pieces):
+            if piece.size >= _MIN_FIXES and time[piece[-1]] - time[piece[0]] > _SHORTEST:
+                yield _Stretch(time[piece], course[piece])
+
+
+def _level_velocity(gnss: GnssLog) -> FloatArray:
+    """Return the horizontal velocity (m, 2); that of the positions where the receiver has none."""
+    velocity = gnss.velocity_n[:, :2]
+    if np.isfinite(velocity).all(axis=1).any() or gnss.time.size < 2:
+        return velocity
+    north, east = metres_per_radian(gnss.position[:, 0], 0.0)
+    return np.column_stack(
+        (
+            np.gradient(gnss.position[:, 0], gnss.time) * north,
+            np.gradient(np.unwrap(gnss.position[:, 1]), gnss.time) * east,
+        )
+    )
+
+
+def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
+    """Return the rms of the course minus the angle turned about an axis, without its drift [rad]."""
+    total = np.concatenate(([0.0], np.cumsum(log.dtheta @ axis)))
+    left = []
+    for one in stretches:
+        apart = np.unwrap(one.course - np.interp(one.time, log.time, total))
+        since = one.time - one.time.mean()
+        apart -= apart.mean()
+        drift = float(np.clip(since @ apart / (since @ since), -_MAX_BIAS, _MAX_BIAS))
+        left.append(apart - drift * since)
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+
+
+def _fits(windows: Sequence[Window], gyros: FloatArray) -> bool:
+    """Return whether the velocities, where they change enough, do not contradict other gyros."""
+    as_it_is, other = (
+        sum(_misfit(window, _Axes(matrix, np.eye(3))) for window in windows) for matrix in (np.eye(3), gyros)
+    )
+    return bool(other <= _MAX_WORSE * as_it_is)
+
+
+def _check_velocities(name: str, windows: Sequence[Window]) -> None:
+    """Compare the velocities with the accelerometers, resolved by gyros of all axes and signs."""
+    as_it_is = _Axes(np.eye(3), np.eye(3))
+    misfits = np.array([_misfit(window, as_it_is) for window in windows])
+    if misfits.size < _MIN_WINDOWS or misfits.mean() < _MISFIT:
+        return
+    best = min(_others(), key=lambda axes: _misfit(windows[0], axes))
+    others = np.array([_misfit(window, best) for window in windows])
+    if others.mean() < _MUCH_BETTER * misfits.mean() and (others < _BETTER * misfits).all():
+        raise GyroError(
+            f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
+            f"square residual {misfits.mean():.2g} σ², and {others.mean():.2g} σ² with {best.words}): "
+            f"swapped axes or signs are likely{_REMEDY}"
+        )
+
+
+def _misfit(window: Window, axes: _Axes) -> float:
+    changed = window._replace(
+        dtheta=window.dtheta @ axes.gyros.T,
+        dvelocity=window.dvelocity @ axes.forces.T,
+        sigma=np.maximum(_SIGMA, np.broadcast_to(_noise(window.velocity_n), window.sigma.shape)),
+    )
+    return match(changed, lags=(0.0,)).misfit
+
+
+def _noise(velocity_n: FloatArray) -> FloatArray:
+    """Return the σ of white noise that second differences have like those of the velocities (3,) [m/s]."""
+    if len(velocity_n) < _MIN_FIXES:
+        return np.zeros(3)
+    steps = np.abs(np.diff(velocity_n, 2, axis=0))
+    return np.asarray(np.nan_to_num(np.median(steps, axis=0)) / (_MEDIAN_OF_NORMAL * np.sqrt(6)))
+
+
+def _others() -> Iterator[_Axes]:
+    """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
+    same = np.eye(3)
+    for matrix in _signed(range(3)):
+        if not np.array_equal(matrix, same):
+            yield _Axes(matrix, same)
+    for level in _signed(range(2)):
+        if not np.array_equal(level, np.eye(2)):
+            matrix = np.eye(3)
+            matrix[:2, :2] = level
+            yield _Axes(same, matrix)
+
+
+def _signed(axes: range) -> Iterator[FloatArray]:
+    for order in itertools.permutations(axes):
+        for signs in itertools.product((1.0, -1.0), repeat=len(axes)):
+            matrix = np.zeros((len(axes), len(axes)))
+            matrix[axes, order] = signs
+            yield matrix
+
+
+def _words(matrix: FloatArray) -> str:
+    """Return which axis of the file each of forward, right, down is."""
+    places = np.argmax(np.abs(matrix), axis=1)
+    return ", ".join(
+        f"{'minus ' if row[place] < 0 else ''}{_NAMES[place]}"
+        for row, place in zip(matrix, places, strict=True)
+    )

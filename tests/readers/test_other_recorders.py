@@ -1,0 +1,131 @@
+"""The same log as recorders write it whose clocks begin again, and that write angles in other ways."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from foreign_tables import motion, same, table
+
+from lab.missions import MissionError
+from lab.missions.flight_import import read_log
+from lab.readers.sheet import read_sheet
+from lab.readers.sheet_cells import angles_of_cells
+from lab.readers.sheet_clock import clock_of
+
+IMU = "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
+PLACE = "latitude,longitude,altitude,vel_n,vel_e"
+MIDNIGHT = 1_700_006_400
+WEEK = 604_800
+
+
+def stamped(folder, made, heading, stamp, place=PLACE, fix=None):
+    """Write IMU and fixes with the stamps of another recorder; time 0 is the first sample."""
+    imu, gnss = made
+    first = imu[0, 0]
+    rows = [[*stamp(t - first), *row] for t, row in zip(imu[:, 0], imu[:, 1:], strict=True)]
+    fixes = gnss[:, 1:6] if fix is None else fix
+    places = [[*stamp(t - first), *row] for t, row in zip(gnss[:, 0], fixes, strict=True)]
+    return [
+        table(folder / "imu.csv", f"{heading},{IMU}", rows),
+        table(folder / "gps.csv", f"{heading},{place}", places),
+    ]
+
+
+def moment(seconds, form):
+    return datetime.fromtimestamp(seconds, UTC).strftime(form)
+
+
+CLOCKS = {
+    "week": ("gps_tow", lambda t: [(WEEK - 20 + t) % WEEK]),
+    "week and number": ("week,iTOW", lambda t: [2280.0 + (t >= 20), 1e3 * ((WEEK - 20 + t) % WEEK)]),
+    "counter of 32 bits": ("time_us", lambda t: [round((2**32 - 20e6 + 1e6 * t) % 2**32)]),
+    "time of day": ("time", lambda t: [moment(MIDNIGHT - 20 + t, "%H:%M:%S.%f")]),
+    "date and time": (
+        "date,time",
+        lambda t: [moment(MIDNIGHT - 20 + t, "%d.%m.%Y"), moment(MIDNIGHT - 20 + t, "%H:%M:%S.%f")],
+    ),
+    "seconds of the day": ("time_s", lambda t: [(86_400 - 20 + t) % 86_400]),
+}
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_a_clock_begins_again_during_the_log(tmp_path, made, expected, name):
+    same(read_log(stamped(tmp_path, made, *CLOCKS[name])), expected, 1e-3)
+
+
+def test_a_long_log_passes_midnight(tmp_path):
+    """A table is read in parts of 20,000 rows, and midnight may lie in any."""
+    rows = [[moment(MIDNIGHT - 300 + t / 50, "%H:%M:%S.%f"), 0.0, 0.0, 9.8] for t in range(45_000)]
+    path = table(tmp_path / "Accelerometer.csv", "time,x,y,z", rows)
+    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=True)
+    np.testing.assert_allclose(np.diff(clock.time), 0.02, atol=1e-5)
+
+
+def nmea(angle, width, sides):
+    return [f"{int(abs(angle)):0{width}d}{abs(angle) % 1 * 60:011.8f}", sides[int(angle < 0)]]
+
+
+def ddmm(angle):
+    return f"{np.sign(angle) * (abs(angle) // 1 * 100 + abs(angle) % 1 * 60):.8f}"
+
+
+def minutes(angle, sides):
+    return f"{int(abs(angle))}°{abs(angle) % 1 * 60:.8f}'{sides[int(angle < 0)]}"
+
+
+def seconds(angle, sides):
+    whole, part = divmod(abs(angle) * 60, 1)
+    return f"{int(whole // 60)}° {int(whole % 60)}' {part * 60:.7f}'' {sides[int(angle < 0)]}"
+
+
+@pytest.mark.parametrize(
+    ("place", "write"),
+    [("lat,ns,lon,ew", lambda lat, lon: [*nmea(lat, 2, "NS"), *nmea(lon, 3, "EW")]),
+     ("latitude,longitude", lambda lat, lon: [minutes(lat, "NS"), minutes(lon, "EW")]),
+     ("latitude,longitude", lambda lat, lon: [seconds(lat, "NS"), seconds(lon, "EW")]),
+     ("lat,lon", lambda lat, lon: [ddmm(lat), ddmm(lon)])],
+)  # fmt: skip
+def test_degrees_and_minutes(tmp_path, made, expected, place, write):
+    fix = [[*write(*row[1:3]), *row[3:6]] for row in made[1]]
+    same(
+        read_log(stamped(tmp_path, made, "time", lambda t: [t], f"{place},altitude,vel_n,vel_e", fix)),
+        expected,
+    )
+
+
+def test_a_course_in_radians_and_a_speed_in_knots(tmp_path, made, expected):
+    speed, course = motion(made[1])
+    fix = [
+        [*row[1:4], pace * 3600 / 1852, np.radians(angle)]
+        for row, pace, angle in zip(made[1], speed, course, strict=True)
+    ]
+    place = "latitude,longitude,altitude,speed_kn,course"
+    log = read_log(stamped(tmp_path, made, "time", lambda t: [t], place, fix))
+    same(log, expected)
+    assert any("course in rad (guessed" in remark for remark in log.repairs)
+
+
+def test_angles_in_cells():
+    import pandas as pd
+
+    texts = ["48°07'02.5\"N", "48°7.0416667'N", "S 12° 30'", "-12.5", "W 0.25", "48 07 02.5 N", "none"]
+    values = angles_of_cells(pd.Series(texts), False)
+    north = 48 + 7 / 60 + 2.5 / 3600
+    np.testing.assert_allclose(values, [north, north, -12.5, -12.5, -0.25, north, np.nan], atol=1e-7)
+
+
+def test_a_wrong_gyro_is_not_blamed_on_the_accelerometers(recordings, tmp_path):
+    """With all accelerations reversed as well, nothing refuses the log, but the velocities do not fit."""
+    imu, gnss = (
+        np.loadtxt(recordings / "rtkx_walk" / f"{name}.csv", delimiter=",", skiprows=1)
+        for name in ("imu", "gnss")
+    )
+    imu[:, 3] *= -1
+    files = stamped(tmp_path, (imu, gnss), "time", lambda t: [t])
+    with pytest.raises(MissionError, match="the gyro called down has the wrong sign") as caught:
+        read_log(files)
+    assert "iPhones" not in str(caught.value)
+    corrected = read_log(files, {"gyro_z_rad_s": "-rate_z[rad/s]"})
+    assert corrected.gnss.time.size > 500
