@@ -57,7 +57,7 @@ class Finding:
     Attributes
     ----------
     quantity
-        The wrong quantity: an assumption of the filter (``"R position"``, ``"R velocity down"``, ``"Q"``,
+        The wrong quantity: an assumption of the filter (``"R"``, ``"R position"``, ``"R velocity down"``, ``"Q"``,
         ``"Q gyro"``, ``"Q accelerometer bias"``, ``"P0"``, ``"P0 attitude"``); an unmodelled error (``"GPS
         latency"``, ``"GPS lever arm"``, ``"GPS correlation"``, ``"GPS outliers"``, ``"gyro scale factor"``,
         ``"accelerometer misalignment"``); ``"gate"`` if it rejects good fixes; ``"gain"``, ``"NEES"`` or

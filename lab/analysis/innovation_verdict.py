@@ -186,7 +186,7 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             (_gain_change(best),) if variance else (),
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, _finding(best, seen, statistic, told))
+    return Weighed(best.gain, _finding(found, seen, statistic, told))
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
@@ -216,7 +216,15 @@ def _words(one: Explanation) -> str:
     return f"{one.name} {written(factor)} × too {wrong}"
 
 
-def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+def _alternative(found: list[Explanation]) -> str:
+    """Return a sentence with the second explanation unless the best one is preferred to it; else nothing."""
+    if len(found) < 2 or found[1].gain <= found[0].gain - RATIO:
+        return ""
+    return f" They cannot tell it from this: {_words(found[1])}."
+
+
+def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+    best = found[0]
     if best.name == "GPS latency":
         return latency(float(best.parts[0]), best.gain, told)
     if best.name == "GPS lever arm":
@@ -244,7 +252,8 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             best.name,
             "not modelled",
             best.size,
-            f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}.",
+            f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}."
+            + _alternative(found),
             f"Calibrate the {sensor}s"
             + (
                 ", or set navigator.states to 21."
@@ -296,14 +305,25 @@ def _gain_advice(best: Explanation) -> str:
 
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
     """Return the finding that R is wrong, from the size of its innovations."""
-    kind = 1 if best.name.endswith("velocity") else 0
+    ratio = best.size
+    factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
     if best.name == "R":
-        kind = int(np.argmax(np.abs(np.log(seen.offered.mean.reshape(2, 3).mean(axis=1)))))
+        # One of both alone would leave the fixes of the other with the wrong weight.
+        return Finding(
+            "R",
+            f"too {wrong}",
+            factor,
+            f"The innovations are {written(float(seen.nis.mean) ** 0.5)} × as large as assumed: R of position "
+            f"and velocity is about {written(factor)} × too {wrong}.",
+            f"Multiply navigator.r_scale by {written(ratio)}.",
+            mean_square(seen.nis, "innovations (by NIS)"),
+            (Change("navigator.r_scale", ratio, True),),
+        )
+    kind = 1 if best.name.endswith("velocity") else 0
     name = ("position", "velocity")[kind]
     own = slice(3 * kind, 3 * kind + 3)
     squares = Squares(seen.offered.total[own].sum(), seen.offered.number[own].sum())
-    ratio, root = best.size, float(squares.mean) ** 0.5
-    factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+    root = float(squares.mean) ** 0.5
     return Finding(
         f"R {name}",
         f"too {wrong}",

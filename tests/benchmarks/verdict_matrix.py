@@ -50,7 +50,7 @@ class Tally:
 
 def is_gps(verdict: Verdict) -> bool:
     """Return whether a verdict accuses the GPS, and does not say that it may be the IMU."""
-    return any(finding.quantity.startswith(("GPS", "R ")) for finding in verdict.findings) and not any(
+    return any(finding.quantity.startswith(("GPS", "R")) for finding in verdict.findings) and not any(
         "or IMU" in finding.quantity for finding in verdict.findings
     )
 
