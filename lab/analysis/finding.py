@@ -57,11 +57,11 @@ class Finding:
     Attributes
     ----------
     quantity
-        The wrong quantity: an assumption of the filter (``"R"``, ``"R position"``, ``"R velocity down"``, ``"Q"``,
-        ``"Q gyro"``, ``"Q accelerometer bias"``, ``"P0"``, ``"P0 attitude"``); an unmodelled error (``"GPS
-        latency"``, ``"GPS lever arm"``, ``"GPS correlation"``, ``"GPS outliers"``, ``"gyro scale factor"``,
-        ``"accelerometer misalignment"``); ``"gate"`` if it rejects good fixes; ``"gain"``, ``"NEES"`` or
-        ``"NIS"`` if the cause is unknown. `algorithm_verdict` has its own.
+        The wrong quantity: an assumption of the filter (``"R"``, ``"R position"``, ``"R velocity down"``,
+        ``"Q"``, ``"Q gyro"``, ``"Q accelerometer bias"``, ``"P0"``, ``"P0 attitude"``); an unmodelled error
+        (``"GPS latency"``, ``"GPS lever arm"``, ``"GPS correlation"``, ``"GPS outliers"``, ``"gyro scale
+        factor"``, ``"accelerometer misalignment"``); ``"gate"`` if it rejects good fixes; ``"gain"``,
+        ``"NEES"`` or ``"NIS"`` if the cause is unknown. `algorithm_verdict` has its own.
     direction
         ``"too small"``, ``"too large"``, ``"not modelled"`` or ``"rejected"``.
     factor

@@ -254,13 +254,7 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
             best.size,
             f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}."
             + _alternative(found),
-            f"Calibrate the {sensor}s"
-            + (
-                ", or set navigator.states to 21."
-                if "scale" in best.name
-                else f", or raise the {sensor} noise."
-            ),
-            statistic,
+            *_remedy(best, sensor, statistic),
         )
     if best.name.startswith("R"):
         return _size_of_r(best, seen)
@@ -274,6 +268,20 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
         _gain_advice(best),
         statistic,
         (_gain_change(best),),
+    )
+
+
+def _remedy(best: Explanation, sensor: str, statistic: str) -> tuple[str, str, tuple[Change, ...]]:
+    """Return the advice for an error of inertial sensors, the statistic, and the changes of settings."""
+    if "scale" not in best.name:
+        return f"Calibrate the {sensor}s, or raise the {sensor} noise.", statistic, ()
+    # Without their σ, P0 of the scale factors is zero, and the filter never estimates them.
+    path = f"sensors.{sensor}.scale_factor_sigma"
+    percent = float(f"{100 * best.size / np.sqrt(best.parts.size):.2g}")
+    return (
+        f"Calibrate the {sensor}s, or set navigator.states to 21, and {path} to {percent}.",
+        statistic,
+        (Change("navigator.states", 21), Change(path, percent)),
     )
 
 
@@ -313,8 +321,8 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
             "R",
             f"too {wrong}",
             factor,
-            f"The innovations are {written(float(seen.nis.mean) ** 0.5)} × as large as assumed: R of position "
-            f"and velocity is about {written(factor)} × too {wrong}.",
+            f"The innovations are {written(float(seen.nis.mean) ** 0.5)} × as large as assumed: R of the "
+            f"position and the velocity is about {written(factor)} × too {wrong}.",
             f"Multiply navigator.r_scale by {written(ratio)}.",
             mean_square(seen.nis, "innovations (by NIS)"),
             (Change("navigator.r_scale", ratio, True),),

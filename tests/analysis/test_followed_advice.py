@@ -8,21 +8,27 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab import Experiment
 from lab.analysis.trial import advised
 from lab.result import Result
+from tests.benchmarks.faults import experiment
 
 SEEDS = (11, 12, 13, 14)
 RATE = 50.0
 
 
-def run(seed: int, **navigator: float) -> Result:
-    """Return a run with some settings of the navigator."""
-    experiment = Experiment(mission="los_angeles", seed=seed)
-    experiment.set("trajectory.imu_rate", RATE)
-    for name, value in navigator.items():
-        experiment.set(f"navigator.{name}", value)
-    return experiment.run()
+def run(seed: int, path: str, value: float) -> Result:
+    """Return a run of a tactical sensor with one setting changed."""
+    faulty = experiment("los_angeles", "tactical", seed)
+    faulty.update({"trajectory.imu_rate": RATE, path: value})
+    return faulty.run()
+
+
+def followed(before: Result) -> Result:
+    """Return the run with the settings that the innovations of another advise."""
+    (finding,) = before.innovation_verdict.findings
+    after = before.repeated(advised(before, finding.changes))
+    assert isinstance(after, Result)
+    return after
 
 
 def rms(results: list[Result]) -> float:
@@ -33,15 +39,17 @@ def rms(results: list[Result]) -> float:
 @pytest.mark.parametrize("scale", [0.1, 10.0])
 def test_r_wrong_as_a_whole_is_mended_as_a_whole(scale):
     """One of position and velocity alone would leave the fixes of the other with the wrong weight."""
-    before = [run(seed, r_scale=scale) for seed in SEEDS]
-    after = []
-    for one in before:
-        (finding,) = one.innovation_verdict.findings
-        assert finding.quantity == "R"
-        assert finding.factor == pytest.approx(10, rel=0.5)
-        again = one.repeated(advised(one, finding.changes))
-        assert isinstance(again, Result)
-        after.append(again)
+    before = [run(seed, "navigator.r_scale", scale) for seed in SEEDS]
+    assert {one.innovation_verdict.findings[0].quantity for one in before} == {"R"}
+    after = [followed(one) for one in before]
     assert rms(after) < rms(before)
-    nees = np.mean([float(one.evidence.nees.mean) for one in after])
-    assert 0.7 < nees < 1.5
+    assert 0.7 < np.mean([float(one.evidence.nees.mean) for one in after]) < 1.5
+
+
+def test_scale_factors_that_are_to_be_estimated_get_a_sigma():
+    """With 21 states alone, P0 of the scale factors is zero, and they stay so."""
+    before = [run(seed, "sensors.gyro.scale_factor", 1.0) for seed in SEEDS]
+    assert {one.innovation_verdict.findings[0].quantity for one in before} == {"gyro scale factor"}
+    after = [followed(one) for one in before]
+    assert rms(after) < 0.8 * rms(before)
+    assert 0.7 < np.mean([float(one.evidence.nees.mean) for one in after]) < 1.5
