@@ -12,6 +12,7 @@ from lab.analysis import feedforward
 from lab.analysis.budget import error_budget
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.observability import observability
+from lab.analysis.trial import advised
 from lab.experiment import Experiment
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
@@ -84,6 +85,24 @@ def test_the_drift_of_a_free_navigator_is_no_turn_of_north(tmp_path: Path) -> No
 
 
 SEEDS = 20
+
+
+def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path: Path) -> None:
+    """With quiet gyros on a straight flight, less than a degree makes NEES 3 × too large; feedback is right."""
+    quiet = {
+        "sensors.gyro.noise_density": 0.002,
+        "sensors.gyro.bias_sigma": 0.001,
+        "sensors.accelerometer.bias_sigma": 0.2,
+    }
+    mission = polar(tmp_path, "straight over the north pole", duration=160.0)
+    for seed in (11, 12, 15):
+        free = run(mission, seed, **WANDER, **quiet, navigator__correction="feedforward")
+        assert free.feedforward_drift < feedforward.LINEAR
+        (finding,) = free.verdict.findings
+        assert finding.quantity == "feedforward"
+        followed = free.repeated(advised(free, finding.changes))
+        assert isinstance(followed, Result)
+        assert followed.verdict.consistent
 
 
 def test_a_smoother_over_a_pole_tells_the_truth_about_itself(tmp_path: Path) -> None:
