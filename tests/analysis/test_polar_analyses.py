@@ -88,7 +88,7 @@ SEEDS = 20
 
 
 def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path: Path) -> None:
-    """With quiet gyros on a straight flight, less than a degree makes NEES 3 × too large; feedback is right."""
+    """With quiet gyros, less than a degree makes NEES 3 × too large; feedback is right."""
     quiet = {
         "sensors.gyro.noise_density": 0.002,
         "sensors.gyro.bias_sigma": 0.001,
