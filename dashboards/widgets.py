@@ -146,8 +146,13 @@ class NumberField(Field):
     def _render(self, value: Any) -> None:
         components = value if self._axes else (value,)
         self._box.value = shown(value)
-        self._slider.value = self._scale.position(max(components, key=abs))
+        self._place(self._slider, max(components, key=abs))
         for slider, number in zip(self._axis_sliders, components, strict=False):
+            self._place(slider, number)
+
+    def _place(self, slider: Slider, number: float) -> None:
+        """Move a slider unless it shows the number: a rounded position sent back would undo a later move."""
+        if self._scale.value(slider.value) != number:
             slider.value = self._scale.position(number)
 
     def _moved(self, axis: int | None, position: float) -> None:

@@ -104,6 +104,24 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
     expect(page.get_by_role("alert")).to_have_count(0)
 
 
+@pytest.mark.parametrize(
+    ("name", "path"), [("White noise", "sensors.gyro.noise_density"), ("R scale", "navigator.r_scale")]
+)
+def test_each_of_many_quick_steps_of_a_slider_counts(shared_page: Page, name: str, path: str) -> None:
+    """A position sent back by the server while the next ones are under way would undo them."""
+    page, steps = shared_page, 30
+    slider = page.get_by_role("slider", name=name).first
+    begun, step = float(slider.input_value()), float(slider.get_attribute("step") or "nan")
+    for _ in range(steps):
+        slider.press("ArrowRight")
+    ended = begun + steps * step
+    assert float(slider.input_value()) == pytest.approx(ended, abs=step / 10)
+    value = 10**ended if name == "R scale" else ended
+    wait_for(page, f"Math.abs(new URLSearchParams(location.search).get('{path}') - {value}) < {value / 100}")
+    wait_for(page, IDLE)
+    assert float(slider.input_value()) == pytest.approx(ended, abs=step / 10)
+
+
 def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -> None:
     page = open_page("?mission=los_angeles&sensors.gyro.noise_density=0.2")
     wait_for(page, f"{RANGE_END} < 120")

@@ -46,6 +46,29 @@ def test_a_position_beyond_the_slider_is_at_its_end(path: str, position: float) 
     assert scale.value(position) == scale.value(scale.end if position > 0 else scale.start)
 
 
+@pytest.mark.parametrize("path", ["sensors.gyro.noise_density", "sensors.gps.period", "navigator.r_scale"])
+def test_a_slider_that_was_moved_stays_where_it_is(path: str) -> None:
+    """The browser may have moved it on meanwhile: a rounded position, sent back, would undo that."""
+    made = field(NUMBERS[path], lambda _value: True)
+    assert isinstance(made, NumberField)
+    scale = Scale(NUMBERS[path])
+    moved = scale.start + 0.7891 * (scale.end - scale.start)
+    made._slider.value = moved
+    assert made._slider.value == moved
+    (value, *_) = made.value if isinstance(made.value, tuple) else (made.value,)
+    assert value == scale.value(moved)
+    made.show(NUMBERS[path].default)
+    assert made._slider.value != moved
+
+
+def test_a_slider_whose_value_is_refused_goes_back() -> None:
+    made = field(LEAVES["navigator.r_scale"], lambda _value: False)
+    assert isinstance(made, NumberField)
+    before = made._slider.value
+    made._slider.value = before + 0.3
+    assert made._slider.value == before
+
+
 def test_one_is_exactly_one() -> None:
     scale = Scale(LEAVES["navigator.q_scale"])
     assert scale.value(scale.position(1.0)) == 1.0
