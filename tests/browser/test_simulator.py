@@ -200,7 +200,7 @@ def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
     page.mouse.click(box["x"] + box["width"] / 2, middle)
     wait_for(page, f"{CURSOR} > 60")
     clicked = page.evaluate(CURSOR)
-    expect(page.get_by_text(re.compile(rf"^{clicked:.2f}$"))).to_be_visible()
+    expect(page.get_by_text(re.compile(rf"^{clicked:.2f} s$"))).to_be_visible()
     play = page.locator(".MuiCheckbox-root", has_text=re.compile("play_arrow|pause")).locator("input")
     play.check()
     wait_for(page, f"{CURSOR} > {clicked} + 2")

@@ -187,6 +187,8 @@ class Recorder:
         are = "is" if len(made) == 1 else "are"
         known = [f"{', '.join(made)} {are} in the library now: choose under Missions."] if made else []
         if known or problems:  # else the job before made these missions too
+            if self._station is not None:
+                self._heard = self._station.recorded  # the last of them, told here with the others
             self._job.say("\n".join([*known, *problems]), "error" if problems else "success")
 
 
