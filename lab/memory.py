@@ -128,8 +128,9 @@ def give_back() -> None:
 def large_blocks_given_back(samples: int) -> Iterator[None]:
     """Give freed blocks from `BLOCK` on back to the system at once, in the run of a very long flight.
 
-    The C library of GNU keeps freed blocks of up to 32 MB, for each thread apart; with them, run after run of
-    different error models took a fifth more. Runs of other threads meanwhile only take longer.
+    The C library of GNU keeps freed blocks of up to 32 MB, for each thread apart; with them, comparing the
+    error models over four hours at 200 Hz took 1.62 GB instead of 1.46. Runs of other threads meanwhile only
+    take longer.
 
     Parameters
     ----------

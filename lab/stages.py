@@ -7,6 +7,7 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -113,11 +114,12 @@ class Stages:
     def result(self) -> SimulatedResult:
         """Compute the stages in order."""
         self.progress("Reading the flight", 0.0)
-        with large_blocks_given_back(int(self.mission.duration * self.experiment.trajectory.imu_rate)):
-            return self._result()
+        with ExitStack() as run:
+            return self._result(run)
 
-    def _result(self) -> SimulatedResult:
+    def _result(self, run: ExitStack) -> SimulatedResult:
         flight = self.kept_flight()
+        run.enter_context(large_blocks_given_back(flight.truth.time.size))
         self.progress("Simulating the sensors", 0.3)
         aligned = self.begin(flight.trajectory.at(0.0))
         fixes, readings = self.fixes(flight), self.readings(flight)
@@ -205,10 +207,12 @@ class Stages:
         settings = self.experiment.trajectory
         # Kept by itself: another IMU rate or curve needs no other reading.
         recording = CACHE.get("recording", self.mission.content_hash, lambda: self.mission.recording)
-        self.check_memory(int(recording.duration * settings.imu_rate) + 1)
-        trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
-        ideal = trajectory.increments(settings.imu_rate)
-        return Flight(trajectory, trajectory.at(ideal.time), ideal)
+        samples = int(recording.duration * settings.imu_rate) + 1
+        self.check_memory(samples)
+        with large_blocks_given_back(samples):
+            trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
+            ideal = trajectory.increments(settings.imu_rate)
+            return Flight(trajectory, trajectory.at(ideal.time), ideal)
 
     def belief(self, aligned: Aligned) -> Belief:
         """Return what the filter assumes."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lab.file_lock import locked
-from lab.recordings.temporary_files import clear
+from lab.recordings.temporary_files import TEMPORARY, clear
 
 
 @contextlib.contextmanager
@@ -25,8 +25,9 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     OSError
         If it cannot be written; a file already there is left as it was.
     """
-    clear(path.parent, re.compile(rf"\.{re.escape(path.name)}\.[a-z0-9_]{{8}}").fullmatch)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    own = f".{path.name}{TEMPORARY}"  # a hidden file of the user, such as .a.csv.original, is another one
+    clear(path.parent, re.compile(rf"{re.escape(own)}[a-z0-9_]{{8}}").fullmatch)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=own)
     try:
         with os.fdopen(handle, "wb") as file:
             with contextlib.suppress(OSError):  # not every file system knows locks

@@ -20,7 +20,7 @@ from pathlib import Path
 from lab.recordings.folder_lock import LOCK_FILE, hold_file
 
 TEMPORARY = ".ins-lab-"
-"""How the names of temporary folders begin."""
+"""How the names of temporary folders begin; in that of a temporary file, it follows the name of the file."""
 NOTE = ".unfinished"
 """How the names of notes end."""
 OLD = 24 * 3600.0
@@ -29,7 +29,7 @@ SETTLED = 60.0
 """Age above which a file that nobody holds is no longer being written [s]: its writer takes the lock within
 milliseconds."""
 
-_FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
+_FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.(ins-lab-)?[a-z0-9_]{8}")
 
 
 def note_of(recording: Path) -> Path:

@@ -101,8 +101,9 @@ def test_a_killed_export_is_swept_by_the_next_one_of_the_same_file(tmp_path):
     left = list(tmp_path.iterdir())
     assert len(left) == 2
     stays = tmp_path / ".path.kml.backup"
-    other = tmp_path / ".other.kml.abcdefgh"
-    for path in (stays, other):
+    other = tmp_path / ".other.kml.ins-lab-abcdefgh"
+    users = tmp_path / ".path.kml.original"  # a copy that a person has made
+    for path in (stays, other, users):
         path.write_text("not of this file")
     for path in tmp_path.iterdir():
         aged(path)
@@ -114,4 +115,4 @@ def test_a_killed_export_is_swept_by_the_next_one_of_the_same_file(tmp_path):
             file.write(b"meanwhile")
         assert half.is_dir()  # the one that is still at work keeps its own
     assert (tmp_path / "path.kml").read_bytes() == b"whole"
-    assert {path.name for path in tmp_path.iterdir()} == {"path.kml", stays.name, other.name}
+    assert {path.name for path in tmp_path.iterdir()} == {"path.kml", stays.name, other.name, users.name}
