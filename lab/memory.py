@@ -6,6 +6,7 @@ import ctypes
 import mmap
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,6 +39,10 @@ _USUAL_BLOCK = 32 * 2**20
 """Size from which the C library never keeps a freed block [bytes], its own bound on 64 bits."""
 _MMAP_THRESHOLD = -3
 """Number of the option M_MMAP_THRESHOLD in malloc.h."""
+
+_changing = threading.Lock()
+_very_long: list[int] = []
+"""Numbers of samples of the very long flights that are worked on, in any thread."""
 
 _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
@@ -126,11 +131,11 @@ def give_back() -> None:
 
 @contextmanager
 def large_blocks_given_back(samples: int) -> Iterator[None]:
-    """Give freed blocks from `BLOCK` on back to the system at once, in the run of a very long flight.
+    """Give freed blocks from `BLOCK` on back to the system at once, while work on a very long flight runs.
 
     The C library of GNU keeps freed blocks of up to 32 MB, for each thread apart; with them, comparing the
-    error models over four hours at 200 Hz took 1.62 GB instead of 1.46. Runs of other threads meanwhile only
-    take longer.
+    error models over four hours at 200 Hz took 1.62 GB instead of 1.46. Work in other threads meanwhile only
+    takes longer. The C library has one setting for all threads, so the last work that ends resets it.
 
     Parameters
     ----------
@@ -141,11 +146,16 @@ def large_blocks_given_back(samples: int) -> Iterator[None]:
     if change is None or samples <= VERY_LONG:
         yield
         return
-    change(_MMAP_THRESHOLD, BLOCK)
+    with _changing:
+        _very_long.append(samples)
+        change(_MMAP_THRESHOLD, BLOCK)
     try:
         yield
     finally:
-        change(_MMAP_THRESHOLD, _USUAL_BLOCK)
+        with _changing:
+            _very_long.remove(samples)
+            if not _very_long:
+                change(_MMAP_THRESHOLD, _USUAL_BLOCK)
 
 
 class Retiring:

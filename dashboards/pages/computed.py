@@ -14,7 +14,7 @@ import panel as pn
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import together
-from lab.memory import give_back
+from lab.memory import give_back, large_blocks_given_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -97,7 +97,8 @@ class ComputedPage(Page):
                 self._told = time.monotonic()
                 self._later(partial(self._tell, result, stage))
 
-        outcome = attempt(lambda: self.work_out(result, tell))
+        with large_blocks_given_back(result.time.size):
+            outcome = attempt(lambda: self.work_out(result, tell))
         if result.is_long:
             give_back()
         return outcome
