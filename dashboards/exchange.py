@@ -22,6 +22,7 @@ from bokeh.document import Document
 
 from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
+from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.teaching.class_link import FIELD
 from dashboards.titled import Card
@@ -154,7 +155,7 @@ class Files:
         self._reading.submit(paths[0].read_bytes())
 
     def _arrive(self, document: Document, _content: bytes, outcome: Outcome) -> None:
-        document.add_next_tick_callback(partial(self._read, outcome))
+        soon(document, partial(self._read, outcome))
 
     def _read(self, outcome: Outcome) -> None:
         if outcome.problem:

@@ -12,6 +12,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.seen_names import as_seen
+from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.identification import Identification
@@ -116,7 +117,7 @@ class Identifying:
 
     def _later(self, callback: Callable[[], None]) -> None:
         assert self._document is not None
-        self._document.add_next_tick_callback(callback)
+        soon(self._document, callback)
 
     def _tell(self, result: Result, words: str) -> None:
         if result is self._result and self._found is None:

@@ -1,8 +1,8 @@
-"""Sending: changes that are sent to the browser together and reliably."""
+"""Sending: changes that a thread asks for, and that are sent to the browser together and reliably."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from bokeh.document import Document
@@ -27,3 +27,23 @@ def together(document: Document) -> Iterator[None]:
     finally:
         with one_message(document):
             document.unhold()
+
+
+def soon(document: Document, callback: Callable[[], None]) -> None:
+    """Ask for a turn of a document; any thread may ask.
+
+    The event loop of the server adds the callback, and drops it if the page has ended by then. If a thread
+    added it while Bokeh makes the session of the page, Bokeh would find it twice and refuse the page.
+    """
+    context = document.session_context
+    server = getattr(context, "server_context", None)
+    loop = getattr(getattr(server, "application_context", None), "io_loop", None)
+    if context is None or loop is None:
+        document.add_next_tick_callback(callback)
+        return
+
+    def add() -> None:
+        if not context.destroyed:
+            document.add_next_tick_callback(callback)
+
+    loop.add_callback(add)

@@ -11,7 +11,7 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome, Progress, run
-from dashboards.sending import together
+from dashboards.sending import soon, together
 from lab.experiment import Experiment
 from lab.homework.homework import Homework
 from lab.missions import missions, names_in_words
@@ -197,7 +197,7 @@ class Session(param.Parameterized):
         replaced = outcome.result is not None and outcome.result.is_long and experiment is not self._newest
         if not (self._closed or replaced):
             self._arrived = experiment, outcome
-            self._document.add_next_tick_callback(self._collect)
+            soon(self._document, self._collect)
 
     def _open(self) -> None:
         self._browser_ready = True

@@ -13,7 +13,7 @@ import panel as pn
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page, not_drawn
-from dashboards.sending import together
+from dashboards.sending import soon, together
 from lab.memory import give_back, large_blocks_given_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -108,7 +108,7 @@ class ComputedPage(Page):
 
     def _later(self, callback: Any) -> None:
         assert self._document is not None
-        self._document.add_next_tick_callback(callback)
+        soon(self._document, callback)
 
     def _tell(self, result: Result, stage: str) -> None:
         if result is self._wanted:

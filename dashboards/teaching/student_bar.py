@@ -14,7 +14,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import WRAP
-from dashboards.sending import together
+from dashboards.sending import soon, together
 from dashboards.style import TOOLTIP
 from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
 from dashboards.teaching.desk import Desk
@@ -174,7 +174,7 @@ class StudentBar:
         if not self._called:
             self._called = True
             # In an empty context, because that of the caller may refer to another document.
-            Context().run(self._desk.document.add_next_tick_callback, self._arrive)
+            Context().run(soon, self._desk.document, self._arrive)
 
     def _arrive(self) -> None:
         self._called = False

@@ -16,6 +16,7 @@ from dashboards.computing import LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.lessons.homework_view import Answers, Doings, HomeworkView
 from dashboards.pages.lessons.lesson_list import HEADING, ROW, SUMMARY, TITLE, WIDTH
+from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.upload import Upload
@@ -180,7 +181,7 @@ class HomeworkPart:
 
     def _deliver(self, _path: Path, outcome: Outcome) -> None:
         if self._document is not None:
-            self._document.add_next_tick_callback(partial(self._arrive, outcome))
+            soon(self._document, partial(self._arrive, outcome))
 
     def _arrive(self, outcome: Outcome) -> None:
         if outcome.problem:

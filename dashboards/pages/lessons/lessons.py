@@ -14,6 +14,7 @@ from dashboards.pages.base import Page
 from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
 from dashboards.pages.lessons.step_view import Actions, StepView
+from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.experiment import Experiment
@@ -262,7 +263,7 @@ class Lessons(Page):
 
     def _deliver(self, asked: Asked, outcome: Outcome) -> None:
         if self._document is not None:
-            self._document.add_next_tick_callback(partial(self._arrive, asked.place, outcome))
+            soon(self._document, partial(self._arrive, asked.place, outcome))
 
     def _arrive(self, place: tuple[Key, int], outcome: Outcome) -> None:
         """Show what there is to say of an answer, unless another step is open now."""

@@ -15,7 +15,7 @@ from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
-from dashboards.sending import together
+from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.analysis import allan, rest
@@ -148,7 +148,7 @@ class AllanPart:
                     self._grid.visible = True
 
         if self._document is not None:
-            self._document.add_next_tick_callback(arrive)
+            soon(self._document, arrive)
 
     def _start_card(self) -> None:
         station = self._station

@@ -15,7 +15,7 @@ import panel_material_ui as pmui
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
-from dashboards.sending import together
+from dashboards.sending import soon, together
 
 TELL = 0.25
 """Time between two progress messages [s]."""
@@ -100,7 +100,7 @@ class Job:
 
     def _later(self, callback: Callable[[], None]) -> None:
         assert self._document is not None
-        self._document.add_next_tick_callback(callback)
+        soon(self._document, callback)
 
     def _show(self, words: str, fraction: float) -> None:
         self._words.object = f"{escape(words)} …"

@@ -13,7 +13,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.cards import MissionCards, Question, all_cards, drawings
 from dashboards.pages.missions.dialog import Act, Dialog, fill
-from dashboards.sending import together
+from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.visitors import may_edit
 from lab.experiment import Experiment
@@ -119,7 +119,7 @@ class Library:
             with together(document):
                 show()
 
-        document.add_next_tick_callback(turn)
+        soon(document, turn)
 
     def _act(self, what: str, name: str) -> None:
         if what == "ready":
