@@ -1,14 +1,17 @@
-"""Patch messages: the changes of a page as one message, which costs as much as what it says.
+"""Patch messages: the changes of a page as one message, sent at once, which costs as much as what it says.
 
 Bokeh makes a message for each changed property, and looks at all models of the page for each message. Panel
 takes a property that was held back for one that the browser has changed, and processes it a second time. In
 a class of thirty pages this takes half of a teacher's step. For each colour or width of a figure, Bokeh
-builds the type anew by which it distinguishes a value from the name of a column. No upstream issue is known.
+builds the type anew by which it distinguishes a value from the name of a column. It gives each of the dozen
+parts of a message to the system alone, and waits for each. No upstream issue is known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+import logging
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any
@@ -26,9 +29,19 @@ from bokeh.document.events import DocumentPatchedEvent
 from bokeh.document.json import PatchJson
 from bokeh.document.models import DocumentModelManager
 from bokeh.model import Model
+from bokeh.protocol.message import Message
 from bokeh.protocol.messages.patch_doc import patch_doc
 from bokeh.server.session import ServerSession
+from bokeh.server.views.ws import WSHandler
 from panel.reactive import Syncable
+from tornado.escape import utf8
+from tornado.iostream import StreamClosedError
+from tornado.websocket import WebSocketProtocol13
+
+log = logging.getLogger(__name__)
+
+TEXT, BINARY = 1, 2
+"""Kinds of websocket frames (RFC 6455, 5.2)."""
 
 _released: WeakKeyDictionary[Document, list[DocumentPatchedEvent]] = WeakKeyDictionary()
 """Documents whose held changes are being released, and the changes to send."""
@@ -76,9 +89,46 @@ def speed_up_patches() -> None:
         if doc not in _released:
             changed(component, doc, *change)
 
+    WSHandler.send_message = _send_at_once(WSHandler.send_message)  # type: ignore[method-assign, assignment]
     DataSpec.to_serializable = _values_or_columns()  # type: ignore[method-assign, assignment]
     ServerSession._document_patched = gather  # type: ignore[method-assign, assignment]
     Syncable._server_change = process  # type: ignore[method-assign, assignment]
+
+
+def _send_at_once(
+    send_by_parts: Callable[[WSHandler, Message[Any]], Awaitable[None]],
+) -> Callable[[WSHandler, Message[Any]], Coroutine[Any, Any, None]]:
+    """Return what sends a message to a browser, all its parts by one call of the system."""
+
+    async def send(handler: WSHandler, message: Message[Any]) -> None:
+        protocol = handler.ws_connection
+        if not isinstance(protocol, WebSocketProtocol13) or protocol._compressor is not None:
+            await send_by_parts(handler, message)
+            return
+        parts: list[str | bytes] = [message.header_json, message.metadata_json, message.content_json]
+        for buffer in message.buffers:
+            parts += json.dumps(buffer.ref), buffer.to_bytes()
+        try:
+            with await handler.write_lock.acquire():
+                await protocol.stream.write(_frames(protocol, parts))
+        except StreamClosedError:
+            log.info("a browser left before a message was sent")
+
+    return send
+
+
+def _frames(protocol: WebSocketProtocol13, parts: list[str | bytes]) -> bytes:
+    """Return texts and binary parts as the frames that Tornado would send."""
+    frames: list[bytes] = []
+    stream = vars(protocol.stream)
+    stream["write"] = frames.append  # in place of the method, for the calls in between
+    try:
+        for part in parts:
+            is_text = isinstance(part, str)
+            protocol._write_frame(True, TEXT if is_text else BINARY, utf8(part))
+    finally:
+        del stream["write"]
+    return b"".join(frames)
 
 
 def _values_or_columns() -> Callable[[DataSpec, HasProps, str, Any], Any]:

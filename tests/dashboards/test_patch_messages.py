@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import panel_material_ui as pmui
@@ -14,7 +16,11 @@ from bokeh.document.events import DocumentPatchedEvent
 from bokeh.models import ColumnDataSource, Row
 from bokeh.protocol import Protocol
 from bokeh.server.session import ServerSession
+from bokeh.server.views.ws import WSHandler
 from panel.io.state import set_curdoc
+from tornado.iostream import StreamClosedError
+from tornado.locks import Lock
+from tornado.websocket import WebSocketProtocol13
 
 from dashboards.sending import together
 from dashboards.upstream import speed_up
@@ -146,3 +152,54 @@ def test_a_component_does_not_take_what_was_held_back_for_a_change_of_the_browse
     assert len(served.document.session_callbacks) == before
     box._server_change(served.document, "box", None, "value", "after", "typed")
     assert len(served.document.session_callbacks) == before + 1
+
+
+class Wire:
+    """A websocket to a browser, which keeps what is written to its stream, call by call."""
+
+    def __init__(self) -> None:
+        self.written: list[bytes] = []
+        parameters: Any = SimpleNamespace(max_message_size=0, compression_options=None)
+        self.ws_connection = WebSocketProtocol13(Mock(), mask_outgoing=False, params=parameters)
+        self.ws_connection.stream = SimpleNamespace(write=self._write)
+        self.write_lock = Lock()
+
+    def _write(self, data: bytes) -> asyncio.Future[None]:
+        self.written.append(data)
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        done.set_result(None)
+        return done
+
+    async def write_message(self, message: str | bytes, binary: bool = False, locked: bool = True) -> None:
+        """Send one part, as Bokeh does."""
+        assert not locked
+        await self.ws_connection.write_message(message, binary)
+
+
+@pytest.mark.parametrize("length", [1, 125, 126, 65535, 65536])
+def test_a_message_leaves_in_one_piece_and_in_bokehs_own_frames(length: int) -> None:
+    served = Served()
+    source = ColumnDataSource({"a": np.arange(float(length)), "b": np.zeros(length)})
+    with together(served.document):
+        served.row.children = [served.figure, Row(tags=["ø" * length]), Row(tags=[source])]
+    (message,) = served.browsers[0].messages
+
+    async def send(sender: Any, wire: Wire) -> bytes:
+        await sender(wire)
+        return b"".join(wire.written)
+
+    parts, once = Wire(), Wire()
+    expected = asyncio.run(send(message.send, parts))
+    assert asyncio.run(send(lambda wire: WSHandler.send_message(wire, message), once)) == expected
+    assert len(parts.written) >= 5
+    assert len(once.written) == 1
+
+
+def test_a_browser_that_has_left_takes_no_message(caplog: pytest.LogCaptureFixture) -> None:
+    served, wire = Served(), Wire()
+    with together(served.document):
+        served.figure.height = 99
+    (message,) = served.browsers[0].messages
+    wire.ws_connection.stream = SimpleNamespace(write=Mock(side_effect=StreamClosedError()))
+    asyncio.run(WSHandler.send_message(wire, message))  # type: ignore[arg-type]
+    assert not [record for record in caplog.records if record.levelname in ("ERROR", "WARNING")]
