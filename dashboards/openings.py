@@ -19,6 +19,7 @@ from bokeh.server.contexts import ApplicationContext
 from bokeh.server.session import ServerSession
 
 from dashboards import garbage
+from dashboards.upstream import models_version
 from lab.memory import give_back
 
 PAUSE = 0.01
@@ -36,6 +37,8 @@ ENOUGH = 100
 nothing of it refers to any more."""
 ROOM = 200_000
 """Objects kept since the last full collection from which there is another one; they take 130 MB."""
+COUNT = 5
+"""Ended pages between two counts of the kept objects: each goes through all of them, 90 ms for 700,000."""
 MOST = 900_000
 """Most objects for a full collection, which takes half a second for them. The imports are 390,000, and a page
 has 30,000 to 100,000."""
@@ -56,6 +59,7 @@ class Openings(Handler):
         self._ended_since = 0
         self._kept = gc.get_freeze_count()  # after the last full collection
         self._models: WeakKeyDictionary[Document, set[ref[Model]]] = WeakKeyDictionary()
+        self._noted: WeakKeyDictionary[Document, tuple[int, int]] = WeakKeyDictionary()
         self._working: asyncio.Task[None] | None = None
         self._context: ref[ApplicationContext] | None = None
 
@@ -117,7 +121,8 @@ class Openings(Handler):
                 self._search_all()  # what is in use may be so by garbage only
                 return
             self._ended_since += 1
-            self._search_all()
+            if self._ended_since % COUNT == 0:
+                self._search_all()
 
         return asyncio.ensure_future(search())
 
@@ -162,8 +167,12 @@ class Openings(Handler):
     def _note_models(self) -> None:
         """Note the models that are about to be kept: their document may drop them before it ends."""
         for session in self._sessions:
-            # Plain references: a `WeakSet` takes ten times as long, after each turn and for all open pages.
-            self._models.setdefault(session.document, set()).update(map(ref, session.document.models))
+            document = session.document
+            version = models_version(document)
+            if self._noted.get(document) != version:
+                self._noted[document] = version
+                # Plain references: a `WeakSet` takes ten times as long.
+                self._models.setdefault(document, set()).update(map(ref, document.models))
 
 
 def _alive(some: Iterable[ref[Any]]) -> list[Any]:

@@ -227,6 +227,15 @@ def cut_cycles() -> None:
     Model.destroy = destroy_and_forget  # type: ignore[method-assign, assignment]
 
 
+def models_version(document: Document) -> tuple[int, int]:
+    """Return numbers that change, all but always, when a document gets or loses a model.
+
+    Bokeh makes a new table of the models then. Going through the models of thirty pages takes 14 ms.
+    """
+    table = document.models._models
+    return id(table), len(table)
+
+
 def serving_application(document: Document) -> Application | None:
     """Return the Tornado application that serves a document; None where no browser is connected to it."""
     session = getattr(document.session_context, "session", None)

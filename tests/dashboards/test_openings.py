@@ -154,8 +154,9 @@ UNLIMITED = 10**9
 
 
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list that gets an entry with each search of everything."""
+    """Return a list that gets an entry with each search of everything, asked for with each ended page."""
     found: list[int] = []
+    monkeypatch.setattr(openings, "COUNT", 1)
     monkeypatch.setattr(garbage, "search_all", lambda: found.append(1))
     return found
 
@@ -194,6 +195,13 @@ def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPat
     end_pages(turns, 2)
     assert len(found) == 1
     assert len(much) == 30_000
+
+
+def test_what_was_kept_is_counted_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    turns, counted = Openings(), []
+    monkeypatch.setattr(gc, "get_freeze_count", lambda: counted.append(1) or 0)
+    end_pages(turns, 2 * openings.COUNT)
+    assert len(counted) == 2
 
 
 def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(

@@ -24,7 +24,7 @@ from bokeh.util import callback_manager
 from panel.io.state import set_curdoc
 from panel.links import Callback
 
-from dashboards.upstream import leave_out_hooks, speed_up
+from dashboards.upstream import leave_out_hooks, models_version, speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 WHOLE_PAGE = """
@@ -248,3 +248,15 @@ def test_settings_of_the_server_and_of_a_page_are_found() -> None:
         assert pn.config.disable_validation
     assert not pn.config.disable_validation
     assert pn.config.nthreads == before
+
+
+def test_a_document_has_another_version_with_each_model_that_it_gets_or_loses() -> None:
+    document, figure = Document(), Range1d()
+    versions = [models_version(document)]
+    document.add_root(figure)
+    versions.append(models_version(document))
+    figure.start = 7.0
+    assert models_version(document) == versions[-1]
+    document.remove_root(figure)
+    versions.append(models_version(document))
+    assert versions[0] != versions[1] != versions[2]
