@@ -36,6 +36,7 @@ SECTIONS = {
     "sensors.barometer": ("Barometer", False),
     "sensors.heading": ("Heading sensor", False),
     "sensors.odometer": ("Odometer", False),
+    "sensors.airspeed": ("Airspeed sensor and wind", False),
     "navigator": ("Navigator and filter", True),
     "trajectory": ("Trajectory", False),
 }
@@ -60,6 +61,7 @@ COMMON = frozenset(
         "sensors.barometer.bias_sigma",
         "sensors.heading.bias_sigma",
         "sensors.odometer.scale_factor_sigma",
+        "sensors.airspeed.wind_sigma",
         "navigator.model",
         "navigator.states",
         "navigator.correction",

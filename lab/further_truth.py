@@ -13,7 +13,7 @@ from lab.ideal_imu import IdealImu
 from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.own_states import OwnStates, declared_states, of_blocks
-from lab.sensors import gps, imu, processes
+from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
 from lab.sensors.suite import TRIADS
@@ -25,6 +25,7 @@ _BIASES = {
     blocks.BAROMETER_BIAS: "barometer",
     blocks.HEADING_BIAS: "heading",
     blocks.ODOMETER_SCALE: "odometer",
+    blocks.AIRSPEED_SCALE: "airspeed",
 }
 """Sensors whose slow error is a block."""
 
@@ -65,6 +66,8 @@ def further_truth(
             columns += list(own_errors(experiment, own, time).T)
         elif name == blocks.GPS_DRIFT:
             columns += list(_drift(experiment, time).T)
+        elif name == blocks.WIND:
+            columns += list(airspeed.wind_at(experiment.sensors.airspeed, experiment.seed, time).T)
         elif name in _BIASES:
             found = readings[_BIASES[name]]
             columns.append(

@@ -68,8 +68,9 @@ REJECTED = 3.84
 """Twice the loss of log-likelihood at the ends of the 95 % interval (χ², 1 degree of freedom)."""
 
 _OTHER = (
-    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, navigator.no_slip, "
-    "navigator.zero_velocity, navigator.estimate_misalignments, navigator.estimate_bias_drift, "
+    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, "
+    "sensors.airspeed.fitted, navigator.no_slip, navigator.zero_velocity, "
+    "navigator.estimate_misalignments, navigator.estimate_bias_drift, "
     "navigator.estimate_gps_drift, navigator.estimate_lever_arm, navigator.estimate_latency, "
     "navigator.own_states"
 )

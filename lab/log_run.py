@@ -45,6 +45,9 @@ _IMU_TERMS = (
     "scale_factor_sigma",
 )
 _SLOW_TERMS = ("fitted", "noise", "bias_sigma", "drift_sigma", "correlation_time")
+_AIRSPEED_TERMS = (
+    "fitted", "noise", "scale_factor_sigma", "slowest", "wind_sigma", "wind_drift_sigma", "correlation_time",
+)  # fmt: skip
 IN_EFFECT = frozenset(
     (
         *(f"sensors.{triad}.{term}" for triad in ("gyro", "accelerometer") for term in _IMU_TERMS),
@@ -56,6 +59,7 @@ IN_EFFECT = frozenset(
         *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
         *(f"sensors.heading.{term}" for term in ("source", "declination", "period")),
         *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),
+        *(f"sensors.airspeed.{term}" for term in _AIRSPEED_TERMS),
     )
 )
 """Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that

@@ -54,7 +54,7 @@ from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solu
 from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.result import Runnable
 from lab.run import in_one
-from lab.sensors import barometer, gps, heading_sensor, imu, odometer
+from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
@@ -332,6 +332,7 @@ class Stages:
             ("barometer", barometer.measure),
             ("heading", heading_sensor.measure),
             ("odometer", odometer.measure),
+            ("airspeed", airspeed.measure),
         ):
             errors = self.sensors.groups()[name]
             if errors.fitted:

@@ -32,6 +32,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     forward = np.einsum("nij,ni->nj", rotations(truth), truth.velocity_n)[:, 0]
     speed = 1.01 * forward + rng.normal(0, 0.1, times.size)
     write_csv(folder / "odo.csv", ("t_s", "speed_m_s"), np.column_stack((times + EPOCH, speed)))
+    through_air = truth.velocity_n - (4.0, -3.0, 0.0)
+    airspeed = np.linalg.norm(through_air, axis=1) + rng.normal(0, 0.5, times.size)
+    write_csv(folder / "air.csv", ("t_s", "airspeed_m_s"), np.column_stack((times + EPOCH, airspeed)))
     return folder
 
 
@@ -70,6 +73,15 @@ def test_an_odometer_finds_its_scale(folder: Path) -> None:
     aided = drive(folder, odometer=True).run()
     found = aided.further_states.sel(state="odometer scale")
     assert float(found["estimate"][-1]) == pytest.approx(1.0, abs=4 * float(found["sigma"][-1]))
+
+
+def test_airspeeds_find_the_wind(folder: Path) -> None:
+    found = drive(folder, airspeed=True).run().further_states
+    for axis, true in (("north", 4.0), ("east", -3.0)):
+        at = {"state": f"wind {axis}"}
+        sigma = float(found["sigma"].sel(at)[-1])
+        assert sigma < 1.0  # from 5.1
+        assert float(found["estimate"].sel(at)[-1]) == pytest.approx(true, abs=4 * sigma)
 
 
 def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path) -> None:

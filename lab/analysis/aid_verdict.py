@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 
 from lab.analysis.finding import Weighed, judge_size
 from lab.analysis.sums import Squares
-from lab.navigation.aids import DOWNWARD, FORWARD, HEADING, HEIGHT, MAGNETIC, NAMES, RIGHTWARD
+from lab.navigation.aids import AIRSPEED, DOWNWARD, FORWARD, HEADING, HEIGHT, MAGNETIC, NAMES, RIGHTWARD
 from lab.navigation.solution import Solution
 
-SENSORS = {HEIGHT: "barometer", HEADING: "heading", MAGNETIC: "heading", FORWARD: "odometer"}
+SENSORS = {
+    HEIGHT: "barometer",
+    HEADING: "heading",
+    MAGNETIC: "heading",
+    FORWARD: "odometer",
+    AIRSPEED: "airspeed",
+}
 """Sensors that measure, by the group of their settings; the other kinds are conditions without a sensor."""
 
 

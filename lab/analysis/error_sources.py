@@ -40,14 +40,15 @@ FloatArray = NDArray[np.float64]
 STAGE = 1.0
 """Spacing of the processes that model flicker, in the logarithm of their correlation times."""
 
-GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY, BAROMETER, HEADING, ODOMETER = range(7)
-"""Indices of the groups of sensors to which errors belong."""
-SENSOR_CHANNELS = {"barometer": BAROMETER, "heading": HEADING, "odometer": ODOMETER}
+GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY, BAROMETER, HEADING, ODOMETER, AIRSPEED, WIND = range(9)
+"""Indices of the groups of sensors to which errors belong, and of the wind."""
+SENSOR_CHANNELS = {"barometer": BAROMETER, "heading": HEADING, "odometer": ODOMETER, "airspeed": AIRSPEED}
 """Index of each sensor with one number, by its group in the settings."""
 SLOW_ERRORS = {
     GPS_POSITION: blocks.GPS_DRIFT,
     BAROMETER: blocks.BAROMETER_BIAS,
     HEADING: blocks.HEADING_BIAS,
+    WIND: blocks.WIND,
 }
 """States that stand for the slow error of a measurement."""
 INSTABILITY = "bias instability"
@@ -191,13 +192,15 @@ def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> li
     """Return the constant errors of measurements for which the filter has states; these start at zero."""
     sensors, navigator = experiment.sensors, experiment.navigator
     arm, latency = si(sensors.gps, "lever_arm"), float(sensors.gps.latency)
-    odometer = sensors.odometer
+    odometer, air = sensors.odometer, sensors.airspeed
     found: dict[str, tuple[str, FloatArray]] = {
         blocks.LEVER_ARM: ("GPS lever arm", assumed_lever_arm(navigator, arm) - arm),
         blocks.LATENCY: ("GPS latency", np.array(assumed_latency(navigator, latency) - latency)),
         blocks.BAROMETER_BIAS: ("barometer bias", -si(sensors.barometer, "bias_sigma")),
         blocks.HEADING_BIAS: ("heading sensor bias", -si(sensors.heading, "bias_sigma")),
         blocks.ODOMETER_SCALE: ("odometer scale factor", -si(odometer, "scale_factor_sigma")),
+        blocks.WIND: ("wind", -np.eye(2) * si(air, "wind_sigma")),
+        blocks.AIRSPEED_SCALE: ("airspeed scale factor", -si(air, "scale_factor_sigma")),
     }
     return [
         _of_block(source, names, block, values) for block, (source, values) in found.items() if block in names
@@ -205,10 +208,15 @@ def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> li
 
 
 def _of_block(name: str, names: Sequence[str], block: str, values: FloatArray) -> Constant:
-    """Return a source of initial errors of all states of a further block, given by their values."""
-    start = np.zeros((blocks.count(names), 1))
-    start[blocks.states_of(names, block), 0] = values
-    return Constant(name, start, np.zeros((1, 6, 6)))
+    """Return a source of initial errors of all states of a further block.
+
+    It is given by the values of the states, or by those for one σ of c independent numbers (states, c).
+    """
+    size = blocks.block(block).size
+    columns = np.broadcast_to(values, (size,)).reshape(size, 1) if np.ndim(values) < 2 else values
+    start = np.zeros((blocks.count(names), columns.shape[1]))
+    start[blocks.states_of(names, block)] = columns
+    return Constant(name, start, np.zeros((columns.shape[1], 6, 6)))
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:
@@ -275,6 +283,10 @@ def _of_sensors(experiment: ExperimentSettings) -> list[Process]:
         if channel in SLOW_ERRORS:
             drift, time = _first(si(errors, "drift_sigma") ** 2), float(si(errors, "correlation_time"))
             found.append(Process(f"{name} drift", channel, drift, time))
+    air = experiment.sensors.airspeed
+    if air.fitted:
+        wind = np.array([1.0, 1.0, 0.0]) * float(si(air, "wind_drift_sigma")) ** 2
+        found.append(Process("wind drift", WIND, wind, float(air.correlation_time)))
     return found
 
 

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from lab import ecef
 from lab.analysis.aid_verdict import SENSORS
 from lab.analysis.error_axes import output_map
-from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS
+from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
 from lab.analysis.transition import NAV
+from lab.navigation import blocks
+from lab.navigation.aids import AIRSPEED
 from lab.navigation.error_models import ATT, POS, VEL
 from lab.run import Run
 
@@ -126,6 +128,8 @@ def aid_update(run: Run, aid: int) -> Update:
     K[:NAV] = np.linalg.solve(here, K[:NAV])
     sensor = SENSORS.get(kind)
     noise = {SENSOR_CHANNELS[sensor]: np.array([[1.0, 0.0, 0.0]])} if sensor else {}
+    if kind == AIRSPEED:  # a change of the wind changes what is measured as H says
+        noise[WIND] = np.append(H[blocks.states_of(run.blocks, blocks.WIND)], 0.0)[None]
     return Update(H[None], K[:, None], noise)
 
 

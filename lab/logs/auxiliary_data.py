@@ -98,7 +98,7 @@ class Headings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Series:
-    """What a sensor with one number measured: a barometer's heights [m], an odometer's speeds [m/s].
+    """What a sensor with one number measured: such as a barometer's heights [m].
 
     Attributes
     ----------
@@ -129,8 +129,8 @@ class AuxiliaryData:
         The magnetometer.
     headings : Headings or None
         Headings as measured.
-    barometer, odometer : Series or None
-        Heights by pressure [m], and speeds forward [m/s].
+    barometer, odometer, airspeed : Series or None
+        Heights by pressure [m], speeds forward, and true airspeeds [m/s].
     comparisons : tuple of Comparison
         Other solutions.
     """
@@ -140,6 +140,7 @@ class AuxiliaryData:
     headings: Headings | None = None
     barometer: Series | None = None
     odometer: Series | None = None
+    airspeed: Series | None = None
     comparisons: tuple[Comparison, ...] = ()
 
     def later(self, seconds: float) -> AuxiliaryData:
@@ -151,6 +152,7 @@ class AuxiliaryData:
                 ("headings", self.headings),
                 ("barometer", self.barometer),
                 ("odometer", self.odometer),
+                ("airspeed", self.airspeed),
             )
         }
         others = tuple(one.later(seconds) for one in self.comparisons)

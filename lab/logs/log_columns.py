@@ -71,6 +71,8 @@ HEIGHT = Column("height_m", *HEIGHTS, may_be_empty=True)
 """Height of a barometer."""
 SPEED = Column("speed_m_s", -MAX_SPEED, MAX_SPEED, may_be_empty=True)
 """Speed of an odometer."""
+AIRSPEED = Column("airspeed_m_s", 0.0, MAX_SPEED, may_be_empty=True)
+"""True airspeed."""
 FIELD = tuple(
     Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
 )

@@ -15,7 +15,7 @@ from lab.recordings.mission_error import MissionError
 DESCRIPTION_FILE = "log.toml"
 """Name of the TOML file in the folder of a log."""
 
-_FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer", "heading")
+_FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer", "airspeed", "heading")
 _TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",

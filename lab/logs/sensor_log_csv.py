@@ -8,12 +8,12 @@ sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``head
 ``ref.csv``, where there is one: ``t_s`` and those of the columns ``lat_deg, lon_deg, alt_m``, ``vn_m_s
 …`` and ``roll_deg, pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT,
 mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
-``odo.csv``: ``t_s, speed_m_s``, forward; ``heading.csv``: ``t_s, heading_deg``, true, and
-``sd_heading_deg`` where it is known, in place of the headings in ``gnss.csv``. An empty cell of an optional
-column is unknown; one of a sample of the IMU or of a position drops the sample or the fix. All files are
-stamped by one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the
-ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every
-key; the defaults are as here, unless noted::
+``odo.csv``: ``t_s, speed_m_s``, forward; ``air.csv``: ``t_s, airspeed_m_s``, true airspeed;
+``heading.csv``: ``t_s, heading_deg``, true, and ``sd_heading_deg`` where it is known, in place of the
+headings in ``gnss.csv``. An empty cell of an optional column is unknown; one of a sample of the IMU or of
+a position drops the sample or the fix. All files are stamped by one clock, which ``--from``, ``--to`` and
+outages refer to as well. Heights are above the ellipsoid, or all above the same other surface. The TOML,
+``log.toml`` in the folder, may leave out every key; the defaults are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -24,6 +24,7 @@ key; the defaults are as here, unless noted::
     magnetometer = "mag.csv"      # taken where it exists
     barometer = "baro.csv"        # taken where it exists
     odometer = "odo.csv"          # taken where it exists
+    airspeed = "air.csv"          # taken where it exists
     heading = "heading.csv"       # taken where it exists
     vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
@@ -57,6 +58,7 @@ from lab.logs.auxiliary_data import (
     Series,
 )
 from lab.logs.log_columns import (
+    AIRSPEED,
     ATTITUDE,
     ESSENTIAL,
     FIELD,
@@ -104,7 +106,7 @@ class LogFiles:
         The folder, or the TOML file.
     imu, gnss : Path
         The csv files.
-    reference, magnetometer, barometer, odometer, heading : Path or None
+    reference, magnetometer, barometer, odometer, airspeed, heading : Path or None
         Csv files of the reference and of these sensors, if there are any.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
@@ -137,6 +139,7 @@ class LogFiles:
     magnetometer: Path | None
     barometer: Path | None
     odometer: Path | None
+    airspeed: Path | None
     heading: Path | None
     comparisons: tuple[tuple[str, Path], ...]
     title: str
@@ -176,6 +179,7 @@ class LogFiles:
             self.magnetometer,
             self.barometer,
             self.odometer,
+            self.airspeed,
             self.heading,
             *(path for _, path in self.comparisons),
         )
@@ -219,6 +223,7 @@ class LogFiles:
             headings=headings,
             barometer=None if self.barometer is None else _read_series(self.barometer, HEIGHT, repairs),
             odometer=None if self.odometer is None else _read_series(self.odometer, SPEED, repairs),
+            airspeed=None if self.airspeed is None else _read_series(self.airspeed, AIRSPEED, repairs),
             comparisons=tuple(
                 Comparison(*_read_solution(path, repairs), name=name) for name, path in self.comparisons
             ),
@@ -318,6 +323,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
             ("magnetometer", "mag.csv"),
             ("barometer", "baro.csv"),
             ("odometer", "odo.csv"),
+            ("airspeed", "air.csv"),
             ("heading", "heading.csv"),
         )
     }

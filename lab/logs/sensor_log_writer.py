@@ -99,6 +99,7 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
     for series, name, column in (
         (auxiliary.barometer, "baro.csv", "height_m"),
         (auxiliary.odometer, "odo.csv", "speed_m_s"),
+        (auxiliary.airspeed, "air.csv", "airspeed_m_s"),
     ):
         if series is not None:
             _write_csv(folder / name, ("t_s", column), np.column_stack((series.time, series.value)), epoch)

@@ -36,7 +36,7 @@ from lab.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 
 _LOG_FILES = (
     *("imu.csv", "gnss.csv", "ref.csv", "mag.csv"),
-    *("baro.csv", "odo.csv", "heading.csv"),
+    *("baro.csv", "odo.csv", "air.csv", "heading.csv"),
 )
 
 

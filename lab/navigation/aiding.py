@@ -25,7 +25,12 @@ CONDITION_PERIOD = 1.0
 """Time between two measurements of a condition [s]: slip is assumed white from one to the next."""
 ROUNDING = 1e-6
 """Largest rounding of a time stamp [s]: a second ends with the sample at its end."""
-KINDS = {"barometer": aids.HEIGHT, "heading": aids.HEADING, "odometer": aids.FORWARD}
+KINDS = {
+    "barometer": aids.HEIGHT,
+    "heading": aids.HEADING,
+    "odometer": aids.FORWARD,
+    "airspeed": aids.AIRSPEED,
+}
 """What the sensors measure, by their group in the settings."""
 
 
@@ -64,8 +69,9 @@ def aids_of(
     """
     scale = navigator.aiding_scale
     parts = []
-    for name, one in readings.items():
+    for name, found in readings.items():
         variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
+        one = fast_enough(found, float(si(sensors.airspeed, "slowest"))) if name == "airspeed" else found
         part = of_one_kind(one.time, KINDS[name], one.value, variance)
         parts.append(of_fields(sensors, part, one.field) if one.field.size else part)
     length = (imu.time[-1] - imu.time[0]) / CONDITION_PERIOD
@@ -77,6 +83,14 @@ def aids_of(
         still = seconds[rest[np.searchsorted(imu.time, seconds - ROUNDING) - 1]]
         parts += zero_velocity(still, navigator)
     return Aids.together(parts, si(sensors.odometer, "lever_arm"))
+
+
+def fast_enough(airspeeds: Readings, slowest: float) -> Readings:
+    """Return the airspeeds that are not below the slowest one that a filter uses [m/s]."""
+    keep = airspeeds.value >= slowest
+    return airspeeds._replace(
+        time=airspeeds.time[keep], value=airspeeds.value[keep], bias=airspeeds.bias[keep]
+    )
 
 
 def zero_velocity(time: FloatArray, navigator: NavigatorSettings) -> list[Aids]:

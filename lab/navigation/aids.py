@@ -20,14 +20,22 @@ from numpy.typing import NDArray
 
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel, kernel
-from lab.navigation.propagation import BAROMETER_BIAS, HEADING_BIAS, ODOMETER_SCALE, STATES
+from lab.navigation.propagation import (
+    AIRSPEED_SCALE,
+    BAROMETER_BIAS,
+    HEADING_BIAS,
+    ODOMETER_SCALE,
+    STATES,
+    WIND,
+)
 from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
 
 FloatArray = NDArray[np.float64]
 
-HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING, MAGNETIC = range(9)
+HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING, MAGNETIC, AIRSPEED = range(10)
 """Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
-east, down [m/s]; true heading [rad]; declination of a magnetic field that is measured in b [rad]."""
+east, down [m/s]; true heading [rad]; declination of a magnetic field that is measured in b [rad]; true
+airspeed [m/s]."""
 NAMES = (
     "height",
     "speed forward",
@@ -38,10 +46,13 @@ NAMES = (
     "velocity down",
     "heading",
     "magnetic heading",
+    "airspeed",
 )
 """Names of the kinds, as shown."""
-SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2)
+SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2, ("m/s", 1.0))
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
+STILL_AIR = 1e-3
+"""Airspeed below which its direction does not count [m/s]: there its derivatives are not defined."""
 
 
 class Aids(NamedTuple):
@@ -168,6 +179,24 @@ def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray)
     return float(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
 
 
+@inline_kernel
+def _see_airspeed(state: FloatArray, v: Vector, airspeed: float, H: FloatArray) -> float:
+    """Return the navigator's speed through the air minus the measured one, with the estimated scale factor.
+
+    It is |v_n − w_n|, with a wind that is level.
+    """
+    north, east = v[0] - state[strapdown.WIND], v[1] - state[strapdown.WIND + 1]
+    predicted = math.sqrt(north * north + east * east + v[2] * v[2])
+    scale = 1 + state[strapdown.AIRSPEED_SCALE]
+    part = scale / max(predicted, STILL_AIR)
+    H[3], H[4], H[5] = part * north, part * east, part * v[2]
+    if WIND >= 0:
+        H[WIND], H[WIND + 1] = -part * north, -part * east
+    if AIRSPEED_SCALE >= 0:
+        H[AIRSPEED_SCALE] = predicted
+    return float(scale * predicted - airspeed)
+
+
 @kernel
 def see_aid(
     state: FloatArray,
@@ -208,6 +237,8 @@ def see_aid(
     if NORTHWARD <= kind <= VERTICAL:
         H[3 + kind - NORTHWARD] = 1.0
         return float(v[kind - NORTHWARD] - value)
+    if kind == AIRSPEED:
+        return _see_airspeed(state, v, value, H)
     rate = plus((0.0, 0.0, 0.0), state[strapdown.PER_STEP], get(state, strapdown.PREVIOUS_DTHETA))
     at = strapdown.Q_NB
     q = product(

@@ -19,7 +19,7 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
-from lab.sensors.suite import TRIADS, SensorSuite
+from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
 from lab.settings import SettingError
 from lab.units import si
 
@@ -82,6 +82,8 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
         (blocks.BAROMETER_BIAS, sensors is not None and sensors.barometer.fitted),
         (blocks.HEADING_BIAS, sensors is not None and sensors.heading.fitted),
         (blocks.ODOMETER_SCALE, sensors is not None and sensors.odometer.fitted),
+        (blocks.WIND, sensors is not None and sensors.airspeed.fitted),
+        (blocks.AIRSPEED_SCALE, sensors is not None and sensors.airspeed.fitted),
     ):
         if wanted:
             chosen.append(name)
@@ -91,7 +93,7 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
 
 def is_aided(navigator: NavigatorSettings, sensors: SensorSuite) -> bool:
     """Return whether a filter uses measurements other than GPS fixes and the rates at rest."""
-    fitted = sensors.barometer.fitted or sensors.heading.fitted or sensors.odometer.fitted
+    fitted = any(sensors.groups()[name].get("fitted") for name in OTHER_SENSORS)
     return bool(fitted or navigator.no_slip or navigator.zero_velocity)
 
 
@@ -169,7 +171,7 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
     names = [name for name in chosen_blocks(navigator, sensors) if name not in blocks.SCALES]
     if not names:
         return Further(np.zeros(0), np.zeros(0), np.zeros(0))
-    gps, barometer, heading = sensors.gps, sensors.barometer, sensors.heading
+    gps, barometer, heading, airspeed = sensors.gps, sensors.barometer, sensors.heading, sensors.airspeed
     drift = east_north_up_sizes(si(gps, "correlated_sigma") ** 2)
     found = {
         blocks.GPS_DRIFT: _process(np.zeros(3), np.maximum(drift, SMALLEST), gps.correlation_time),
@@ -186,6 +188,12 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
         blocks.LEVER_ARM: _process(si(navigator, "lever_arm_sigma") ** 2, np.zeros(3), 1.0),
         blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
         blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
+        blocks.WIND: _process(
+            np.full(2, si(airspeed, "wind_sigma") ** 2),
+            np.full(2, si(airspeed, "wind_drift_sigma") ** 2),
+            airspeed.correlation_time,
+        ),
+        blocks.AIRSPEED_SCALE: _process(si(airspeed, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
     }
     found |= {
         own.block: _process(own.sigma**2, own.drift_sigma**2, own.correlation_time)

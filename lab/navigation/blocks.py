@@ -59,6 +59,7 @@ GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT = "gyro misalignment", "accelerometer misa
 GYRO_DRIFT, ACCEL_DRIFT = "gyro drift", "accelerometer drift"
 GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "heading sensor bias"
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
+WIND, AIRSPEED_SCALE = "wind", "airspeed scale"
 
 BLOCKS: dict[str, Block] = {
     GYRO_SCALE: Block(tuple(f"{GYRO_SCALE} {axis}" for axis in "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
@@ -111,6 +112,8 @@ BLOCKS: dict[str, Block] = {
     ),
     LATENCY: Block((LATENCY,), strapdown.LATENCY, "s", "s", 1.0),
     ODOMETER_SCALE: Block((ODOMETER_SCALE,), strapdown.ODOMETER_SCALE, "", "%", 100.0),
+    WIND: Block(tuple(f"{WIND} {axis}" for axis in ("north", "east")), strapdown.WIND, "m/s", "m/s", 1.0),
+    AIRSPEED_SCALE: Block((AIRSPEED_SCALE,), strapdown.AIRSPEED_SCALE, "", "%", 100.0),
 }
 """The further blocks by name, in the order of the states of a filter."""
 SCALES = (GYRO_SCALE, ACCEL_SCALE)

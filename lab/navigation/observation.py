@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import own_room, strapdown, wander
-from lab.navigation.aids import FORWARD, HEADING, north_axes, north_variance, see_aid
+from lab.navigation.aids import (
+    AIRSPEED,
+    FORWARD,
+    HEADING,
+    MAGNETIC,
+    STILL_AIR,
+    north_axes,
+    north_variance,
+    see_aid,
+)
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
@@ -39,6 +48,7 @@ from lab.navigation.propagation import (
     SCALES,
     STATES,
     WIDTH,
+    WIND,
     X,
 )
 from lab.navigation.schedule import Schedule
@@ -300,6 +310,23 @@ def bent_speed(state: FloatArray, P: FloatArray) -> float:
     return 0.5 * speed * across
 
 
+@inline_kernel
+def bent_airspeed(state: FloatArray, v: Vector, P: FloatArray) -> float:
+    """Return how much larger an airspeed is on average, because the wind is uncertain [m/s].
+
+    A wind across the path adds to the airspeed V whatever its sign: half of its variance over V, with the
+    variance of `bent_speed`. This matters for a slow aeroplane in an unknown wind. The velocity v is along
+    north, east and down.
+    """
+    north, east = v[0] - state[strapdown.WIND], v[1] - state[strapdown.WIND + 1]
+    square = north * north + east * east
+    if WIND < 0 or square < STILL_AIR:
+        return 0.0
+    cross = P[WIND, WIND + 1] + P[WIND + 1, WIND]
+    across = east * east * P[WIND, WIND] + north * north * P[WIND + 1, WIND + 1] - north * east * cross
+    return float(0.5 * across / (square * math.sqrt(square + v[2] * v[2])))
+
+
 @kernel
 def position_variance(T: FloatArray, P: FloatArray) -> float:
     """Return the mean variance of the position along the horizontal axes [m²]; T must be that of now."""
@@ -329,7 +356,11 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         excess = bent_speed(state, run.P)
         z -= excess
         variance += 2 * excess * excess
-    if kind >= HEADING:  # also a magnetic one
+    if kind == AIRSPEED:
+        excess = bent_airspeed(state, rotate(axes, get(state, VELOCITY)), run.P)
+        z -= excess
+        variance += 2 * excess * excess
+    if HEADING <= kind <= MAGNETIC:
         variance += north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
     residual, s = z, variance

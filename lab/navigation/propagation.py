@@ -53,6 +53,8 @@ class Layout(NamedTuple):
     LEVER_ARM: int
     LATENCY: int
     ODOMETER_SCALE: int
+    WIND: int
+    AIRSPEED_SCALE: int
 
     @property
     def product(self) -> int:
@@ -80,6 +82,8 @@ def layout(names: Sequence[str]) -> Layout:
         blocks.LEVER_ARM,
         blocks.LATENCY,
         blocks.ODOMETER_SCALE,
+        blocks.WIND,
+        blocks.AIRSPEED_SCALE,
     )
     return Layout(
         states,
@@ -106,6 +110,8 @@ STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN[:8]
     LEVER_ARM,
     LATENCY,
     ODOMETER_SCALE,
+    WIND,
+    AIRSPEED_SCALE,
 ) = _FIFTEEN[8:]
 """First states of the further blocks in this layout, which has none of them."""
 

@@ -198,7 +198,7 @@ def navigate_log(
 def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
     """Return what the sensors besides IMU and GPS measured, if they are fitted, by their group."""
     auxiliary = log.auxiliary
-    there = {"barometer": auxiliary.barometer, "odometer": auxiliary.odometer}
+    there = {name: getattr(auxiliary, name) for name in OF_ONE_NUMBER}
     if auxiliary.headings is not None:
         there["heading"] = Series(auxiliary.headings.time, auxiliary.headings.heading)
     found = {}
@@ -248,8 +248,7 @@ def fitted_only(
     magnetic = sensors.heading.source == MAGNETOMETER
     of_heading = auxiliary.magnetometer if magnetic else auxiliary.headings
     has = {
-        "barometer": auxiliary.barometer is not None,
-        "odometer": auxiliary.odometer is not None,
+        **{name: getattr(auxiliary, name) is not None for name in OF_ONE_NUMBER},
         "heading": of_heading is not None,
     }
     for name, there in has.items():
@@ -269,7 +268,14 @@ def fitted_only(
     return own, remarks
 
 
-NAMES = {"barometer": "barometer", "odometer": "odometer", "heading": "heading sensor"}
+OF_ONE_NUMBER = ("barometer", "odometer", "airspeed")
+"""Sensors whose readings are a `Series` of a log."""
+NAMES = {
+    "barometer": "barometer",
+    "odometer": "odometer",
+    "airspeed": "airspeed sensor",
+    "heading": "heading sensor",
+}
 """What the groups of other sensors are called in a sentence."""
 
 

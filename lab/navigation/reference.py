@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.aids import FORWARD, NO_AIDS, Aids
+from lab.navigation.aids import AIRSPEED, FORWARD, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.correction import bend_estimate
 from lab.navigation.error_models import (
@@ -35,7 +35,7 @@ from lab.navigation.error_models import (
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
 from lab.navigation.own_states import of_blocks
-from lab.navigation.reference_aids import as_biases, bent_speed, see_aid
+from lab.navigation.reference_aids import as_biases, bent_airspeed, bent_speed, see_aid
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
@@ -205,6 +205,10 @@ def _use_aid(
     H, R = row[None] @ T, np.array([[aids.variance[a]]])
     if aids.kind[a] == FORWARD:
         excess = bent_speed(state, kalman.P[ATT, ATT], in_body=model.in_body)
+        z, R = z - excess, R + 2 * excess**2
+    if aids.kind[a] == AIRSPEED:
+        wind = blocks.states_of(model.blocks, blocks.WIND)
+        excess = bent_airspeed(state, kalman.P[wind, wind])
         z, R = z - excess, R + 2 * excess**2
     out.aid_innovation[a] = z - float((H @ kalman.x)[0])
     out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])

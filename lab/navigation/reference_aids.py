@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.aids import FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
+from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 from lab.rotation import skew, wrap
 
@@ -45,6 +45,13 @@ def see_aid(
         _write(row, names, blocks.HEADING_BIAS, 1.0)
         azimuth = np.arctan2(axis[1], axis[0]) + state[strapdown.HEADING_BIAS]
         return float(wrap(azimuth - value)), row
+    if kind == AIRSPEED:
+        through_air = velocity - np.append(state[strapdown.WIND : strapdown.WIND + 2], 0.0)
+        speed, scale = float(np.linalg.norm(through_air)), float(1 + state[strapdown.AIRSPEED_SCALE])
+        row[VEL] = scale * through_air / speed
+        _write(row, names, blocks.WIND, -row[VEL][:2])
+        _write(row, names, blocks.AIRSPEED_SCALE, speed)
+        return scale * speed - value, row
     if kind >= NORTHWARD:
         row[VEL][kind - NORTHWARD] = 1.0
         return float(velocity[kind - NORTHWARD] - value), row
@@ -88,8 +95,26 @@ def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
     return float(speed * (np.trace(P) - forward @ P @ forward) / 2)
 
 
-def _write(row: FloatArray, names: tuple[str, ...], name: str, value: float) -> None:
-    """Write the element of a row for the state of a block, if the filter has it."""
+def bent_airspeed(state: FloatArray, P: FloatArray) -> float:
+    """Return how much larger an airspeed appears on average, because the wind is uncertain [m/s].
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    P : (2, 2) array
+        Covariance of the wind to the north and to the east [m²/s²].
+    """
+    through_air = _three(state, strapdown.VELOCITY) - np.append(
+        state[strapdown.WIND : strapdown.WIND + 2], 0.0
+    )
+    level = through_air[:2]
+    across = np.array([-level[1], level[0]]) / np.linalg.norm(level)
+    return float(across @ P @ across / (2 * np.linalg.norm(through_air)))
+
+
+def _write(row: FloatArray, names: tuple[str, ...], name: str, value: float | FloatArray) -> None:
+    """Write the elements of a row for the states of a block, if the filter has it."""
     if name in names:
         row[blocks.states_of(names, name)] = value
 

@@ -47,22 +47,24 @@ GYRO_MISALIGNMENT = 32  # parts of other axes in the output: xy, xz, yx, yz, zx,
 ACCEL_MISALIGNMENT = 38  # as for the gyros
 GYRO_DRIFT = 44  # second part of the biases, which is added to the first; zero unless estimated [rad/s]
 ACCEL_DRIFT = 47  # as for the gyros [m/s²]
+WIND = 50  # its speed to the north and to the east [m/s]
+AIRSPEED_SCALE = 52
 TO_DRIFT = GYRO_DRIFT - GYRO_BIAS  # from a bias to its second part, for gyros and accelerometers
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 50  # of the latitude
-COSINE = 51  # of the latitude
-PREVIOUS_DTHETA = 52  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 55  # [m/s]
-PREVIOUS_VELOCITY = 58  # v_n at its start [m/s]
-MERIDIAN = 61  # 1 / (R_M + h)
-TRANSVERSE = 62  # 1 / (R_N + h)
-PER_COSINE = 63  # 1 / cos L
-FORCE_N = 64  # mean specific force of the last step, in n
-C_NB = 67  # attitude at the start of the last step, row by row
-PER_STEP = 76  # one over the length of the last step
-GRAVITY = 77  # during the last step
-LENGTH = 78  # length of the state
+SINE = 53  # of the latitude
+COSINE = 54  # of the latitude
+PREVIOUS_DTHETA = 55  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 58  # [m/s]
+PREVIOUS_VELOCITY = 61  # v_n at its start [m/s]
+MERIDIAN = 64  # 1 / (R_M + h)
+TRANSVERSE = 65  # 1 / (R_N + h)
+PER_COSINE = 66  # 1 / cos L
+FORCE_N = 67  # mean specific force of the last step, in n
+C_NB = 70  # attitude at the start of the last step, row by row
+PER_STEP = 79  # one over the length of the last step
+GRAVITY = 80  # during the last step
+LENGTH = 81  # length of the state
 
 MAX_LATITUDE = NEAR_POLE
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,

@@ -6,6 +6,7 @@ import numpy as np
 import param
 
 from lab.importing.sensor_noise import SensorNoise
+from lab.sensors.airspeed import AirspeedErrors
 from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
 from lab.sensors.heading_sensor import HeadingErrors
@@ -17,7 +18,7 @@ from lab.units import si
 
 TRIADS = ("gyro", "accelerometer")
 """Groups of the settings of an IMU."""
-OTHER_SENSORS = ("barometer", "heading", "odometer")
+OTHER_SENSORS = ("barometer", "heading", "odometer", "airspeed")
 """Groups of the settings of sensors besides IMU and GPS, which may be fitted."""
 _WORDS = {
     "noise_density": "white noise",
@@ -44,6 +45,7 @@ class SensorSuite(Settings):
     barometer = group(BarometerErrors, "Barometer errors.")
     heading = group(HeadingErrors, "Errors of a heading sensor.")
     odometer = group(OdometerErrors, "Odometer errors.")
+    airspeed = group(AirspeedErrors, "Errors of an airspeed sensor, and the wind.")
     own_errors = param.String(
         default="",
         label="Own errors",

@@ -36,6 +36,8 @@ FAMILIES = {
     "barometer": ("#7e57c2", "#a78bda", "#cfc0ec"),
     "heading": ("#c2477f", "#dd86ad", "#f0c2d6", "#8c2f5b"),
     "odometer": ("#4aa3a8", "#93cdd0"),
+    "airspeed": ("#5b8c3e", "#a3c48c"),
+    "wind": ("#7f8fa6", "#b5bfce"),
     "vehicle": ("#8d6e63", "#bcaaa4"),
 }
 """Colours of the sources, by the first word of their names."""

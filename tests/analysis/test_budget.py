@@ -234,6 +234,12 @@ OTHERS = (
     *("sensors.heading.bias_sigma=0", "sensors.heading.drift_sigma=0.02"),
     *("sensors.heading.correlation_time=60", "sensors.odometer.scale_factor_sigma=0.01"),
     *("sensors.odometer.lever_arm=[-1.2,0.3,0.5]", "trajectory.imu_rate=50"),
+    *(
+        "sensors.airspeed.fitted=true",
+        "sensors.airspeed.noise=0.01",
+        "sensors.airspeed.scale_factor_sigma=0.01",
+    ),
+    *("sensors.airspeed.wind_sigma=0", "sensors.airspeed.wind_drift_sigma=0.1"),
 )
 """Other sensors as good, with a constant, a drifting and a scale error, each of which has its state."""
 
@@ -356,6 +362,7 @@ BAD = (
     *("sensors.barometer.noise=1", "sensors.heading.noise=0.5", "sensors.odometer.noise=0.3"),
     *("sensors.barometer.bias_sigma=3", "sensors.heading.drift_sigma=0.5"),
     "sensors.odometer.scale_factor_sigma=0.5",
+    *("sensors.airspeed.noise=0.5", "sensors.airspeed.wind_sigma=3", "sensors.airspeed.wind_drift_sigma=1"),
 )
 """Errors of usual other sensors."""
 ONE_PERCENT = (

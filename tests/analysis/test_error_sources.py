@@ -52,11 +52,12 @@ FITTED = {
     "sensors__odometer__scale_factor_sigma": 0.0,
     "sensors__barometer__noise": 3e-4,
     "sensors__heading__noise": 1e-3,
-    "sensors__odometer__outages": [(0.0, 1000.0)],
+    **{f"sensors__{name}__outages": [(0.0, 1000.0)] for name in ("odometer", "airspeed")},
     "navigator__aiding_scale": 1e6,
 }
 """All other sensors, almost without errors, of which the filter assumes usual ones. The odometer has a state
-but no readings: the filter corrects them for an uncertain heading, which is certain here."""
+but no readings: the filter corrects them for an uncertain heading, which is certain here. Nor has the
+airspeed sensor: its wind is not certain."""
 
 GIVEN = {
     "gyro turn-on bias, given": {"sensors__gyro__bias": (0.02, -0.01, 0.03)},
@@ -228,6 +229,7 @@ VALUES = {
     "sensors.gps.quality_steps": [(20, 40)],
     **{f"sensors.{sensor}.outages": [(20, 100)] for sensor in OTHER_SENSORS},
     "sensors.heading.declination": 20.0,
+    "sensors.airspeed.slowest": 1000.0,
 }
 
 
@@ -267,6 +269,7 @@ SOURCES = {
             ("barometer", "barometer"),
             ("heading", "heading sensor"),
             ("odometer", "odometer"),
+            ("airspeed", "airspeed"),
         )
         for setting, source in {
             **dict.fromkeys(("noise", "period", "outages"), "noise"),
@@ -277,6 +280,9 @@ SOURCES = {
         }.items()
     },
     "heading.declination": "heading sensor declination",
+    "airspeed.slowest": "airspeed noise",
+    "airspeed.wind_sigma": "wind",
+    **dict.fromkeys(("airspeed.wind_drift_sigma", "airspeed.correlation_time"), "wind drift"),
 }
 """Source of the budget in which a setting shows, by its name; of a triad with the triad's."""
 LEAST = 0.01

@@ -45,6 +45,7 @@ _ALL = {
     "sensors.heading.fitted": True,
     "sensors.heading.drift_sigma": 0.5,
     "sensors.odometer.fitted": True,
+    "sensors.airspeed.fitted": True,
     **_RECEIVER,
     **_DRIFT,
     **{
@@ -64,6 +65,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "heading": (AIR, {"sensors.heading.fitted": True, "sensors.heading.drift_sigma": 1.0}),
     "magnetometer": (AIR, {"sensors.heading.fitted": True, "sensors.heading.source": "magnetometer"}),
     "odometer": (ROAD, {"sensors.odometer.fitted": True}),
+    "airspeed": (AIR, {"sensors.airspeed.fitted": True}),
     "no slip": (ROAD, {"navigator.no_slip": True, "navigator.slip_sigma": (0.01, 0.01)}),
     "zero velocity": (STANDING, {"navigator.zero_velocity": True, "navigator.zero_velocity_sigma": 0.002}),
     "all together": (AIR, _ALL),
@@ -74,6 +76,7 @@ CONDITIONS = ("no slip", "zero velocity")
 _WHEELS = {"sensors.odometer.fitted": True, "navigator.no_slip": True, "navigator.slip_sigma": (0.05, 0.05)}
 OUTAGES: dict[str, tuple[str, list[int], dict[str, Any]]] = {
     "barometer, down": ("montreal", [2], {"sensors.barometer.fitted": True}),
+    "airspeed, level": ("montreal", [0, 1], {"sensors.airspeed.fitted": True}),
     "odometer and no slip, level": (ROAD, [0, 1], _WHEELS),
     "zero velocity, level": (STANDING, [0, 1], CASES["zero velocity"][1]),
 }

@@ -86,6 +86,7 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
         ),
         Series(times, rng.normal(300, 10, 40)),
         Series(times, rng.normal(10, 1, 40)),
+        Series(times, rng.normal(60, 1, 40)),
         (other,),
     )
     breaks = np.array([[log.time[1500], log.time[1800]]])
@@ -104,7 +105,7 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
     assert read.auxiliary.magnetometer.declination == pytest.approx(-0.2)
     np.testing.assert_allclose(read.auxiliary.headings.heading, auxiliary.headings.heading, rtol=1e-12)
     np.testing.assert_allclose(read.auxiliary.headings.time, auxiliary.headings.time, atol=1e-9)
-    for name in ("barometer", "odometer"):
+    for name in ("barometer", "odometer", "airspeed"):
         kept, there = getattr(read.auxiliary, name), getattr(auxiliary, name)
         np.testing.assert_allclose(kept.value, there.value, rtol=1e-9)
         np.testing.assert_allclose(kept.time, there.time, atol=1e-9)

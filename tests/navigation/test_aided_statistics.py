@@ -28,6 +28,7 @@ EVERYTHING = {
     "sensors.heading.fitted": True,
     "sensors.heading.drift_sigma": 0.5,
     "sensors.odometer.fitted": True,
+    "sensors.airspeed.fitted": True,
     "sensors.gps.correlated_sigma": 2.0,
     "sensors.gyro.instability": 60.0,
     "sensors.gyro.correlation_time": 30.0,
@@ -105,6 +106,11 @@ def test_a_barometer_halves_the_vertical_error_of_an_outage() -> None:
     check_gain("barometer", alone, aided, SEEDS)
 
 
+def test_airspeed_shortens_the_level_error_of_an_outage() -> None:
+    alone, aided = ends("montreal", [0, 1]), ends("montreal", [0, 1], sensors__airspeed__fitted=True)
+    check_gain("airspeed", alone, aided, SEEDS)
+
+
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a drive along a winding road."""
@@ -171,5 +177,5 @@ def test_smoothed_errors_are_smaller_and_as_large_as_their_sigma() -> None:
     before, after = np.mean(squares, axis=0)
     print(f"\nsmoothed: rms / filtered {np.sqrt(after / before).round(2)}, (error/σ)² {np.mean(nees):.2f}")
     assert (after < before).all()
-    # Over 8 flights, with some 3 independent epochs and 49 states each.
+    # Over 8 flights, with some 3 independent epochs and 52 states each.
     assert np.mean(nees) == pytest.approx(1, abs=0.25)

@@ -14,7 +14,7 @@ from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
 from lab.memory import bytes_per_aid
-from lab.navigation import aids, blocks, strapdown, wander
+from lab.navigation import aids, blocks, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
 from lab.navigation.error_models import MODELS
@@ -65,7 +65,7 @@ def test_memory_of_measurements_is_counted() -> None:
     made.set("navigator.no_slip", True)
     made.set("navigator.zero_velocity", True)
     time = np.arange(1.0, duration / period + 1) * period
-    readings = {name: Readings(time, np.zeros(time.size), np.full(time.size, np.nan)) for name in KINDS}
+    readings = {name: Readings(time, np.full(time.size, 20.0), np.full(time.size, np.nan)) for name in KINDS}
     imu_time = np.arange(0.0, duration + 0.1, 0.1)
     imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
     standing = np.ones(imu_time.size - 1, np.bool_)
@@ -132,7 +132,7 @@ def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
     return moved
 
 
-@pytest.mark.parametrize("kind", range(9), ids=lambda kind: aids.NAMES[kind])
+@pytest.mark.parametrize("kind", range(10), ids=lambda kind: aids.NAMES[kind])
 @pytest.mark.parametrize("age", [0.0, 0.007])
 def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
     rng = np.random.default_rng(kind)
@@ -151,6 +151,28 @@ def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
             assert wrap(change) / 2e-5 == pytest.approx(row[i], rel=1e-6, abs=bound + 1e-8), i
 
 
+def test_the_columns_of_wind_and_scale_are_derivatives() -> None:
+    """Of the reference, with which the compiled filter is compared."""
+    names, given = (blocks.WIND, blocks.AIRSPEED_SCALE), np.zeros(1)
+    one = aids.Aids(
+        given, np.array([aids.AIRSPEED]), given + 30.0, given + 1.0, np.zeros((1, 3)), np.zeros(3)
+    )
+    state = state_at(np.random.default_rng(4))
+    state[strapdown.WIND : strapdown.AIRSPEED_SCALE + 1] = 6.0, -4.0, 0.02
+    row = reference_aids.see_aid(state, one, 0, 0.007, 0.01, names)[1]
+    for place, column in ((strapdown.WIND, 15), (strapdown.WIND + 1, 16), (strapdown.AIRSPEED_SCALE, 17)):
+        ahead, behind = state.copy(), state.copy()
+        ahead[place] += 1e-4
+        behind[place] -= 1e-4
+        change = [reference_aids.see_aid(at, one, 0, 0.007, 0.01, names)[0] for at in (ahead, behind)]
+        assert (change[0] - change[1]) / 2e-4 == pytest.approx(row[column], abs=1e-8)
+
+
+def test_airspeeds_below_the_slowest_are_not_used() -> None:
+    made = of({"sensors.airspeed.fitted": True, "sensors.airspeed.slowest": 1000.0})
+    assert made.run().aids.time.size == 0
+
+
 def near_the_pole(latitude: float) -> np.ndarray:
     """Return a navigator in a wander-azimuth frame that moves and turns."""
     rng = np.random.default_rng(3)
@@ -165,7 +187,7 @@ def near_the_pole(latitude: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("latitude", [89.999, -89.95], ids=["110 m from the pole", "6 km from the other"])
-@pytest.mark.parametrize("kind", range(9), ids=lambda kind: aids.NAMES[kind])
+@pytest.mark.parametrize("kind", range(10), ids=lambda kind: aids.NAMES[kind])
 def test_rows_of_h_are_derivatives_close_to_a_pole(kind: int, latitude: float) -> None:
     """For the errors of the computer frame; a reading at the end of the sample, as H takes its position."""
     state, field, place = near_the_pole(latitude), np.array([0.3, -0.2, 0.9]), np.array([1.0, -0.5, 0.4])
@@ -218,6 +240,7 @@ VEHICLE = {
     "sensors.heading.drift_sigma": 0.5,
     "sensors.odometer.fitted": True,
     "sensors.odometer.lever_arm": (-1.2, 0.3, 0.5),
+    "sensors.airspeed.fitted": True,
     "navigator.no_slip": True,
     "navigator.slip_sigma": (5.0, 5.0),
 }
@@ -288,7 +311,7 @@ def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> Non
     assert right.verdict.consistent, right.verdict
     for verdict in (wrong.verdict, wrong.innovation_verdict):
         found = {finding.quantity for finding in verdict.findings}
-        assert {"R height", "R heading", "R speed forward"} <= found
+        assert {"R height", "R heading", "R speed forward", "R airspeed"} <= found
 
 
 def test_observability_shows_what_each_state_gains() -> None:

@@ -136,6 +136,7 @@ SENSORS: dict[str, Any] = {
     "sensors.heading.drift_sigma": 0.5,
     "sensors.odometer.fitted": True,
     "sensors.odometer.lever_arm": (-1.2, 0.3, 0.5),
+    "sensors.airspeed.fitted": True,
     "navigator.states": 21,
     **{
         f"navigator.estimate_{what}": True
@@ -153,6 +154,8 @@ GOOD: dict[str, Any] = {
     "navigator.attitude_sigma": 0.05,
     "navigator.position_sigma": 0.1,
     "navigator.velocity_sigma": 0.01,
+    "sensors.airspeed.wind_sigma": 0.3,
+    "sensors.airspeed.wind_drift_sigma": 0.1,
 }
 """Errors so small that the linear filter is right."""
 

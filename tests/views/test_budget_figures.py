@@ -70,7 +70,7 @@ def test_every_source_that_can_be_set_has_a_family_of_colours() -> None:
     experiment.set("sensors.gps.outlier_rate", 0.1)
     for state in ("position", "velocity", "attitude"):
         experiment.set(f"navigator.{state}_error", 0.1)
-    for sensor in ("barometer", "heading", "odometer"):
+    for sensor in ("barometer", "heading", "odometer", "airspeed"):
         experiment.set(f"sensors.{sensor}.fitted", True)
     experiment.set("sensors.heading.drift_sigma", 1.0)
     experiment.set("sensors.heading.source", "magnetometer")
@@ -81,7 +81,7 @@ def test_every_source_that_can_be_set_has_a_family_of_colours() -> None:
     experiment.set("sensors.temperature.compensation", True)
     experiment.set("sensors.temperature.thermometer_sigma", 0.1)
     sources += [source for source in experiment.run().budget.source.values if source not in sources]
-    assert len(sources) == 6 + 2 * 14 + 1 + 2 + 1 + 6 + (3 + 4 + 2 + 1)
+    assert len(sources) == 6 + 2 * 14 + 1 + 2 + 1 + 6 + (3 + 4 + 2 + 4 + 1)
     assert len(sources) <= SLOTS
     for family, colours in FAMILIES.items():
         inside = [source for source in sources if source.partition(" ")[0] == family]

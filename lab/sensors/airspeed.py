@@ -1,0 +1,127 @@
+"""Airspeed: the true airspeed by a pitot tube, and the wind in which the vehicle flies.
+
+The wind is level. Its components to the north and to the east are each a constant and a first-order
+Gauss-Markov process. True airspeed is the magnitude of the velocity minus the wind: a pitot tube shows it
+within 1 % up to some 15° of angle of attack and side slip.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 6.2
+and 16.2; W. Gracey, *Measurement of Aircraft Speed and Altitude*, NASA RP-1046 (1980), ch. 3 and 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.sensors import processes, readings
+from lab.sensors.draws import Seed, unit_draws
+from lab.sensors.readings import Readings, read, reading_times
+from lab.setting_kinds import Quantity
+from lab.settings import Settings
+from lab.trajectory import Trajectory
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 1.0
+"""Spacing of the samples of the wind [s]: the shortest correlation time."""
+
+
+class AirspeedErrors(Settings):
+    """Errors and timing of an airspeed sensor, and the wind.
+
+    Defaults: a light aeroplane in a breeze. The noise includes gusts.
+    """
+
+    fitted = readings.fitted(
+        "an airspeed sensor. A filter that uses it has states for the wind to the north and to the east, and "
+        "for the scale factor of the sensor."
+    )
+    period = readings.period(1.0)
+    noise = readings.noise(1.0, unit="m/s", bounds=(1e-3, 100), softbounds=(0.1, 5), step=0.1)
+    scale_factor_sigma = Quantity(
+        1.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 5),
+        step=0.1,
+        label="Scale factor error, σ",
+        doc="Standard deviation of the relative error of the airspeed, drawn anew for each seed.",
+    )
+    slowest = Quantity(
+        20.0,
+        unit="m/s",
+        bounds=(0, 1000),
+        softbounds=(0, 50),
+        step=1,
+        label="Slowest airspeed used",
+        doc="The filter ignores readings below it. The pressure grows with the square of the speed, and a "
+        "wind that is not small compared with the speed makes the airspeed far from linear.",
+    )
+    wind_sigma = Quantity(
+        3.0,
+        unit="m/s",
+        bounds=(0, 100),
+        softbounds=(0, 20),
+        step=0.5,
+        label="Wind, σ",
+        doc="Standard deviation of the constant part of the wind, to the north and to the east, drawn anew "
+        "for each seed.",
+    )
+    wind_drift_sigma = Quantity(
+        1.0,
+        unit="m/s",
+        bounds=(0, 50),
+        softbounds=(0, 5),
+        step=0.1,
+        label="Change of the wind, σ",
+        doc="Standard deviation of the slow part of the wind, to the north and to the east, a first-order "
+        "Gauss-Markov process.",
+    )
+    correlation_time = readings.correlation_time(300.0)
+    outages = readings.outages()
+
+
+def wind_at(errors: AirspeedErrors, seed: Seed, time: FloatArray) -> FloatArray:
+    """Return the true wind (n, 2) to the north and to the east at some times [m/s].
+
+    Parameters
+    ----------
+    errors
+        The wind.
+    seed
+        Seed of the run.
+    time : (n,) array
+        Times, not decreasing [s].
+    """
+    constant = float(si(errors, "wind_sigma")) * unit_draws(seed, "wind.constant", (2,))
+    drift = float(si(errors, "wind_drift_sigma"))
+    if not drift or not time.size:
+        return np.broadcast_to(constant, (time.size, 2))
+    samples = np.arange(int(np.ceil(time[-1] / _STEP)) + 1)
+    draws = unit_draws(seed, "wind.drift", (samples.size, 2))
+    slow = processes.gauss_markov(draws[0], draws, float(np.exp(-_STEP / errors.correlation_time)))
+    return constant + drift * np.stack([np.interp(time, _STEP * samples, one) for one in slow.T], axis=-1)
+
+
+def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readings:
+    """Return the readings of an airspeed sensor [m/s]; the bias is the relative error of the scale.
+
+    Parameters
+    ----------
+    trajectory
+        The flight.
+    errors
+        Errors and timing.
+    seed
+        Seed of the run.
+    """
+    times = reading_times(errors.period, trajectory.duration)
+    through_air = trajectory.at(times).velocity_n.copy()
+    through_air[:, :2] -= wind_at(errors, seed, times)
+    true = np.linalg.norm(through_air, axis=1)
+    scale = float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "airspeed.scale", (1,))[0])
+    found = read(seed, "airspeed", times, true, scale * true, errors.noise, errors.outages)
+    return found._replace(bias=np.full(found.time.size, scale))
