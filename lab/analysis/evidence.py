@@ -189,7 +189,7 @@ def evidence(
         ),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
-        aids=aid_squares(solution, aid_kinds),
+        aids=aid_squares(solution, aid_kinds, gate),
     )
     if reference is None:
         return found
