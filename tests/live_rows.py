@@ -9,7 +9,8 @@ import pymap3d
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.reading_times import NO_READINGS
+from lab.live.timed import TIMED_FIX, TIMED_IMU, TIMED_READING
 from lab.missions import Recording
 from lab.rotation import C_nb_from_euler
 from lab.sensors.imu import Environment, ImuDraws, measure
@@ -154,15 +155,25 @@ def handled(sensors: SensorSuite, latitude: float, seed: int) -> tuple[np.ndarra
     return imu_rows(time[1:], *shown), euler[1:]
 
 
-def feed(navigator, imu: np.ndarray, fixes: np.ndarray, pieces) -> None:
-    """Feed rows of the IMU in pieces, each with the fixes that have arrived by its last sample."""
-    start = fix = 0
+def reading_rows(name: str, time: np.ndarray, values: np.ndarray, late: float = 0.0) -> np.ndarray:
+    """Return headings [rad] or speeds [m/s] at times from 0 [s], which arrive later by some time [s]."""
+    rows = np.zeros(time.size, TIMED_READING)
+    rows["time"], rows["arrival"] = time + HOST, time + HOST + late
+    rows["heading"] = rows["speed"] = np.nan
+    rows[name] = values
+    return rows
+
+
+def feed(navigator, imu: np.ndarray, fixes: np.ndarray, pieces, readings: np.ndarray = NO_READINGS) -> None:
+    """Feed rows of the IMU in pieces, each with the fixes and readings that have arrived by its end."""
+    start = fix = reading = 0
     for size in pieces:
         if start >= imu.size:
             break
         part = imu[start : start + size]
         due = int(np.searchsorted(fixes["arrival"], part["arrival"][-1], "right"))
-        navigator.feed(part, fixes[fix:due])
-        start, fix = start + size, max(due, fix)
-    navigator.feed(imu[start:], fixes[fix:])
+        come = int(np.searchsorted(readings["arrival"], part["arrival"][-1], "right"))
+        navigator.feed(part, fixes[fix:due], readings[reading:come])
+        start, fix, reading = start + size, max(due, fix), max(come, reading)
+    navigator.feed(imu[start:], fixes[fix:], readings[reading:])
     navigator.finish()

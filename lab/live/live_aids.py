@@ -1,7 +1,7 @@
 """Live aids: the measurements besides fixes that the live filter uses, as the batch has them.
 
-They are heights by pressure, the magnetic field as a heading, and zero velocity where the IMU shows that the
-vehicle stands still.
+They are heights by pressure, speeds of an odometer, headings or the magnetic field, and zero velocity where
+the IMU shows that the vehicle stands still.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import magnetometer_of
+from lab.live.live_log import magnetometer_of, values_of
 from lab.live.rolling import Rolling
 from lab.magnetic_field import magnetic_declination
 from lab.navigation import aids
@@ -19,7 +19,7 @@ from lab.navigation.aiding import CONDITION_PERIOD, ROUNDING, of_fields, of_one_
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-from lab.sensors.heading_sensor import MAGNETOMETER, check_field
+from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 from lab.units import si
@@ -32,7 +32,7 @@ READINGS: Final = {
     "innovation": ((), np.float64),
     "variance": ((), np.float64),
 }
-"""Columns of the readings of a barometer: heights by pressure, and what came of them in the filter."""
+"""Columns of heights by pressure, of speeds and of headings, and what came of them in the filter."""
 FIELDS: Final = {
     "time": ((), np.float64),
     "field": ((3,), np.float64),
@@ -42,11 +42,27 @@ FIELDS: Final = {
 """Columns of the readings of a magnetometer: directions of the field in b, and what came of them."""
 
 
+class Readings(NamedTuple):
+    """Heights [m], speeds [m/s], headings [rad] with columns `READINGS`; fields with those of `FIELDS`."""
+
+    height: Rolling
+    speed: Rolling
+    heading: Rolling
+    field: Rolling
+
+
 class FirstReadings(NamedTuple):
-    """Numbers of the first readings among the measurements of an advance: heights and fields."""
+    """Numbers of the first readings among the measurements of an advance."""
 
     height: int
+    speed: int
+    heading: int
     field: int
+
+
+NONE: Final = FirstReadings(0, 0, 0, 0)
+"""The first readings of a filter that uses none."""
+_KINDS: Final = FirstReadings(aids.HEIGHT, aids.FORWARD, aids.HEADING, aids.MAGNETIC)
 
 
 class LiveAids:
@@ -56,8 +72,8 @@ class LiveAids:
     ----------
     sensors, navigator
         The assumptions of the filter.
-    readings, fields
-        Rows with the columns `READINGS` and `FIELDS`; the results are written into them.
+    readings
+        The readings; the results are written into them.
     samples
         Rows with the columns ``time`` and ``standing``.
     """
@@ -66,26 +82,29 @@ class LiveAids:
         self,
         sensors: SensorSuite,
         navigator: NavigatorSettings,
-        readings: Rolling,
-        fields: Rolling,
+        readings: Readings,
         samples: Rolling,
     ) -> None:
-        self.readings, self.fields = readings, fields
+        self.readings = readings
         self._sensors, self._samples, self._navigator = sensors, samples, navigator
         self._is_fitted = bool(sensors.barometer.fitted)
-        self._has_compass = bool(sensors.heading.fitted) and sensors.heading.source == MAGNETOMETER
+        self._has_odometer = bool(sensors.odometer.fitted)
+        magnetic = sensors.heading.source == MAGNETOMETER
+        self._has_compass = bool(sensors.heading.fitted) and magnetic
+        self._has_antennas = bool(sensors.heading.fitted) and not magnetic
         self._declination = np.nan
         self._no_compass = ""  # why the field does not show the heading here
         self._period = -1.0  # number of that of the last field
         self._newest = 0.0  # time of the last row with a field [s]
         self.stands = bool(navigator.zero_velocity)
         """Whether the filter uses zero velocity."""
-        self.are_used = self._is_fitted or self._has_compass or self.stands
+        self.are_used = bool(self._is_fitted or self._has_odometer or sensors.heading.fitted or self.stands)
         """Whether the filter uses any."""
         self.shift = np.nan
         """What is added to the heights [m]."""
         scale = float(navigator.aiding_scale)
         self._variance = scale * float(si(sensors.barometer, "noise")) ** 2
+        self._speed_variance = scale * float(si(sensors.odometer, "noise")) ** 2
         self._heading_variance = scale * float(si(sensors.heading, "noise")) ** 2
         self._place = si(sensors.odometer, "lever_arm")
         # It is never due. With it, the same compiled loop runs whether there are readings or not.
@@ -94,16 +113,49 @@ class LiveAids:
     @property
     def remarks(self) -> dict[str, str]:
         """What becomes of the readings of each sensor; empty if nobody expects any."""
-        return {"barometer": self._of_barometer(), "magnetometer": self._of_magnetometer()}
+        return {
+            "barometer": self._of_barometer(),
+            "magnetometer": self._of_magnetometer(),
+            "odometer": self._of_odometer(),
+            "headings": self._of_headings(),
+        }
+
+    def _of_odometer(self) -> str:
+        there = len(self.readings.speed) > 0
+        if not self._has_odometer:
+            wanted = "The stream has speeds that are not used; sensors.odometer.fitted = true uses them."
+            return wanted if there else ""
+        if not there:
+            return "The stream has no speed for sensors.odometer.fitted so far."
+        last = _last(self.readings.speed)
+        if last is None:
+            return "Odometer: no reading was used so far."
+        return f"Odometer: the last innovation is {last[0]:.2f} m/s with σ = {last[1]:.2f} m/s."
+
+    def _of_headings(self) -> str:
+        there = len(self.readings.heading) > 0
+        if not self._has_antennas:
+            wanted = (
+                "The stream has headings that are used at the start only; sensors.heading.fitted = true with "
+                f"sensors.heading.source = {HEADING} uses them on."
+            )
+            return wanted if there else ""
+        if not there:
+            return "The stream has no heading for sensors.heading.fitted so far."
+        last = _last(self.readings.heading)
+        if last is None:
+            return "Heading sensor: no reading was used so far."
+        innovation, sigma = np.degrees(last)
+        return f"Heading sensor: the last innovation is {innovation:.1f}° with σ = {sigma:.1f}°."
 
     def _of_barometer(self) -> str:
-        there = len(self.readings) > 0
+        there = len(self.readings.height) > 0
         if not self._is_fitted:
             wanted = "The stream has pressures that are not used; sensors.barometer.fitted = true uses them."
             return wanted if there else ""
         if not there:
             return "The stream has no pressure for sensors.barometer.fitted so far."
-        last = _last(self.readings)
+        last = _last(self.readings.height)
         if last is None:
             return "Barometer: no reading was used so far."
         return (
@@ -112,7 +164,7 @@ class LiveAids:
         )
 
     def _of_magnetometer(self) -> str:
-        there = len(self.fields) > 0
+        there = len(self.readings.field) > 0
         if not self._has_compass:
             wanted = (
                 "The stream has a magnetic field that is used at the start only; sensors.heading.fitted = "
@@ -121,7 +173,7 @@ class LiveAids:
             return wanted if there else ""
         if self._no_compass or not there:
             return self._no_compass or "The stream has no magnetic field for sensors.heading.fitted so far."
-        last = _last(self.fields)
+        last = _last(self.readings.field)
         if last is None:
             return "Magnetometer: no reading was used so far."
         innovation, sigma = np.degrees(last)
@@ -145,13 +197,37 @@ class LiveAids:
         period = np.floor(found.time / float(self._sensors.heading.period))
         rows = np.flatnonzero(np.diff(period, prepend=self._period) > 0)
         self._period = float(period[-1])
-        start = self.fields.end
-        self.fields.extend(rows.size)
-        put = self.fields.rows
-        put("time", start, self.fields.end)[:] = found.time[rows]
         field = found.field[rows]
-        put("field", start, self.fields.end)[:] = field / np.linalg.norm(field, axis=1)[:, None]
-        put("innovation", start, self.fields.end)[:] = np.nan
+        _append(self.readings.field, found.time[rows], field=field / np.linalg.norm(field, axis=1)[:, None])
+
+    def take_heights(self, time: FloatArray, height: FloatArray) -> None:
+        """Append heights by pressure (n,) [m] at times (n,) in increasing order [s]."""
+        _append(self.readings.height, time, value=height)
+
+    def take(self, rows: NDArray[np.void], epoch: float, reach: float) -> float:
+        """Append headings and speeds; return the earliest time of one that is used, infinite without one [s].
+
+        Parameters
+        ----------
+        rows : (n,) array of `lab.live.timed.TIMED_READING`
+            Readings; the times of each quantity increase.
+        epoch
+            Time of the host at the first sample of the stream [s].
+        reach
+            Earliest time to which the filter can return [s]; earlier readings are left out.
+        """
+        earliest = np.inf
+        for name, kept, is_used in (
+            ("speed", self.readings.speed, self._has_odometer),
+            ("heading", self.readings.heading, self._has_antennas),
+        ):
+            found = values_of(rows, name)
+            time = found.time - epoch
+            good = time > max(reach, float(kept.column("time")[-1]) if len(kept) else -np.inf)
+            _append(kept, time[good], value=found.value[good])
+            if is_used and good.any():
+                earliest = min(earliest, float(time[good][0]))
+        return earliest
 
     def begin_at(self, position: FloatArray) -> None:
         """Take the declination at the first fix (3,) [rad], [m]; later fixes change nothing."""
@@ -174,22 +250,42 @@ class LiveAids:
         after, until
             The times [s].
         """
-        first, end = (self.readings.number("time", time, "right") for time in (after, until))
-        if np.isnan(self.shift) or not self._is_fitted:
-            first = end
-        time, value = (self.readings.rows(name, first, end) for name in ("time", "value"))
-        heights = of_one_kind(time, aids.HEIGHT, value + self.shift, self._variance)
-        one, end = (self.fields.number("time", time, "right") for time in (after, until))
-        if np.isnan(self._declination):
-            one = end
-        value = np.full(end - one, self._declination)
-        headings = of_one_kind(
-            self.fields.rows("time", one, end), aids.HEADING, value, self._heading_variance
+        used = FirstReadings(
+            self._is_fitted and bool(np.isfinite(self.shift)),
+            self._has_odometer,
+            self._has_antennas,
+            bool(np.isfinite(self._declination)),
         )
-        fields = of_fields(self._sensors, headings, self.fields.rows("field", one, end))
+        ends = [readings.number("time", until, "right") for readings in self.readings]
+        first = FirstReadings(
+            *(
+                readings.number("time", after, "right") if one else end
+                for readings, one, end in zip(self.readings, used, ends, strict=True)
+            )
+        )
+        height, speed, heading, field = (
+            (readings, start, end) for readings, start, end in zip(self.readings, first, ends, strict=True)
+        )
+        magnetic = of_one_kind(
+            _rows("time", *field),
+            aids.HEADING,
+            np.full(field[2] - field[1], self._declination),
+            self._heading_variance,
+        )
         still = zero_velocity(self._standing(begun, after, until), self._navigator) if self.stands else []
-        parts = [heights, fields, *still, self._never]
-        return Aids.together(parts, self._place), FirstReadings(first, one)
+        parts = [
+            of_one_kind(
+                _rows("time", *height), aids.HEIGHT, _rows("value", *height) + self.shift, self._variance
+            ),
+            of_one_kind(_rows("time", *speed), aids.FORWARD, _rows("value", *speed), self._speed_variance),
+            of_one_kind(
+                _rows("time", *heading), aids.HEADING, _rows("value", *heading), self._heading_variance
+            ),
+            of_fields(self._sensors, magnetic, _rows("field", *field)),
+            *still,
+            self._never,
+        ]
+        return Aids.together(parts, self._place), first
 
     def _standing(self, begun: float, after: float, until: float) -> FloatArray:
         """Return the whole seconds since the start in which the vehicle stands still."""
@@ -203,13 +299,23 @@ class LiveAids:
     def keep(self, out: Solution, used: Aids, first: FirstReadings) -> None:
         """Keep the results of readings, which begin with some numbers."""
         due = np.isfinite(used.time)  # without that which is never due
-        for kind, readings, start in (
-            (aids.HEIGHT, self.readings, first.height),
-            (aids.MAGNETIC, self.fields, first.field),
-        ):
+        for kind, readings, start in zip(_KINDS, self.readings, first, strict=True):
             rows = np.flatnonzero(due & (used.kind == kind))
             readings.rows("innovation", start, start + rows.size)[:] = out.aid_innovation[rows]
             readings.rows("variance", start, start + rows.size)[:] = out.aid_variance[rows]
+
+
+def _append(readings: Rolling, time: FloatArray, **columns: FloatArray) -> None:
+    """Append readings (n,) at times (n,) [s] that the filter has not used yet."""
+    start = readings.end
+    readings.extend(time.size)
+    for name, values in (("time", time), ("innovation", np.full(time.size, np.nan)), *columns.items()):
+        readings.rows(name, start, readings.end)[:] = values
+
+
+def _rows(name: str, readings: Rolling, start: int, end: int) -> FloatArray:
+    """Return a column of readings between two numbers."""
+    return np.asarray(readings.rows(name, start, end))
 
 
 def _last(readings: Rolling) -> tuple[float, float] | None:

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_aids import FirstReadings, LiveAids
+from lab.live.live_aids import NONE, LiveAids
 from lab.live.rolling import Rolling
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
@@ -39,8 +39,6 @@ COPY: Final = 0.25
 """Time between two copies [s]: a fix costs half of it in samples that are computed again."""
 REFRESH: Final = 0.5
 """Time without a fix after which a fix may show a rest [s]: `standstill` wants one within the second."""
-NONE: Final = FirstReadings(0, 0)
-"""The first readings of a filter that uses none."""
 _ENDLESS: Final = 2**62  # samples of a stream
 _ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
 _SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
@@ -210,6 +208,10 @@ class LiveFilter:
         before = self.fixes.rows("time", max(start - 1, self.fixes.first), start)
         alone = not before.size or float(times[0] - before[-1]) > REFRESH
         self._looks_changed |= fast or alone
+
+    def changed_readings(self, time: float) -> None:
+        """Take note of a heading or a speed at a time that is later than `reach` [s]."""
+        self._stale = min(self._stale, self.samples.number("time", time - _SLACK))
 
     def add_gaps(self, gaps: Iterable[tuple[float, float]]) -> None:
         """Take note of filled gaps that end after the start, by their times [s]; the samples are there."""

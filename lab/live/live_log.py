@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.pressure import Heights
+from lab.live.reading_times import NO_READINGS
 from lab.live.samples import FIX_3D
-from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer, Series
+from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.logs.stream_spikes import stream_spikes
 
@@ -24,6 +25,7 @@ def log_of(
     lever_arm: FloatArray | None = None,
     latency: float = 0.0,
     vehicle: str = "",
+    readings: NDArray[np.void] = NO_READINGS,
 ) -> SensorLog:
     """Return timed samples as a sensor log, repaired.
 
@@ -44,6 +46,8 @@ def log_of(
         How much later than the fixes their times are [s].
     vehicle
         Name of the vehicle, as in `lab.logs.vehicle.VEHICLES`; empty if unknown.
+    readings : (k,) array of `lab.live.timed.TIMED_READING`
+        Headings and speeds.
 
     Raises
     ------
@@ -54,13 +58,20 @@ def log_of(
     imu = imu[_increasing(imu["time"])]
     fixes = fixes[usable_fixes(fixes)]
     fixes = fixes[_increasing(fixes["time"])]
-    magnetometer = magnetometer_of(imu["time"], imu["magnetic"])
+    headings, odometer = (values_of(readings, name) for name in ("heading", "speed"))
+    auxiliary = AuxiliaryData(
+        vehicle,
+        magnetometer=magnetometer_of(imu["time"], imu["magnetic"]),
+        headings=headings_of(headings.time, headings.value),
+        barometer=barometer_of(imu, fixes),
+        odometer=odometer if odometer.time.size else None,
+    )
     return repaired(
         name,
         imu["time"].copy(),
         np.concatenate((imu["rate"], imu["force"]), axis=1),
         gnss_of(fixes, lever_arm, latency),
-        auxiliary=AuxiliaryData(vehicle, magnetometer=magnetometer, barometer=barometer_of(imu, fixes)),
+        auxiliary=auxiliary,
         find_spikes=stream_spikes,
     )
 
@@ -114,6 +125,19 @@ def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | No
     if not rows.any():
         return None
     return Magnetometer(time[rows].copy(), magnetic[rows] * MICROTESLA)
+
+
+def values_of(readings: NDArray[np.void], name: str) -> Series:
+    """Return the readings ``heading`` [rad] or ``speed`` [m/s] in the order of their times."""
+    rows = readings[np.isfinite(readings[name])]
+    return Series(rows["time"].copy(), rows[name].copy())
+
+
+def headings_of(time: FloatArray, heading: FloatArray) -> Headings | None:
+    """Return headings (k,) [rad] at times (k,) [s] as those of a log; None if there are none."""
+    if not time.size:
+        return None
+    return Headings(time.copy(), heading.copy(), np.full(time.size, np.nan))
 
 
 def usable_imu(imu: NDArray[np.void]) -> NDArray[np.bool_]:

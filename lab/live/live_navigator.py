@@ -32,17 +32,17 @@ from lab.live.live_aids import LiveAids
 from lab.live.live_compass import look_at_compass
 from lab.live.live_filter import LiveFilter
 from lab.live.live_history import History
-from lab.live.live_log import magnetometer_of, usable_imu
+from lab.live.live_log import headings_of, magnetometer_of
 from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream
 from lab.live.live_view import phase_of, state_of
-from lab.live.pressure import Heights
+from lab.live.reading_intake import ReadingIntake
+from lab.live.reading_times import NO_READINGS
 from lab.live.ring import Cursor
 from lab.live.source import Source
 from lab.live.source_status import Event
 from lab.live.stream_settings import stream_settings
-from lab.live.timed import TIMED_IMU
 from lab.logs.auxiliary_data import AuxiliaryData, Series
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
@@ -129,8 +129,7 @@ class LiveNavigator:
         self._latency = assumed_latency(navigator, 0.0)
         self._intake = Intake()
         self._fix_intake = FixIntake(self._assumed, navigator, self._latency)
-        self._heights = Heights()
-        self._unread = np.empty(0, TIMED_IMU)  # rows before the first stream, whose readings are not taken
+        self._reading_intake = ReadingIntake()
         self._history = History()
         self._rows: list[NDArray[np.void]] = []  # not yet taken
         self._taken = -np.inf  # time of the last row when rows were taken
@@ -145,7 +144,12 @@ class LiveNavigator:
         load(self._assumed, EVERY_FIX)
         load(self._assumed, schedule_of(navigator, STEP, 1), self._model, aided=self._aids.are_used)
 
-    def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> bool:
+    def feed(
+        self,
+        imu: NDArray[np.void] | None = None,
+        fixes: NDArray[np.void] | None = None,
+        readings: NDArray[np.void] = NO_READINGS,
+    ) -> bool:
         """Take rows that arrived; return whether they were processed: few samples wait for the next ones.
 
         Parameters
@@ -154,7 +158,12 @@ class LiveNavigator:
             Rows of the IMU, in the order of arrival.
         fixes : (m,) array of `TIMED_FIX`
             Fixes; they may be older than the rows of the IMU so far, by up to `live_filter.BACK`.
+        readings : (k,) array of `lab.live.timed.TIMED_READING`
+            Headings and speeds; they may be as old.
         """
+        if readings.size:
+            with self._lock:
+                self._reading_intake.arrive(readings)
         if imu is not None and imu.size:
             self._rows.append(imu)
             newest = float(imu["time"][-1])
@@ -165,6 +174,7 @@ class LiveNavigator:
             self._take_rows()
             if fixes is not None and fixes.size:
                 self._fix_intake.take(self._stream, fixes)
+            self._reading_intake.take(self._stream, self._aids)
             self._advance()
         return True
 
@@ -174,6 +184,7 @@ class LiveNavigator:
             self._take_rows()
             for part in self._intake.finish():
                 self._take(part)
+            self._reading_intake.take(self._stream, self._aids)
             self._advance()
             if self._stream.filter is not None:
                 self._stream.filter.finish()
@@ -193,7 +204,7 @@ class LiveNavigator:
                     f"{counted(read.lost, 'sample')} came faster than they were processed: the navigator "
                     "lost them, the recording has them."
                 )
-            self.feed(read.imu, read.fix)
+            self.feed(read.imu, read.fix, read.reading)
             if ended and not read.imu.size and not read.fix.size:
                 self.finish()
                 return
@@ -258,10 +269,14 @@ class LiveNavigator:
             time = samples.column("time") - zero
             gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
             magnetometer = magnetometer_of(time, samples.column("magnetic"))
-            heights, barometer = stream.readings, None
-            if len(heights) and not np.isnan(self._heights.shift):
-                shifted = heights.column("value") + self._heights.shift
+            heights, speeds, headings, _ = stream.readings
+            barometer = odometer = None
+            shift = self._reading_intake.heights.shift
+            if len(heights) and not np.isnan(shift):
+                shifted = heights.column("value") + shift
                 barometer = Series(heights.column("time") - zero, shifted)
+            if len(speeds):
+                odometer = Series(speeds.column("time") - zero, speeds.column("value").copy())
             return SensorLog(
                 name="live stream",
                 epoch=stream.epoch + zero,
@@ -280,7 +295,12 @@ class LiveNavigator:
                 reference=None,
                 gaps=np.array(gaps).reshape(-1, 2) - zero,
                 repairs=self.state.remarks,
-                auxiliary=AuxiliaryData(magnetometer=magnetometer, barometer=barometer),
+                auxiliary=AuxiliaryData(
+                    magnetometer=magnetometer,
+                    headings=headings_of(headings.column("time") - zero, headings.column("value")),
+                    barometer=barometer,
+                    odometer=odometer,
+                ),
             )
 
     def _new_stream(self, epoch: float) -> None:
@@ -290,7 +310,6 @@ class LiveNavigator:
             self._sensors,
             self._navigator,
             self._stream.readings,
-            self._stream.fields,
             self._stream.samples,
         )
         self._start = LiveStart(self._navigator, self._assumed.noise[:3])
@@ -304,23 +323,7 @@ class LiveNavigator:
             self._rows = []
             for part in self._intake.accept(rows):
                 self._take(part)
-            self._take_readings(rows)
-
-    def _take_readings(self, rows: NDArray[np.void]) -> None:
-        """Append the heights by pressure and the magnetic fields of rows that arrived."""
-        self._unread = np.concatenate((self._unread, rows[usable_imu(rows)]))
-        if np.isnan(self._stream.epoch):
-            return
-        self._aids.take_fields(self._unread["time"] - self._stream.epoch, self._unread["magnetic"])
-        time, height = self._heights.take(self._unread)
-        self._unread = self._unread[:0]
-        if time.size:
-            readings = self._stream.readings
-            start = readings.end
-            readings.extend(time.size)
-            readings.rows("time", start, readings.end)[:] = time - self._stream.epoch
-            readings.rows("value", start, readings.end)[:] = height
-            readings.rows("innovation", start, readings.end)[:] = np.nan
+            self._reading_intake.take_rows(rows, self._stream, self._aids)
 
     def _take(self, part: Increments) -> None:
         """Append increments; those after a break begin a new stream."""
@@ -381,7 +384,8 @@ class LiveNavigator:
         if not len(stream.samples):
             return
         stream.forget(self._kept)  # before a start is sought among the rest
-        self._begin_readings()
+        self._reading_intake.begin(self._fix_intake.first, stream, self._aids)
+        self._notes |= {name: remark for name, remark in self._aids.remarks.items() if remark}
         if stream.attitude is not None:
             self._seek(stream.attitude)
         if stream.filter is not None:
@@ -391,17 +395,6 @@ class LiveNavigator:
             shown = max(self._shown, stream.samples.first)
             self._history.add(stream.samples, shown, stream.epoch, phase, has_position=stream.has_position)
         self._shown = stream.end
-
-    def _begin_readings(self) -> None:
-        """Begin heights by pressure and the declination at the first fix, and note what becomes of them."""
-        stream = self._stream
-        first, readings, epoch = self._fix_intake.first, stream.readings, stream.epoch
-        if len(readings) and first is not None and stream.now + epoch >= first[0]:
-            self._heights.begin_at(*first, readings.column("time") + epoch, readings.column("value"))
-        self._aids.shift = self._heights.shift
-        if stream.fixes.end and not stream.fixes.first:
-            self._aids.begin_at(stream.fixes.column("position")[0])
-        self._notes |= {name: remark for name, remark in self._aids.remarks.items() if remark}
 
     def _navigate(self, run: LiveFilter) -> None:
         """Advance the full navigator, or stop it if its solution means nothing any more."""
@@ -454,7 +447,9 @@ class LiveNavigator:
             return
         self._second = second
         look_at_compass(stream)
-        found = self._start.seek(stream.samples, stream.fixes, stream.shown_heading())
+        found = self._start.seek(
+            stream.samples, stream.fixes, stream.shown_heading(), stream.readings.heading
+        )
         stream.missing = found.why
         if found.alignment is not None:
             self._begin(found.alignment, found.first)

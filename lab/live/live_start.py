@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import magnetometer_of
+from lab.live.live_log import headings_of, magnetometer_of
 from lab.live.rolling import Rolling
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import MIN_OVERLAP
@@ -65,7 +65,13 @@ class LiveStart:
         self._gyro_density = gyro_density
         self._tried = -np.inf  # time of the last attempt by the change of the velocity
 
-    def seek(self, samples: Rolling, fixes: Rolling, shown: tuple[float, float, str] | None = None) -> Sought:
+    def seek(
+        self,
+        samples: Rolling,
+        fixes: Rolling,
+        shown: tuple[float, float, str] | None = None,
+        headings: Rolling | None = None,
+    ) -> Sought:
         """Return the start, if the data so far give one.
 
         Parameters
@@ -75,6 +81,8 @@ class LiveStart:
         shown
             Heading at the first sample with a fix that the IMU alone shows, its σ [rad] and its source; None
             if it shows none.
+        headings
+            Measured headings, with the columns of `lab.live.live_aids.READINGS`; None without any.
         """
         if len(fixes) < 2:
             return Sought(
@@ -93,14 +101,19 @@ class LiveStart:
         sigma = _velocity_sigma(fixes)
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
-            AuxiliaryData(magnetometer=magnetometer),
+            AuxiliaryData(
+                magnetometer=magnetometer,
+                headings=None
+                if headings is None
+                else headings_of(headings.column("time"), headings.column("value")),
+            ),
             self._navigator.vehicle,
             self._navigator.initial_heading,
             self._navigator.initial_heading_uncertainty,
         )
         if samples.first > 0 or imu.time[0] > _LATEST_GIVEN:
             hints = hints._replace(given=np.nan)
-        by_imu = np.isnan(hints.given) and shown is not None
+        by_imu = np.isnan(hints.given) and shown is not None and hints.headings is None
         if by_imu and shown is not None:
             hints = hints._replace(given=shown[0], given_sigma=shown[1])
         why = self._not_yet(hints, known, sigma, now)
@@ -118,7 +131,7 @@ class LiveStart:
 
     def _not_yet(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> str:
         """Return why an attempt cannot succeed yet, empty if it may: it costs too much to try each second."""
-        if np.isfinite(hints.given) or hints.magnetometer is not None:
+        if np.isfinite(hints.given) or hints.magnetometer is not None or hints.headings is not None:
             return ""
         fast = shows_course(fixes, sigma)
         course = np.flatnonzero(fast[1:] & fast[:-1])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.attitude_only import NORTH, AttitudeOnly
-from lab.live.live_aids import FIELDS, READINGS
+from lab.live.live_aids import FIELDS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.live.rolling import Rolling
@@ -83,8 +83,7 @@ class Stream:
         self.epoch = epoch
         self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
         self.fixes = Rolling(FIXES)
-        self.readings = Rolling(READINGS)
-        self.fields = Rolling(FIELDS)
+        self.readings = Readings(Rolling(READINGS), Rolling(READINGS), Rolling(READINGS), Rolling(FIELDS))
         self.gaps: list[tuple[float, float]] = []
         """Start and end of the filled gaps [s]."""
         self.filter: LiveFilter | None = None
@@ -185,5 +184,5 @@ class Stream:
         self.samples.forget(self.samples.number("time", self.now - kept))
         oldest = float(self.samples.column("time")[0])
         self.fixes.forget(self.fixes.number("time", oldest) - 2)
-        for readings in (self.readings, self.fields):
+        for readings in self.readings:
             readings.forget(readings.number("time", oldest))

@@ -23,6 +23,7 @@ from lab.live.decoders.recognition import Candidate, recognise
 from lab.live.decoders.text_lines import TextLines
 from lab.live.device_clock import DeviceClock
 from lab.live.nominal_rate import NEAR, nominal_rate
+from lab.live.reading_times import LATENCY, NO_READINGS, STALE, ReadingTimes
 from lab.live.samples import NO_FIX, Samples
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import Chunk, TransportError
@@ -39,11 +40,6 @@ MOST = 2**14
 """Bytes in which it is looked for again: to look in them takes 0.1 s."""
 COUNTED = 2.0
 """Time over which the rate of a device without a clock is taken [s]."""
-LATENCY = 0.1
-"""How much earlier than they arrive fixes are taken to be valid, if the receiver has not the clock of the IMU
-[s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
-STALE = 5.0
-"""Largest difference between the times of a fix and of a sample by the same clock [s]."""
 
 _NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
 """No samples, no fixes."""
@@ -146,6 +142,8 @@ class Reception:
         self._gap = True
         self._latest = -np.inf
         self._latest_fix = -np.inf
+        self._reading_times = ReadingTimes()
+        self._readings: list[Rows] = []  # timed, and not yet taken
 
     def _made(self) -> Decoder:
         if self._columns is not None:
@@ -193,6 +191,11 @@ class Reception:
         if self._decoder is None:
             return self._recognise(chunk)
         return self._timed(self._decoder.feed(chunk.data), chunk.arrival)
+
+    def taken_readings(self) -> Rows:
+        """Return the timed headings and speeds since the last call."""
+        found, self._readings = self._readings, []
+        return np.concatenate(found) if found else NO_READINGS
 
     def lose(self, arrival: float) -> tuple[Rows, Rows]:
         """Return the samples that were held back when the device was lost; the next come after a gap."""
@@ -250,6 +253,9 @@ class Reception:
     def _timed(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
         imu = self._timed_imu(samples.imu, arrival) if len(samples.imu) else _NO_IMU
         fix = self._timed_fix(samples.fix, arrival) if len(samples.fix) else _NO_FIX
+        if len(samples.reading):
+            clocks = self.clock, self.fix_clock, self.watch.last
+            self._readings.append(self._reading_times.timed(samples.reading, arrival, imu, *clocks))
         return imu, fix
 
     def _timed_imu(self, rows: Rows, arrival: float) -> Rows:

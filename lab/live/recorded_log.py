@@ -15,6 +15,7 @@ from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
 from lab.live.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of, read_header, records
+from lab.live.reading_times import NO_READINGS
 from lab.live.reception import Reception
 from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog
@@ -38,12 +39,15 @@ class RecordedSamples(NamedTuple):
         Which received them: protocol, timing, statistics and losses.
     header : dict
         What the recording says of its source.
+    reading : (k,) array of `lab.live.timed.TIMED_READING`
+        Headings and speeds.
     """
 
     imu: Rows
     fix: Rows
     reception: Reception
     header: dict[str, Any]
+    reading: Rows = NO_READINGS
 
 
 def reception_of(header: dict[str, Any], **options: str) -> Reception:
@@ -111,7 +115,7 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     """
     header = read_header(path)
     reception = reception_of(header, **options)
-    imu, fix, arrival = [], [], 0.0
+    imu, fix, readings, arrival = [], [], [NO_READINGS], 0.0
     for kind, chunk in records(path):
         if kind == DATA:
             arrival = chunk.arrival
@@ -125,8 +129,16 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
             samples, fixes = reception.lose(arrival)
         imu.append(samples)
         fix.append(fixes)
+        readings.append(reception.taken_readings())
     samples, fixes = reception.lose(arrival)
-    return RecordedSamples(np.concatenate([*imu, samples]), np.concatenate([*fix, fixes]), reception, header)
+    readings.append(reception.taken_readings())
+    return RecordedSamples(
+        np.concatenate([*imu, samples]),
+        np.concatenate([*fix, fixes]),
+        reception,
+        header,
+        np.concatenate(readings),
+    )
 
 
 def log_of_recording(
@@ -162,7 +174,8 @@ def log_of_recording(
     if "axes" not in options and axes != str(reception_of(found.header, **options).axes):
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
-    log = log_of(Path(path).name, found.imu, found.fix, np.array(lever_arm), latency)
+    name, arm = Path(path).name, np.array(lever_arm)
+    log = log_of(name, found.imu, found.fix, arm, latency, readings=found.reading)
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
     return replace(log, repairs=(*log.repairs, *remarks))

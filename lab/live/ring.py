@@ -9,17 +9,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.reading_times import NO_READINGS
+from lab.live.timed import TIMED_FIX, TIMED_IMU, TIMED_READING
 
 ROOM = 2**17, 2**13
 """Samples of the IMU and fixes that are kept: two minutes at 1 kHz, and 13 minutes at 10 Hz; 20 MB."""
+READINGS = 2**15
+"""Headings and speeds that are kept: two minutes at 250 Hz; 1 MB."""
 
 
 class Cursor(NamedTuple):
-    """How far someone has read: numbers of samples of the IMU and of fixes since the beginning."""
+    """How far someone has read: numbers of samples, of fixes and of readings since the beginning."""
 
     imu: int = 0
     fix: int = 0
+    reading: int = 0
 
 
 class Read(NamedTuple):
@@ -34,13 +38,16 @@ class Read(NamedTuple):
     fix : (m,) array of `lab.live.timed.TIMED_FIX`
         Fixes, a copy.
     lost : int
-        Samples and fixes that were overwritten before they were read.
+        Samples, fixes and readings that were overwritten before they were read.
+    reading : (k,) array of `lab.live.timed.TIMED_READING`
+        Headings and speeds, a copy.
     """
 
     cursor: Cursor
     imu: NDArray[np.void]
     fix: NDArray[np.void]
     lost: int
+    reading: NDArray[np.void] = NO_READINGS
 
 
 class Ring:
@@ -56,6 +63,7 @@ class Ring:
         self._lock = threading.Lock()
         self._imu = np.zeros(room[0], TIMED_IMU)
         self._fix = np.zeros(room[1], TIMED_FIX)
+        self._reading = np.zeros(READINGS, TIMED_READING)
         self._end = Cursor()
 
     @property
@@ -63,12 +71,16 @@ class Ring:
         """The cursor of someone who has read everything."""
         return self._end
 
-    def append(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> None:
+    def append(
+        self, imu: NDArray[np.void], fix: NDArray[np.void], reading: NDArray[np.void] = NO_READINGS
+    ) -> None:
         """Add samples; the oldest make room for them."""
         with self._lock:
-            _put(self._imu, self._end.imu, imu)
-            _put(self._fix, self._end.fix, fix)
-            self._end = Cursor(self._end.imu + len(imu), self._end.fix + len(fix))
+            end = self._end
+            _put(self._imu, end.imu, imu)
+            _put(self._fix, end.fix, fix)
+            _put(self._reading, end.reading, reading)
+            self._end = Cursor(end.imu + len(imu), end.fix + len(fix), end.reading + len(reading))
 
     def since(self, cursor: Cursor | None = None) -> Read:
         """Return what was appended after a cursor; None stands for the beginning."""
@@ -76,12 +88,13 @@ class Ring:
         with self._lock:
             imu, lost_imu = _taken(self._imu, begin.imu, self._end.imu)
             fix, lost_fix = _taken(self._fix, begin.fix, self._end.fix)
-            return Read(self._end, imu, fix, lost_imu + lost_fix)
+            reading, lost = _taken(self._reading, begin.reading, self._end.reading)
+            return Read(self._end, imu, fix, lost_imu + lost_fix + lost, reading)
 
     def last(self, imu: int, fix: int) -> Read:
         """Return the last samples and fixes, at most this many of each."""
         end = self._end
-        return self.since(Cursor(max(0, end.imu - imu), max(0, end.fix - fix)))
+        return self.since(Cursor(max(0, end.imu - imu), max(0, end.fix - fix), end.reading))
 
     def newest(self, seconds: float) -> Read:
         """Return the samples and fixes of the last seconds, by their times."""
@@ -90,16 +103,16 @@ class Ring:
             latest = max(
                 (
                     rows["time"][(count - 1) % len(rows)]
-                    for rows, count in zip((self._imu, self._fix), end, strict=True)
+                    for rows, count in zip((self._imu, self._fix), end[:2], strict=True)
                     if count
                 ),
                 default=0.0,
             )
+            since = latest - seconds
             begin = Cursor(
-                *(
-                    _first_after(rows, count, latest - seconds)
-                    for rows, count in zip((self._imu, self._fix), end, strict=True)
-                )
+                _first_after(self._imu, end.imu, since),
+                _first_after(self._fix, end.fix, since),
+                end.reading,
             )
         return self.since(begin)
 

@@ -66,6 +66,21 @@ where ``sea_level`` is 1 because the receiver does not give the height of the ge
 north, east, down [m/s]; σ of position in each horizontal axis and vertically [m], and of speed [m/s];
 ``satellites`` used; ``fix_type`` as in `FIX_TYPES`; ``end`` as of `IMU`.
 """
+READING: Final = np.dtype(
+    [
+        ("time", np.float64),
+        ("week_time", np.float64),
+        ("utc", np.float64),
+        ("heading", np.float64),
+        ("speed", np.float64),
+        ("end", np.int64),
+    ]
+)
+"""A reading of two antennas, of a compass, or of an odometer.
+
+``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
+``speed`` forward [m/s].
+"""
 FIX_TYPES: Final = {
     0: "no receiver",
     1: "no fix",
@@ -90,8 +105,14 @@ UNKNOWN: Final = (NAN, NAN, NAN)
 # Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
 _IMU: Final = struct.Struct("<dq3d3d3dddqq")
 _FIX: Final = struct.Struct("<dddddd3ddddqqqq")
+_READING: Final = struct.Struct("<dddddq")
 assert _IMU.size == IMU.itemsize
 assert _FIX.size == FIX.itemsize
+assert _READING.size == READING.itemsize
+
+NO_READINGS: Final = np.empty(0, READING)
+"""No readings."""
+NO_READINGS.setflags(write=False)
 
 Vector = Sequence[float]
 
@@ -105,10 +126,13 @@ class Samples(NamedTuple):
         Samples of the IMU.
     fix : (m,) array of `FIX`
         Fixes of the receiver.
+    reading : (k,) array of `READING`
+        Headings and speeds.
     """
 
     imu: NDArray[np.void]
     fix: NDArray[np.void]
+    reading: NDArray[np.void] = NO_READINGS
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
@@ -116,6 +140,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
     return Samples(
         np.concatenate([np.empty(0, IMU), *(part.imu for part in parts)]),
         np.concatenate([np.empty(0, FIX), *(part.fix for part in parts)]),
+        np.concatenate([NO_READINGS, *(part.reading for part in parts)]),
     )
 
 
@@ -155,3 +180,10 @@ def packed_fix(
         time, week_time, utc, latitude, longitude, height, *velocity_n, horizontal_sigma, vertical_sigma,
         speed_sigma, satellites, fix_type, sea_level, end,
     )  # fmt: skip
+
+
+def packed_reading(
+    end: int, time: float, week_time: float, utc: float, heading: float, speed: float
+) -> bytes:
+    """Return the bytes of a row of `READING`."""
+    return _READING.pack(time, week_time, utc, heading, speed, end)

@@ -110,6 +110,9 @@ class SimulatedDevice:
         self._imu["time"] *= 1 + self.misbehaviour.drift
         self._fix["time"] *= 1 + self.misbehaviour.drift
         self._due_fix = flight.fix["time"] + FIX_DELAY
+        self._reading = flight.reading.copy()
+        self._reading["time"] *= 1 + self.misbehaviour.drift
+        self._due_reading = flight.reading["time"] + FIX_DELAY
         self._begin = float("nan")
         self._thread = threading.Thread(target=self._run, name="simulated device", daemon=True)
 
@@ -185,7 +188,7 @@ class SimulatedDevice:
         # The line needs a reader before the first sample, or the sample would be lost.
         self._begin = time.monotonic()
         step = max(1 / self.flight.rate, TICK)
-        sent_fixes, held = 0, 0.0
+        sent_fixes, sent_readings, held = 0, 0, 0.0
         while not self._ending.is_set() and not self.finished:
             if time.monotonic() >= self._back:
                 with contextlib.suppress(OSError):  # the port may be taken: it is tried again
@@ -195,10 +198,16 @@ class SimulatedDevice:
                 if now >= held:
                     due = min(int(now * self.flight.rate + 1e-9), len(self._imu))
                     fixes = int(np.searchsorted(self._due_fix, now))
-                    if due > self.sent or fixes > sent_fixes:
+                    readings = int(np.searchsorted(self._due_reading, now))
+                    if due > self.sent or fixes > sent_fixes or readings > sent_readings:
                         first = max((self.sent + 1) / self.flight.rate, held) if due > self.sent else now
-                        self._queue(first, self._imu[self.sent : due], self._fix[sent_fixes:fixes])
-                        self.sent, sent_fixes = due, fixes
+                        self._queue(
+                            first,
+                            self._imu[self.sent : due],
+                            self._fix[sent_fixes:fixes],
+                            self._reading[sent_readings:readings],
+                        )
+                        self.sent, sent_fixes, sent_readings = due, fixes, readings
                         jitter = self.misbehaviour.jitter
                         held = now + self._rng.exponential(jitter) if jitter else 0.0
                 self._deliver(now)
@@ -207,9 +216,11 @@ class SimulatedDevice:
                 ahead = min(ahead, TICK)
             self._ending.wait(min(max(ahead, 0.0), 0.1))
 
-    def _queue(self, due: float, imu: np.ndarray, fix: np.ndarray) -> None:
+    def _queue(self, due: float, imu: np.ndarray, fix: np.ndarray, reading: np.ndarray) -> None:
         """Put what is due at a time of the flight [s] behind what waits for room."""
         data = self._encoder.encode(imu, fix[:0]) + (self._encoder.encode(imu[:0], fix) if len(fix) else b"")
+        if len(reading) and (write := getattr(self._encoder, "encode_readings", None)) is not None:
+            data += write(reading)
         part = self.misbehaviour.corruption
         if part:
             stream = np.frombuffer(data, np.uint8).copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.experiment import Experiment
 from lab.live.axis_map import AxisMap
 from lab.live.pressure import pressure_at
-from lab.live.samples import FIX, FIX_3D, IMU
+from lab.live.samples import FIX, FIX_3D, IMU, NO_READINGS, READING
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import TransportError
 from lab.missions import mission
@@ -56,12 +56,15 @@ class SimulatedFlight:
         Samples of the IMU per second [Hz].
     result : Result
         The simulation: truth, errors of the sensors, and the navigator of the batch.
+    reading : (k,) array of `lab.live.samples.READING`
+        Headings and speeds of the sensors that are fitted; ``time`` is that of validity [s].
     """
 
     imu: NDArray[np.void]
     fix: NDArray[np.void]
     rate: float
     result: Result
+    reading: NDArray[np.void] = field(default_factory=lambda: NO_READINGS)
 
     @classmethod
     def of(
@@ -131,7 +134,7 @@ class SimulatedFlight:
         )
         _measure_pressure(imu, result)
         fix = fix_rows(result.fixes, result.experiment.sensors.gps)
-        return cls(imu, fix, rate, result)
+        return cls(imu, fix, rate, result, reading_rows(result))
 
 
 def imu_rows(
@@ -166,6 +169,28 @@ def _measure_pressure(imu: NDArray[np.void], result: Result) -> None:
     height = result.known_truth("pressures").height[1:]
     found = read(seed, "barometer", time, height, bias, float(errors.noise), errors.outages)
     imu["pressure"][np.searchsorted(time, found.time)] = pressure_at(found.value)
+
+
+def reading_rows(result: Result) -> NDArray[np.void]:
+    """Return headings and speeds (k,) of `lab.live.samples.READING` in the order of their times.
+
+    Parameters
+    ----------
+    result
+        The simulation; a magnetometer's headings are none.
+    """
+    parts = [np.empty(0, READING)]
+    for sensor, name in (("heading", "heading"), ("odometer", "speed")):
+        found = result.readings.get(sensor)
+        if found is None or found.field.size:
+            continue
+        rows = np.zeros(found.time.size, READING)
+        rows["time"], rows["week_time"], rows["utc"] = (zero + found.time for zero in (0.0, _WEEK_TIME, _UTC))
+        rows["heading"] = rows["speed"] = np.nan
+        rows[name] = found.value
+        parts.append(rows)
+    made = np.concatenate(parts)
+    return np.asarray(made[np.argsort(made["time"], kind="stable")])
 
 
 def fix_rows(fixes: GpsFixes, errors: GpsErrors) -> NDArray[np.void]:

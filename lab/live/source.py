@@ -129,7 +129,8 @@ class Source:
 
     def fixes_since(self, cursor: Cursor) -> Read:
         """Return the fixes after a cursor, without the samples of the IMU."""
-        return self._ring.since(Cursor(self._ring.end.imu, cursor.fix))
+        end = self._ring.end
+        return self._ring.since(Cursor(end.imu, cursor.fix, end.reading))
 
     @property
     def losses(self) -> tuple[Event, ...]:
@@ -367,8 +368,9 @@ class Source:
                 self._progress.without(self._heard, self._reception.statistics.frames)
 
     def _put(self, imu: Any, fix: Any) -> None:
-        if len(imu) or len(fix):
-            self._ring.append(imu, fix)
+        readings = self._reception.taken_readings()
+        if len(imu) or len(fix) or len(readings):
+            self._ring.append(imu, fix, readings)
             with self._changed:
                 self._changed.notify_all()
 

@@ -153,7 +153,7 @@ class Station:
             cursor = read.cursor
             self._note(read)
             self._navigator.losses = self.source.losses  # after the samples, so that it explains them
-            self._navigate(read.imu, read.fix)
+            self._navigate(read)
             held.append(read.imu)
             # What is only shown is taken together: thinning one sample costs as much as thinning many.
             if time.monotonic() - shown >= PERIOD or ended:
@@ -197,13 +197,13 @@ class Station:
             except ValueError as error:  # too few fixes for a batch run, or it diverges
                 self.verdict = f"None yet: {error}"
 
-    def _navigate(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> None:
+    def _navigate(self, read: Read) -> None:
         """Feed the navigator; if it fails, the samples are still shown and recorded."""
         if self.failure:
             return
         try:
             with self._lock:
-                if self._navigator.feed(imu, fix):
+                if self._navigator.feed(read.imu, read.fix, read.reading):
                     self._state = self._navigator.state
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"

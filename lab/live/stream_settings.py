@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import Final
 
 from lab.navigation.settings import NavigatorSettings
-from lab.sensors.heading_sensor import MAGNETOMETER
 from lab.sensors.suite import OTHER_SENSORS, SensorSuite
 
 OTHER_STATES: Final = (
@@ -33,8 +32,8 @@ def stream_settings(
 ) -> tuple[SensorSuite, NavigatorSettings]:
     """Return copies of the settings without what a stream does not have.
 
-    That is other sensors than IMU, GPS, barometer and magnetometer, further states, outages at times of a
-    flight, and a part of a log. The smoother is off, because it looks into the future.
+    That is further states, outages at times of a flight, and a part of a log. The smoother is off, because it
+    looks into the future.
 
     Parameters
     ----------
@@ -42,8 +41,7 @@ def stream_settings(
         Settings of a flight or of a log.
     """
     navigator = navigator.copy()
-    used = {"barometer", "heading"} if sensors.heading.source == MAGNETOMETER else {"barometer"}
-    sensors = without(sensors, [sensor for sensor in OTHER_SENSORS if sensor not in used])
+    sensors = sensors.copy()
     sensors.gps.outages = []
     for path in (*OTHER_STATES, "smoother"):
         navigator.set(path, False)

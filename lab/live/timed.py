@@ -50,3 +50,16 @@ TIMED_FIX: Final = np.dtype(
 
 The other fields are those of `lab.live.samples.FIX`.
 """
+TIMED_READING: Final = np.dtype(
+    [
+        ("time", np.float64),
+        ("arrival", np.float64),
+        ("heading", np.float64),
+        ("speed", np.float64),
+        ("end", np.int64),
+    ]
+)
+"""A heading or a speed: ``time`` of validity and ``arrival`` of the host's monotonic clock [s].
+
+The other fields are those of `lab.live.samples.READING`.
+"""

@@ -89,7 +89,14 @@ def write_sensor_log(
 def _write_files(folder: Path, log: SensorLog, title: str, description: str, tags: Sequence[str]) -> None:
     auxiliary, epoch = log.auxiliary, log.epoch
     _write_csv(folder / "imu.csv", _IMU, _imu_rows(log), epoch)
-    fixes = np.column_stack((_gnss_rows(log.gnss), _heading_rows(log.gnss, auxiliary.headings)))
+    at_fixes = _heading_rows(log.gnss, auxiliary.headings)
+    if auxiliary.headings is not None and np.isfinite(at_fixes[:, 0]).sum() < auxiliary.headings.time.size:
+        # More headings than fixes, or at other times: a file of their own holds all.
+        own = auxiliary.headings
+        table = np.column_stack((own.time, np.degrees(own.heading), np.degrees(own.sigma)))
+        _write_csv(folder / "heading.csv", ("t_s", *_HEADING), table, epoch)
+        at_fixes[:] = np.nan
+    fixes = np.column_stack((_gnss_rows(log.gnss), at_fixes))
     _write_csv(folder / "gnss.csv", (*_PLACE, *_SIGMA, *_HEADING), fixes, epoch)
     if log.reference is not None:
         _write_csv(folder / "ref.csv", (*_PLACE, *_ATTITUDE), _reference_rows(log.reference), epoch)

@@ -14,7 +14,7 @@ from live_streams import fixes, motion
 
 from lab.live.decoders.catalogue import DECODERS, ENCODERS, decoder_of
 from lab.live.decoders.limits import Limits
-from lab.live.samples import FIX, IMU, Samples
+from lab.live.samples import FIX, IMU, READING, Samples
 
 DECODER_NAMES = {f"live {name}": name for name in DECODERS}
 """Name of each decoder, by that under which it is attacked."""
@@ -27,7 +27,7 @@ def seed(name: str, count: int = 200) -> bytes:
 
 def same(one: Samples, other: Samples) -> bool:
     """Return whether samples are the same to the last bit."""
-    return one.imu.tobytes() == other.imu.tobytes() and one.fix.tobytes() == other.fix.tobytes()
+    return all(mine.tobytes() == others.tobytes() for mine, others in zip(one, other, strict=True))
 
 
 def attack_decoder(name: str, data: bytes, step: int) -> Samples:
@@ -41,10 +41,12 @@ def attack_decoder(name: str, data: bytes, step: int) -> Samples:
     assert decoder.held == 0
     assert 0 <= decoder.statistics.skipped <= len(data) == decoder.statistics.bytes
     limits = Limits()
-    for imu, fix in parts:
-        assert (imu.dtype, fix.dtype) == (IMU, FIX)
+    for imu, fix, reading in parts:
+        assert (imu.dtype, fix.dtype, reading.dtype) == (IMU, FIX, READING)
         assert not (np.abs(imu["rate"]) > limits.rate).any()
         assert not (np.abs(imu["force"]) > limits.force).any()
         assert not (np.abs(fix["latitude"]) > math.pi / 2).any()
+        assert not (np.abs(reading["heading"]) > 2 * math.pi).any()
+        assert not (np.abs(reading["speed"]) > 400).any()
         assert ((imu["end"] > 0) & (imu["end"] <= len(data))).all()
     return Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))

@@ -33,6 +33,8 @@ _OTHERS = (
     ("magnetic", re.compile(r"(?:magnetic|mag|magnetometer|magnetic ?field|m|b).?([xyz])")),
     ("temperature", re.compile(r"temp|temperature|t imu")),
     ("pressure", re.compile(r"pres|press|pressure|baro")),
+    ("heading", re.compile(r"(?:true )?heading|heading true")),
+    ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer|speed")),
 )
 """Names of what only streams have; those of times, rates and forces are in `lab.readers.heading_names`."""
 _SHARED = ("time", "rate", "force")
@@ -42,9 +44,12 @@ _SPELLINGS = {
     "ut": "µT", "μt": "µT", "µt": "µT", "microtesla": "µT", "gauss": "G", "mgauss": "mG", "milligauss": "mG",
     "t": "T", "nt": "nT", "c": "°C", "degc": "°C", "celsius": "°C", "pa": "Pa", "hpa": "hPa", "mbar": "hPa",
     "kpa": "kPa", "mrad/s": "mrad/s", "mg": "mg", "ns": "ns", "μs": "µs", "rad/s": "rad/s",
+    "deg": "°", "degrees": "°", "rad": "rad", "kmh": "km/h", "kph": "km/h",
 }  # fmt: skip
 _QUANTITY_OF_UNIT = {"time": "time", "angular rate": "rate", "acceleration": "force"}
-_DEFAULT_UNITS = {"time": "s", "count": "", "temperature": "°C", "pressure": "Pa"}
+_DEFAULT_UNITS = {
+    "time": "s", "count": "", "temperature": "°C", "pressure": "Pa", "heading": "°", "speed": "m/s",
+}  # fmt: skip
 _RATES = (4.0, 4500.0)
 """Rates of samples that time columns are believed to have [Hz]."""
 _UNEVEN = 20.0

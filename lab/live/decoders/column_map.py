@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 
@@ -19,10 +20,13 @@ UNITS_OF = {
     "magnetic": {"T": 1.0, "µT": 1e-6, "mT": 1e-3, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
     "temperature": {"°C": 1.0},
     "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3},
+    "heading": {"°": math.radians(1.0), "rad": 1.0},
+    "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "mm/s": 1e-3},
 }
 """Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
 QUANTITIES = (
     "time", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES), "temperature", "pressure",
+    "heading", "speed",
 )  # fmt: skip
 """What a column may be."""
 IGNORED = "-"

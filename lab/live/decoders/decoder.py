@@ -80,7 +80,11 @@ class Decoder(Protocol):
 
 @runtime_checkable
 class Encoder(Protocol):
-    """Any object that writes samples as a device would send them."""
+    """Any object that writes samples as a device would send them.
+
+    Encoders of devices with headings or speeds also have ``encode_readings(reading)``, which returns the
+    bytes of an array (k,) of `lab.live.samples.READING`.
+    """
 
     name: str
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lab.live.decoders.decoder import Decoder, Statistics
 from lab.live.decoders.decoder_error import DecoderError
-from lab.live.samples import FIX, IMU, Samples
+from lab.live.samples import FIX, IMU, NO_READINGS, READING, Samples
 from lab.python_file import PythonFileError, described, load_object
 
 FORM = "FILE.py:Name, such as my_sensor.py:MyDecoder"
@@ -47,7 +47,7 @@ class OwnDecoder:
         found = self._called("feed", data)
         if self._counts:
             self.statistics.bytes += len(data)
-            self.statistics.frames += len(found.imu) + len(found.fix)
+            self.statistics.frames += sum(map(len, found))
         return found
 
     def finish(self) -> Samples:
@@ -64,16 +64,17 @@ class OwnDecoder:
 
     def _called(self, method: str, *arguments: bytes) -> Samples:
         try:
-            imu, fix = getattr(self._decoder, method)(*arguments)
+            imu, fix, *others = getattr(self._decoder, method)(*arguments)
+            (reading,) = others or [NO_READINGS]
         except (Exception, SystemExit) as error:
             raise DecoderError(f"{self._place}: failed by itself: {described(error)}") from error
-        for array, form, name in ((imu, IMU, "IMU"), (fix, FIX, "FIX")):
+        for array, form, name in ((imu, IMU, "IMU"), (fix, FIX, "FIX"), (reading, READING, "READING")):
             if not isinstance(array, np.ndarray) or array.dtype != form or array.ndim != 1:
                 raise DecoderError(
                     f"{self._place}: {method} returned {_kind(array)}; accepted is Samples(imu, fix) of "
                     f"lab.live.samples, here an array (n,) of {name}"
                 )
-        return Samples(imu, fix)
+        return Samples(imu, fix, reading)
 
 
 def load_decoder(place: str) -> Decoder:

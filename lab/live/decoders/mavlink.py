@@ -6,6 +6,9 @@ of any size: it is taken while it shows about one g. Ground stations and other v
 GPS_RAW_INT has no vertical velocity; its height is above the sea where the receiver does not send the
 other. Pymavlink, an extra, knows the messages.
 
+The yaw of GPS_RAW_INT and GPS2_RAW makes headings, as receivers with two antennas send it. WHEEL_DISTANCE
+makes speeds: the mean over the wheels since the message before, for the time in the middle.
+
 References
 ----------
 MAVLink, *Packet Serialization* and *Common Message Set*, https://mavlink.io/en.
@@ -34,6 +37,13 @@ _MILLIGAUSS = 1e-7
 """[T]."""
 _HECTOPASCAL = 100.0
 """[Pa]."""
+_RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
+"""Messages of receivers; fixes are those of the first."""
+_NO_YAW = (0, 65_535)
+"""Yaw of a receiver that has none, and of one that cannot say it now; 36 000 stands for north."""
+_WHEELS = "WHEEL_DISTANCE"
+_LONGEST_STEP = 1.0
+"""Longest time over which distances of wheels make a speed [s]: a car changes its speed by 10 m/s in it."""
 _TRIED = 5
 """Messages RAW_IMU that must show about one g before all are taken."""
 
@@ -64,6 +74,7 @@ class Mavlink(Framing):
         self._system = system
         self._imu = len(_ORDER)
         self._raw_seen = 0
+        self._wheels: tuple[float, float] | None = None  # time [s] and mean distance [m] of the last message
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the frame that begins at a place, `MORE` or `NONE`."""
@@ -86,7 +97,7 @@ class Mavlink(Framing):
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the sample or the fix of a frame; return whether it is one of the vehicle's."""
         message = self._known[_number(frame)]
-        if message.msgname not in _ORDER and message.msgname != "GPS_RAW_INT":
+        if message.msgname not in (*_ORDER, *_RECEIVERS, _WHEELS):
             return False
         system = frame[5] if frame[0] == MAGICS[0] else frame[3]
         if self._system is None:
@@ -97,9 +108,15 @@ class Mavlink(Framing):
         form = message.unpacker
         # Zeros at the end of a payload are not sent.
         payload = frame[begin : begin + frame[1]][: form.size].ljust(form.size, b"\0")
+        if message.msgname == _WHEELS:
+            return self._read_wheels(form.unpack(payload), end, rows)
         fields = dict(zip(message.ordered_fieldnames, form.unpack(payload), strict=True))
-        if message.msgname == "GPS_RAW_INT":
-            _add_fix(fields, end, rows)
+        if message.msgname in _RECEIVERS:
+            if fields["yaw"] not in _NO_YAW:
+                time, utc = _clock(fields)
+                rows.add_reading(end, time, utc=utc, heading=math.radians(1e-2 * fields["yaw"]))
+            if message.msgname == _RECEIVERS[0]:
+                _add_fix(fields, end, rows)
             return True
         return self._read_sample(message.msgname, fields, end, rows)
 
@@ -134,13 +151,25 @@ class Mavlink(Framing):
         )
         return True
 
+    def _read_wheels(self, values: tuple[float, ...], end: int, rows: Rows) -> bool:
+        microseconds, *distances, number = values
+        count = int(number)
+        if not 1 <= count <= len(distances):
+            return False
+        now = microseconds * 1e-6, sum(distances[:count]) / count
+        before, self._wheels = self._wheels, now
+        if before is not None and 0 < now[0] - before[0] < _LONGEST_STEP:
+            speed = (now[1] - before[1]) / (now[0] - before[0])
+            rows.add_reading(end, (now[0] + before[0]) / 2, speed=speed)
+        return True
+
 
 def _number(frame: bytes | bytearray) -> int:
     return int.from_bytes(frame[7:10], "little") if frame[0] == MAGICS[0] else frame[5]
 
 
 def _add_fix(fields: dict[str, Any], end: int, rows: Rows) -> None:
-    time = fields["time_usec"] * 1e-6
+    time, utc = _clock(fields)
     speed = 1e-2 * fields["vel"] if fields["vel"] != UNKNOWN_SPEED else NAN
     course = math.radians(1e-2 * fields["cog"]) if fields["cog"] != UNKNOWN_SPEED else NAN
     level, vertical, speed_sigma = (_sigma(fields[name]) for name in ("h_acc", "v_acc", "vel_acc"))
@@ -148,9 +177,9 @@ def _add_fix(fields: dict[str, Any], end: int, rows: Rows) -> None:
     kind = fields["fix_type"]
     rows.add_fix(
         end,
-        NAN if time > SINCE_1970 else time,
+        time,
         NAN,
-        time if time > SINCE_1970 else NAN,
+        utc,
         math.radians(1e-7 * fields["lat"]),
         math.radians(1e-7 * fields["lon"]),
         1e-3 * height,
@@ -162,6 +191,12 @@ def _add_fix(fields: dict[str, Any], end: int, rows: Rows) -> None:
         kind if FIX_2D <= kind <= FIX_RTK else FIX_3D if kind > FIX_RTK else NO_FIX,
         not fields["alt_ellipsoid"],
     )
+
+
+def _clock(fields: dict[str, Any]) -> tuple[float, float]:
+    """Return the time of the vehicle's clock and that since 1970 [s]; NaN for the one that is not sent."""
+    time = float(fields["time_usec"] * 1e-6)
+    return (NAN, time) if time > SINCE_1970 else (time, NAN)
 
 
 def _sigma(value: int) -> float:

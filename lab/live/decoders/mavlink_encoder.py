@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,10 +35,29 @@ class MavlinkEncoder:
         except ImportError as error:
             raise ImportError(MISSING) from error
         self._link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._wheel: tuple[int, float, float] | None = None  # last time [µs], speed [m/s], distance [m]
 
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
         return merged(imu, fix, self._sample, self._fix)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings in GPS2_RAW and speeds in WHEEL_DISTANCE, the distance of one wheel."""
+        return b"".join(map(self._reading, reading))
+
+    def _reading(self, row: np.void) -> bytes:
+        packed, now = b"", microseconds(row["time"])
+        if np.isfinite(row["heading"]):
+            yaw = round(1e2 * math.degrees(row["heading"])) % 36_000 or 36_000
+            unknown = (NO_FIX, 0, 0, 0, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 255, 0, 0)
+            packed += self._packed(self._link.gps2_raw_encode(now, *unknown, yaw))
+        if np.isfinite(row["speed"]):
+            speed = float(row["speed"])
+            before, slow, distance = self._wheel or (now, speed, 0.0)
+            distance += (speed + slow) / 2 * (now - before) * 1e-6
+            self._wheel = now, speed, distance
+            packed += self._packed(self._link.wheel_distance_encode(now, 1, [distance, *[0.0] * 15]))
+        return packed
 
     def _sample(self, row: np.void) -> bytes:
         temperature, pressure = known(row, "temperature", "pressure")

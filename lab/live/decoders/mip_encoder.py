@@ -27,6 +27,7 @@ from lab.live.decoders.mip import (
     SYNC,
     VELOCITY,
 )
+from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import nanoseconds, sent_fix, vector
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
 
@@ -44,6 +45,10 @@ class MipEncoder:
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples and fixes in the order of their time; NaN is left out."""
         return merged(imu, fix, _sample, _fix)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
+        return headings(reading)
 
 
 def _sample(row: np.void) -> bytes:

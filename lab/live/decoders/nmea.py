@@ -5,6 +5,9 @@ is complete with the last kind of sentence that the time of day before had, so i
 one; the first does. Sentences with a wrong or missing check are not taken; the check has 8 bits. The
 velocity has no vertical part.
 
+HDT and THS make headings. They have no time, and some devices send them without the other sentences, so the
+time of their arrival stands for it. An estimated heading (mode E of THS) is not taken.
+
 References
 ----------
 NMEA 0183, *Standard for Interfacing Marine Electronic Devices*.
@@ -50,6 +53,8 @@ _MODES = {
 }
 """The same of a system in GNS."""
 _POSITIONS = frozenset(("GGA", "GNS", "RMC"))
+_HEADINGS = {"HDT": b"T", "THS": b"AS"}
+"""Sentences of a true heading, and what their second cell says of one that is measured or simulated."""
 
 
 class Nmea(Framing):
@@ -88,6 +93,8 @@ class Nmea(Framing):
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Take what a sentence says, and add the fix it completes; return whether it is one that is read."""
         kind = frame[3:6].decode()
+        if kind in _HEADINGS:
+            return _add_heading(kind, frame, end, rows)
         places = FIELDS.get(kind) or _OTHERS.get(kind)
         cells = frame[:-_CHECK].split(b",")
         if places is None or len(cells) <= max(places) or frame[1:3] == b"VN":
@@ -171,6 +178,17 @@ class Nmea(Framing):
             fix_type=kind or NO_FIX,
             sea_level=math.isnan(epoch.geoid) and math.isfinite(epoch.altitude),
         )
+
+
+def _add_heading(kind: str, frame: bytes, end: int, rows: Rows) -> bool:
+    """Add the heading of a sentence, if it is valid; return whether it has the cells of one."""
+    cells = frame[:-_CHECK].split(b",")
+    if len(cells) < 3:
+        return False
+    heading = _number(cells[1])
+    if 0 <= heading <= 360 and len(cells[2]) == 1 and cells[2] in _HEADINGS[kind]:
+        rows.add_reading(end, heading=math.radians(heading))
+    return True
 
 
 class _Epoch:

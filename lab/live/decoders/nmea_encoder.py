@@ -27,6 +27,22 @@ class NmeaEncoder:
         """Return the sentences of fixes: positions to 1e-7 minutes, the height above the ellipsoid in GGA."""
         return merged(imu[:0], fix, lambda _: b"", _sentences)
 
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return the sentences of headings; the protocol has no speeds of an odometer."""
+        return headings(reading)
+
+
+def headings(reading: NDArray[np.void]) -> bytes:
+    """Return headings as sentences HDT, as receivers with two antennas and compasses send them.
+
+    Parameters
+    ----------
+    reading : (k,) array of `lab.live.samples.READING`
+        Readings; those without a heading are left out.
+    """
+    shown = reading["heading"][np.isfinite(reading["heading"])]
+    return b"".join(_checked(f"GNHDT,{math.degrees(one) % 360:.4f},T") for one in shown.tolist())
+
 
 def _sentences(row: np.void) -> bytes:
     fix = sent_fix(row)

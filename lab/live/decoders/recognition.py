@@ -84,11 +84,11 @@ def _tried(name: str, data: bytes) -> Candidate | None:
         return None
     parts = (decoder.feed(data), decoder.finish())
     seen = decoder.statistics
-    samples, fixes = (sum(map(len, rows)) for rows in zip(*parts, strict=True))
+    samples, fixes, readings = (sum(map(len, rows)) for rows in zip(*parts, strict=True))
     columns = decoder.columns if isinstance(decoder, TextLines) else None
     part = 1 - seen.skipped / max(len(data), 1)
     own = decoder.own_frames if isinstance(decoder, StreamDecoder) else seen.frames
-    if own < _FEWEST[name in _STRONG] or not samples + fixes:
+    if own < _FEWEST[name in _STRONG] or not samples + fixes + readings:
         return None
     if isinstance(decoder, TextLines) and part < _TEXT_PART:
         return None

@@ -6,7 +6,19 @@ import numpy as np
 
 from lab.live.decoders.decoder import Statistics
 from lab.live.decoders.limits import LimitCheck, Limits
-from lab.live.samples import FIX, IMU, NAN, NO_FIX, UNKNOWN, Samples, Vector, packed_fix, packed_imu
+from lab.live.samples import (
+    FIX,
+    IMU,
+    NAN,
+    NO_FIX,
+    READING,
+    UNKNOWN,
+    Samples,
+    Vector,
+    packed_fix,
+    packed_imu,
+    packed_reading,
+)
 
 _LARGEST_TIME = 1e12
 """Largest time that is believed [s]: 30 000 years. Damaged floats hold any number."""
@@ -14,6 +26,9 @@ _LARGEST_HEIGHT = 1e6
 """Largest height of a fix that is believed [m]."""
 _LARGEST_SPEED = 1e4
 """Largest speed of a fix that is believed [m/s]: an orbit has 7800 m/s."""
+
+_LARGEST_WHEEL_SPEED = 400.0
+"""Largest speed of an odometer that is believed [m/s]: the fastest car on wheels reached 341 m/s."""
 
 
 class Rows:
@@ -32,6 +47,7 @@ class Rows:
         self._check = LimitCheck(limits)
         self._imu = bytearray()
         self._fix = bytearray()
+        self._reading = bytearray()
 
     def add_imu(
         self,
@@ -84,8 +100,27 @@ class Rows:
             vertical_sigma, speed_sigma, satellites, fix_type, sea_level,
         )  # fmt: skip
 
+    def add_reading(
+        self,
+        end: int,
+        time: float = NAN,
+        week_time: float = NAN,
+        utc: float = NAN,
+        heading: float = NAN,
+        speed: float = NAN,
+    ) -> None:
+        """Take a heading or a speed, or count it as refused; fields as of `READING`."""
+        if abs(time) > _LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
+            self._statistics.refused += 1
+            return
+        self._reading += packed_reading(end, time, week_time, utc, heading, speed)
+
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""
-        found = Samples(np.frombuffer(self._imu, IMU), np.frombuffer(self._fix, FIX))
-        self._imu, self._fix = bytearray(), bytearray()
+        found = Samples(
+            np.frombuffer(self._imu, IMU),
+            np.frombuffer(self._fix, FIX),
+            np.frombuffer(self._reading, READING),
+        )
+        self._imu, self._fix, self._reading = bytearray(), bytearray(), bytearray()
         return found

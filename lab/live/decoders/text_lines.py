@@ -5,6 +5,8 @@ only if it has all its columns, each a plain number, and its time and values are
 does not confirm. A line whose time jumps waits for that; after three in a row, the clock itself jumps. The
 line in which a stream begins may be cut, so it is not taken. Damage that leaves a number a number gets
 through.
+
+A heading or a speed that repeats that of the line before is the same reading, written again.
 """
 
 from __future__ import annotations
@@ -166,6 +168,7 @@ class TextLines:
             if f"{name}_x" in places
         }
         self._places = places
+        self._readings = {name: NAN for name in ("heading", "speed") if name in places}
         unit = next((column.unit for column in columns.columns if column.quantity == "time"), "")
         self._clock = _TimeCheck(_WRAPS.get(unit))
         if unit in _WRAPS:
@@ -203,6 +206,11 @@ class TextLines:
             self._number(cells, "temperature", NAN),
             self._number(cells, "pressure", NAN),
         )
+        for name, before in self._readings.items():
+            value = self._number(cells, name, NAN)
+            if value != before:
+                self._readings[name] = value
+                self._rows.add_reading(end, time, **{name: value})
 
     def _vector(self, cells: tuple[str, ...], name: str) -> Vector:
         if name not in self._vectors:

@@ -1,5 +1,9 @@
 """UBX messages of u-blox: NAV-PVT makes fixes, ESF-RAW and ESF-MEAS of receivers with an IMU make samples.
 
+NAV-RELPOSNED of a moving base makes headings: those of the line from the base's antenna to the rover's, which
+is taken to point forward. ESF-MEAS with the type of data for speeds makes speeds of an odometer; ticks of
+wheels say no speed, since their length is unknown.
+
 ESF-RAW holds several samples, each with a tag of the sensor's clock. ESF-MEAS holds a triad at a time, at
 another time than the other, so its samples have one triad and NaN for the other. Where both are sent,
 ESF-RAW alone makes samples: it is the same sensor, at ten times the rate. The clock of the tags is not that
@@ -23,7 +27,7 @@ from lab.live.decoders.wrapping import WrappingCounter
 from lab.live.samples import NAN, UNKNOWN, Vector
 
 SYNC = b"\xb5\x62"
-NAV_PVT, ESF_MEAS, ESF_RAW = b"\x01\x07", b"\x10\x02", b"\x10\x03"
+NAV_PVT, NAV_RELPOSNED, ESF_MEAS, ESF_RAW = b"\x01\x07", b"\x01\x3c", b"\x10\x02", b"\x10\x03"
 PVT = Pvt("<")
 RAW_TICK = 1 / 25600
 """Of the tags in ESF-RAW [s]: not in the manual; 256 a sample at 100 Hz. A NEO-M8U ran 0.3 % slow."""
@@ -31,6 +35,16 @@ MEAS_TICK = 1e-3
 """Of the tag in ESF-MEAS [s]."""
 Z_GYRO, TEMPERATURE, Y_GYRO, X_GYRO, X_FORCE, Y_FORCE, Z_FORCE = 5, 12, 13, 14, 16, 17, 18
 """Types of data of the IMU; the others are of wheels."""
+SPEED = 11
+"""Type of data of an odometer's speed."""
+SPEED_UNIT = 1e-3
+"""[m/s]."""
+RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
+"""Version, time of the week [ms], heading and its σ [1e-5 °], flags; other fields are left out."""
+HEADING_UNIT = math.radians(1e-5)
+"""[rad]."""
+LINE_FORWARD = 1 << 0 | 1 << 5 | 1 << 8
+"""Flags of a heading that is used: a fix, of a moving base, with a valid heading."""
 GYRO_UNIT = math.radians(2**-12)
 """[rad/s]."""
 FORCE_UNIT = 2**-10
@@ -39,6 +53,7 @@ TEMPERATURE_UNIT = 1e-2
 """[°C]."""
 
 _HEADER, _CHECK = 6, 2  # bytes before and after the payload
+_MOVING_BASE = 1 << 5
 _MEAS = struct.Struct("<IHH")
 _PAIR = struct.Struct("<II")
 _WORD = struct.Struct("<I")
@@ -97,7 +112,9 @@ class Ublox(Framing):
         if kind == ESF_RAW and len(payload) % 8 == 4 and self._imu != "meas":
             self._imu = "raw"
             return self._add_raw(payload, end, rows)
-        if kind == ESF_MEAS and len(payload) >= _MEAS.size and self._imu != "raw":
+        if kind == NAV_RELPOSNED and len(payload) == RELPOSNED.size:
+            return _add_heading(payload, end, rows)
+        if kind == ESF_MEAS and len(payload) >= _MEAS.size:
             return self._add_measured(payload, end, rows)
         return False
 
@@ -123,7 +140,23 @@ class Ublox(Framing):
         count = min(flags >> 11, (len(payload) - _MEAS.size) // _WORD.size)
         words = [_WORD.unpack_from(payload, _MEAS.size + _WORD.size * number)[0] for number in range(count)]
         values = {word >> 24 & 0x3F: word & 0xFFFFFF for word in words}
-        return _add_sample(self._times.continued(tag) * MEAS_TICK, values, end, rows)
+        time = self._times.continued(tag) * MEAS_TICK
+        if SPEED in values:  # beside ESF-RAW, the clock of the tags is another one
+            rows.add_reading(
+                end, NAN if self._imu == "raw" else time, speed=_signed(values[SPEED]) * SPEED_UNIT
+            )
+        sample = self._imu != "raw" and _add_sample(time, values, end, rows)
+        return sample or SPEED in values
+
+
+def _add_heading(payload: bytes, end: int, rows: Rows) -> bool:
+    """Add the heading of a moving base, if it is one and valid; return whether this is a message of one."""
+    version, week_time, heading, _, flags = RELPOSNED.unpack(payload)
+    if version != 1 or not flags & _MOVING_BASE:
+        return False
+    if flags & LINE_FORWARD == LINE_FORWARD:
+        rows.add_reading(end, week_time=1e-3 * week_time, heading=heading * HEADING_UNIT)
+    return True
 
 
 def _add_sample(time: float, values: dict[int, int], end: int, rows: Rows) -> bool:

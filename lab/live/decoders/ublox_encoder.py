@@ -17,10 +17,16 @@ from lab.live.decoders.ublox import (
     ESF_RAW,
     FORCE_UNIT,
     GYRO_UNIT,
+    HEADING_UNIT,
+    LINE_FORWARD,
     MEAS_TICK,
     NAV_PVT,
+    NAV_RELPOSNED,
     PVT,
     RAW_TICK,
+    RELPOSNED,
+    SPEED,
+    SPEED_UNIT,
     SYNC,
     TEMPERATURE,
     TEMPERATURE_UNIT,
@@ -33,6 +39,8 @@ from lab.live.decoders.ublox import (
 )
 
 _LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
+_WEEK = 604_800_000
+"""[ms]."""
 _PVT_SIZE = 92
 """Bytes of NAV-PVT from protocol 15 on."""
 
@@ -54,6 +62,10 @@ class UbloxEncoder:
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples, which are rounded to the device's units, and of fixes."""
         return merged(imu, fix, self._sample, _pvt)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return the messages of headings and speeds."""
+        return b"".join(map(_reading, reading))
 
 
 def _message(kind: bytes, payload: bytes) -> bytes:
@@ -94,6 +106,19 @@ def _measured(row: np.void) -> bytes:
                 _message(ESF_MEAS, struct.pack("<IHH", tag, len(words) << 11, 0) + b"".join(words))
             )
     return b"".join(messages)
+
+
+def _reading(row: np.void) -> bytes:
+    messages = b""
+    if math.isfinite(row["heading"]):
+        week_time = round(1e3 * float(row["week_time"])) % _WEEK if math.isfinite(row["week_time"]) else 0
+        angle = round(float(row["heading"]) % (2 * math.pi) / HEADING_UNIT)
+        messages += _message(NAV_RELPOSNED, RELPOSNED.pack(1, week_time, angle, 0, LINE_FORWARD))
+    if math.isfinite(row["speed"]):
+        word = SPEED << 24 | round(float(row["speed"]) / SPEED_UNIT) & 0xFFFFFF
+        tag = _ticks(row["time"], MEAS_TICK, 2**32)
+        messages += _message(ESF_MEAS, struct.pack("<IHHI", tag, 1 << 11, 0, word))
+    return messages
 
 
 def _pvt(row: np.void) -> bytes:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lab.live.decoders.checks import crc16_xmodem, xor8
 from lab.live.decoders.merging import merged
+from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import known, nanoseconds, sent_fix, vector
 from lab.live.decoders.vectornav_binary import GAUSS, KILOPASCAL, SYNC
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
@@ -43,6 +44,10 @@ class VectorNavEncoder:
         if self._form == "binary":
             return merged(imu, fix, _binary_sample, _binary_fix)
         return merged(imu, fix, self._line, _gps_line)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
+        return headings(reading)
 
     def _line(self, row: np.void) -> bytes:
         magnetic, force, rate = vector(row, "magnetic", GAUSS), vector(row, "force"), vector(row, "rate")

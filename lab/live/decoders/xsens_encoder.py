@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.decoders.merging import merged
+from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import microseconds
 from lab.live.decoders.xsens import (
     ACCELERATION,
@@ -51,6 +52,10 @@ class XsensEncoder:
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples and fixes in the order of their time; NaN is left out."""
         return merged(imu, fix, self._sample, self._fix)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
+        return headings(reading)
 
     def _sample(self, row: np.void) -> bytes:
         items = self._head(row["time"])
