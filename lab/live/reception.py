@@ -385,9 +385,9 @@ class Reception:
     def _begin_to_count(self, arrival: float) -> None:
         """Time samples by their number from now on, at the rate so far if it is known."""
         self.counted, self._rebase, self._counting, self._has_counter = 0, True, True, False
-        begin, first = self._paced[0]
-        if self.rate or arrival - begin < COUNTED:
+        if self.rate or not self._paced or arrival - self._paced[0][0] < COUNTED:
             return
+        begin, first = self._paced[0]
         measured = (self._paced[-1][1] - first) / (arrival - begin)
         usual = 1 / self.watch.usual
         self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)

@@ -32,8 +32,8 @@ def stream_settings(
 ) -> tuple[SensorSuite, NavigatorSettings]:
     """Return copies of the settings without what a stream does not have.
 
-    That is further states, outages at times of a flight, and a part of a log. The smoother is off, because it
-    looks into the future.
+    That is airspeed, further states, outages at times of a flight, and a part of a log. The smoother is off,
+    because it looks into the future.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def stream_settings(
         Settings of a flight or of a log.
     """
     navigator = navigator.copy()
-    sensors = sensors.copy()
+    sensors = without(sensors, ("airspeed",))
     sensors.gps.outages = []
     for path in (*OTHER_STATES, "smoother"):
         navigator.set(path, False)

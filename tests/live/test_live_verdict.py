@@ -79,5 +79,7 @@ def test_the_settings_themselves_are_not_changed() -> None:
     assert experiment.to_dict() == before
     assert list(sensors.gps.outages) == []
     assert navigator.log_from is None
+    experiment.set("sensors.airspeed.fitted", True)
+    assert not stream_settings(experiment.sensors, experiment.navigator)[0].airspeed.fitted
     assert sensors.odometer.fitted == experiment.sensors.odometer.fitted  # a stream may have one
     assert not np.any([navigator.smoother, navigator.estimate_gps_drift])

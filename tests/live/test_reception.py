@@ -213,6 +213,7 @@ ROW = st.tuples(
 
 
 @example([(0.0, [(-1e-112, 0, "both"), (0.0, 0, "both")])], 0.0)  # the host cannot tell them apart
+@example([(0.0, [(math.nan, 0, "both")] * 6)], 100.0)  # the clock is useless before a sample has come
 @given(
     st.lists(st.tuples(st.floats(0, 3), st.lists(ROW, min_size=1, max_size=20)), min_size=1, max_size=30),
     st.sampled_from((0.0, 100.0)),
