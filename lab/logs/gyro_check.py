@@ -60,6 +60,8 @@ _BETTER = 0.5
 _MIN_WINDOWS = 2
 """Fewest windows that have to agree."""
 _NAMES = ("forward", "right", "down")
+_REVERSED = np.diag([1.0, 1.0, -1.0])
+"""Gyros of which that about down has the other sign."""
 
 
 class GyroError(MissionError):
@@ -86,6 +88,13 @@ class _Axes(NamedTuple):
             return f"accelerometers along {_words(self.forces)}"
         return f"gyros about {_words(self.gyros)}"
 
+    @property
+    def remedy(self) -> str:
+        """How to change it."""
+        if not np.array_equal(self.forces, np.eye(3)):
+            return _remedy("force", "m/s²", self.forces)
+        return _remedy("rate", "rad/s", self.gyros)
+
 
 def check_gyros(log: SensorLog, windows: Sequence[Window]) -> None:
     """Raise if other axes or signs of the gyros explain the motion, and those of the log do not.
@@ -102,8 +111,8 @@ def check_gyros(log: SensorLog, windows: Sequence[Window]) -> None:
     GyroError
         Naming the axes.
     """
+    _check_velocities(log.name, windows)  # first, because it tells all three axes
     _check_course(log, windows)
-    _check_velocities(log.name, windows)
 
 
 def are_explained(windows: Sequence[Window]) -> bool:
@@ -125,11 +134,11 @@ def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
     down = -up / np.linalg.norm(up)
     right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
-    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(windows, np.diag([1.0, 1.0, -1.0])):
+    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(windows, _REVERSED):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
             f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
-            f"the gyros have swapped axes{_REMEDY}"
+            f"the gyros have swapped axes. {_Axes(_REVERSED, np.eye(3)).remedy}"
         )
     if min(right, reversed_) < _AXIS_UNEXPLAINED:
         return
@@ -139,11 +148,9 @@ def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
             raise GyroError(
                 f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{_NAMES[axis]}, not "
                 f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
-                f"the gyros are likely{_REMEDY}"
+                f"the gyros are likely. {_remedy('rate', 'rad/s', _about_down(axis, sign))} The other two "
+                "columns are then wrong as well."
             )
-
-
-_REMEDY = ". Swap or negate their columns; of tables with other headings so: --column HEADING=-rate_z[rad/s]"
 
 
 def _stretches(log: SensorLog) -> Iterator[_Stretch]:
@@ -212,7 +219,7 @@ def _check_velocities(name: str, windows: Sequence[Window]) -> None:
         raise GyroError(
             f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
             f"square residual {misfits.mean():.2g} σ², and {others.mean():.2g} σ² with {best.words}): "
-            f"swapped axes or signs are likely{_REMEDY}"
+            f"swapped axes or signs are likely. {best.remedy}"
         )
 
 
@@ -260,4 +267,26 @@ def _words(matrix: FloatArray) -> str:
     return ", ".join(
         f"{'minus ' if row[place] < 0 else ''}{_NAMES[place]}"
         for row, place in zip(matrix, places, strict=True)
+    )
+
+
+def _about_down(axis: int, sign: int) -> FloatArray:
+    """Return the matrix that tells only which axis of the file is down."""
+    matrix = np.zeros((3, 3))
+    matrix[2, axis] = sign
+    return matrix
+
+
+def _remedy(quantity: str, unit: str, matrix: FloatArray) -> str:
+    """Return which columns have to be called otherwise, and how; rows of zeros say nothing."""
+    changes = [
+        (f"{quantity}_{'xyz'[place]}", f"{'-' if matrix[axis, place] < 0 else ''}{quantity}_{'xyz'[axis]}")
+        for axis, place in zip(*np.nonzero(matrix), strict=True)
+        if axis != place or matrix[axis, place] < 0
+    ]
+    found = ", ".join(f"{called} is {real}" for called, real in changes)
+    options = " ".join(f'--column "{called.upper()}={real}[{unit}]"' for called, real in changes)
+    return (
+        f"It seems that {found}: swap or negate the columns. With other headings in place of the capitals, "
+        f"and their unit, these options do it: {options}."
     )
