@@ -32,6 +32,8 @@ SENSORS = {
 _WIDE = 0.9
 """Part of the largest possible mean square of accepted innovations above which it does not tell their σ.
 Noise of 3.6 times the assumed σ reaches it at a gate of 0.999."""
+_EVEN = 1 / 3
+"""Mean square of values that are spread evenly between -1 and 1."""
 _SIGMAS = 1e-6, 20.0
 """Factors on σ between which that of accepted innovations lies, `_WIDE` considered."""
 
@@ -77,7 +79,7 @@ def _as_if_not_gated(squares: FloatArray, limit: float) -> FloatArray:
     from scipy.optimize import brentq  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     accepted = squares[squares <= limit]
-    if accepted.size == 0 or accepted.mean() >= _WIDE * limit / 3:
+    if accepted.size == 0 or accepted.mean() >= _WIDE * _EVEN * limit:
         return squares
     mean, end = float(accepted.mean()), np.sqrt(limit)
     if mean <= _SIGMAS[0] ** 2:

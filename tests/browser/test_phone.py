@@ -168,7 +168,7 @@ def test_a_phone_streams_and_a_cut_of_the_network_loses_nothing(server, open_pho
     lasted = time.monotonic() - begun
     count = int(page.locator("#count").inner_text().split()[0].replace(",", ""))
     wait_for(lambda: server.hub.phones()[0].samples == count, page)
-    imu, fix = samples_of(reader.stop())
+    imu, fix, _ = samples_of(reader.stop())
     assert server.hub.phones()[0].lost == 0
     assert (np.diff(imu["count"]) == 1).all()
     assert imu["count"][-1] == count - 1

@@ -421,7 +421,7 @@ def test_the_columns_of_text_lines_are_shown_and_corrected(
     assert found == pytest.approx(before[[2, 1, 0]], abs=0.5)  # noise of two samples
     assert before[2] < -9
     one.page._toggle()
-    fields._columns.value = "speed[m/s]"
+    fields._columns.value = "moon[m/s]"
     one.page._toggle()
     assert "is no quantity" in one.page._job._after.text
     fields._protocol.value = "vectornav"

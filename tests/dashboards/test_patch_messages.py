@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -154,6 +156,13 @@ def test_a_component_does_not_take_what_was_held_back_for_a_change_of_the_browse
     assert len(served.document.session_callbacks) == before + 1
 
 
+def completed(work: Coroutine[Any, Any, Any]) -> Any:
+    """Run a coroutine to its end, and return what it returns."""
+    # In a thread of its own: a browser of other tests may leave a loop running in this one.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, work).result(30)
+
+
 class Wire:
     """A websocket to a browser, which keeps what is written to its stream, call by call."""
 
@@ -189,8 +198,8 @@ def test_a_message_leaves_in_one_piece_and_in_bokehs_own_frames(length: int) -> 
         return b"".join(wire.written)
 
     parts, once = Wire(), Wire()
-    expected = asyncio.run(send(message.send, parts))
-    assert asyncio.run(send(lambda wire: WSHandler.send_message(wire, message), once)) == expected
+    expected = completed(send(message.send, parts))
+    assert completed(send(lambda wire: WSHandler.send_message(wire, message), once)) == expected
     assert len(parts.written) >= 5
     assert len(once.written) == 1
 
@@ -201,5 +210,5 @@ def test_a_browser_that_has_left_takes_no_message(caplog: pytest.LogCaptureFixtu
         served.figure.height = 99
     (message,) = served.browsers[0].messages
     wire.ws_connection.stream = SimpleNamespace(write=Mock(side_effect=StreamClosedError()))
-    asyncio.run(WSHandler.send_message(wire, message))  # type: ignore[arg-type]
+    completed(WSHandler.send_message(wire, message))  # type: ignore[arg-type]
     assert not [record for record in caplog.records if record.levelname in ("ERROR", "WARNING")]

@@ -93,7 +93,7 @@ def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
             found = rows(flight, [flight.measured(piece)])
             if len(found.imu):
                 latest = flight.epoch + float(found.imu["time"][-1])
-                navigator.feed(*reception.take(Chunk(latest, encoder.encode(*found))))
+                navigator.feed(*reception.take(Chunk(latest, encoder.encode(found.imu, found.fix))))
         navigator.finish()
         assert reception.loss.missing == 0
         _, told = navigator.since(HistoryCursor())
@@ -203,7 +203,7 @@ def test_the_navigator_aligns_again_after_a_jump() -> None:
                 continue
             if len(found.imu):
                 latest = flight.epoch + float(found.imu["time"][-1])
-                navigator.feed(*reception.take(Chunk(latest, encoder.encode(*found))))
+                navigator.feed(*reception.take(Chunk(latest, encoder.encode(found.imu, found.fix))))
     assert "so the navigator aligned again" in " ".join(navigator.state.remarks)
 
 

@@ -75,7 +75,7 @@ def test_android(played, secure):
     }  # fmt: skip
     fix = {"name": "location", "time": START + 5 * STEP, "values": location}
     battery = {"name": "battery", "time": START, "values": {"batteryLevel": 0.5}}
-    decoder, (imu, fixes) = pushed(played, message([*readings(kinds), fix, battery]), secure=secure)
+    decoder, (imu, fixes, _) = pushed(played, message([*readings(kinds), fix, battery]), secure=secure)
     assert len(imu) == 20
     np.testing.assert_allclose(np.diff(imu["time"]), 0.01, atol=1e-6)
     np.testing.assert_allclose(imu["rate"], [[0.1, 0.2, 0.3]] * 20)
@@ -94,7 +94,7 @@ def test_android(played, secure):
 def test_an_iphone_sums_gravity_and_negates(played):
     # COORDINATES.md: all signs of acceleration and gravity are turned; those of the gyroscope are not.
     kinds = {"gyroscope": (0.1, 0, 0), "accelerometer": (0, -0.5, 0), "gravity": (0, -0.9, -9.76)}
-    decoder, (imu, _) = pushed(played, message(readings(kinds)))
+    decoder, (imu, _, _) = pushed(played, message(readings(kinds)))
     np.testing.assert_allclose(imu["force"], [[0, 1.4, 9.76]] * 20)
     np.testing.assert_allclose(imu["rate"], [[0.1, 0, 0]] * 20)
     assert "negates it" in decoder.evidence
@@ -103,14 +103,14 @@ def test_an_iphone_sums_gravity_and_negates(played):
 def test_what_is_pushed_twice_counts_once(played):
     kinds = {"gyroscope": (0.1, 0, 0), "totalacceleration": (0, 0, 9.8)}
     first, second = (message(readings(kinds, first=20 * one), one) for one in range(2))
-    _, (imu, _) = pushed(played, first, first, second)
+    _, (imu, _, _) = pushed(played, first, first, second)
     assert len(imu) == 40
     assert np.diff(imu["time"]).min() > 0
 
 
 def test_large_messages_are_split(played):
     kinds = {"gyroscope": (0.1, 0, 0), "totalacceleration": (0, 0, 9.8)}
-    _, (imu, _) = pushed(played, message(readings(kinds, 1000)))
+    _, (imu, _, _) = pushed(played, message(readings(kinds, 1000)))
     assert len(imu) == 1000
     assert np.isfinite(imu["force"][:-1]).all()
 
@@ -135,7 +135,7 @@ def test_another_device_may_not_push(played):
     ],
 )
 def test_strange_readings_are_left_out(played, payload):
-    _, (imu, fix) = pushed(played, message(payload))
+    _, (imu, fix, _) = pushed(played, message(payload))
     assert len(imu) == 0
     assert not np.isfinite(fix["latitude"]).any()
 
