@@ -33,8 +33,9 @@ _OTHERS = (
     ("magnetic", re.compile(r"(?:magnetic|mag|magnetometer|magnetic ?field|m|b).?([xyz])")),
     ("temperature", re.compile(r"temp|temperature|t imu")),
     ("pressure", re.compile(r"pres|press|pressure|baro")),
-    ("heading", re.compile(r"(?:true )?heading|heading true")),
-    ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer|speed")),
+    # A heading without a word is often magnetic, and a speed that of a receiver: both have to be said.
+    ("heading", re.compile(r"true heading|heading true")),
+    ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
 )
 """Names of what only streams have; those of times, rates and forces are in `lab.readers.heading_names`."""
 _SHARED = ("time", "rate", "force")

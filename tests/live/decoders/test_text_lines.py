@@ -306,3 +306,16 @@ def test_headings_are_read_as_those_of_csv_files(header, columns):
     rows[:, upright] = -1.0
     found = guess_columns([header, *(",".join(f"{value:g}" for value in row) for row in rows)])
     assert str(found) == columns
+
+
+@pytest.mark.parametrize(
+    ("headings", "found"),
+    [("heading,speed", False), ("heading_deg,ground speed", False), ("true heading,wheel speed", True)],
+)
+def test_a_heading_or_a_speed_of_unknown_kind_is_not_guessed(headings, found):
+    """A magnetometer's heading is off by the declination, and a receiver's speed is no odometer's."""
+    rows = np.full((20, 8), 0.1) + 0.01 * np.random.default_rng(1).standard_normal((20, 8))
+    rows[:, 5] = -1.0
+    lines = [f"wx,wy,wz,fx,fy,fz,{headings}", *(",".join(f"{value:g}" for value in row) for row in rows)]
+    guessed = str(guess_columns(lines))
+    assert ("heading[°]" in guessed) == ("speed[m/s]" in guessed) == found
