@@ -99,7 +99,9 @@ def test_yaw_and_wheels_are_those_of_pymavlink() -> None:
 
 
 def test_a_text_line_that_repeats_a_speed_is_no_new_reading() -> None:
-    lines = ["time[s],rate_x[°/s],rate_y[°/s],rate_z[°/s],ax[g],ay[g],az[g],heading[°],speed[km/h]"]
+    lines = [
+        "time[s],rate_x[°/s],rate_y[°/s],rate_z[°/s],ax[g],ay[g],az[g],true heading[°],wheel speed[km/h]"
+    ]
     lines += [
         f"{number / 100:.2f},0.1,0.2,0.3,0.01,0.02,1.00,{90 + number // 20},{36 + number // 10}"
         for number in range(40)
