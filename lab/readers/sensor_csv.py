@@ -167,7 +167,8 @@ def read_logs(
 
 def _with_report(error: MissionError, imu: Imu, fixes: Fixes) -> str:
     """Return a message with what the columns were taken for, since a wrong guess may be the cause."""
-    return f"{error}. The columns were read so: {' '.join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]}"
+    cause, report = str(error).removesuffix("."), " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
+    return f"{cause}. The columns were read so: {report}"
 
 
 def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
