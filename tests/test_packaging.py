@@ -98,6 +98,13 @@ def test_the_package_imports_fast() -> None:
     assert min(seconds) <= IMPORT_SECONDS
 
 
+def test_a_run_with_its_verdict_loads_no_statistics_package() -> None:
+    """scipy.stats takes half a second, a quarter of a first run in a fresh process."""
+    script = "import sys; import lab; lab.Experiment().run().summary; print('scipy.stats' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
 @pytest.mark.parametrize(
     "arguments", [["--help"], ["--version"], ["missions"], ["notebooks", "list"], ["run", "--help"]]
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from lab.analysis.likelihood import Seen, squares
 from lab.navigation.error_models import STATES
@@ -42,7 +42,7 @@ def _halves(seen: Seen) -> str:
     first, second = (total / count for total, count in parts)
     larger, smaller = (0, 1) if first > second else (1, 0)
     ratio = max(first, second) / max(min(first, second), 1e-12)
-    if 2 * stats.f.sf(ratio, parts[larger][1], parts[smaller][1]) > BY_CHANCE:
+    if 2 * special.fdtrc(parts[larger][1], parts[smaller][1], ratio) > BY_CHANCE:
         return ""
     return (
         f"The noise is not constant: NIS per degree of freedom is {first:.2g} in the first half of the log "
@@ -76,7 +76,7 @@ def _size(seen: Seen) -> str:
     if not count:
         return ""
     mean = float(nis.sum()) / count
-    if min(stats.chi2.cdf(mean * count, count), stats.chi2.sf(mean * count, count)) > BY_CHANCE / 2:
+    if min(special.chdtr(count, mean * count), special.chdtrc(count, mean * count)) > BY_CHANCE / 2:
         return ""
     word = "larger" if mean > 1 else "smaller"
     return f"The innovations are {word} than the filter states: NIS per degree of freedom is {mean:.2g}."
