@@ -82,6 +82,9 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
 
 def judge_states(evidence: Evidence) -> list[Weighed]:
     """Judge the size of the errors if none of the other causes explains it."""
+    judged = "Neither R, Q, P₀ nor the timing or place of the fixes"
+    if evidence.start is not None and evidence.fixes is None:  # the filter estimates errors of the receiver
+        judged = "Neither Q nor P₀"
     found = []
     for squares, name, what in (
         (evidence.nees, "NEES", "errors of the states"),
@@ -95,8 +98,7 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             name,
             "too large" if ratio > 1 else "too small",
             max(ratio, 1 / ratio),
-            f"The {what} are {written(np.sqrt(ratio))} × as large as the filter says. Neither R, Q, P₀ nor "
-            "the timing or place of the fixes explains it.",
+            f"The {what} are {written(np.sqrt(ratio))} × as large as the filter says. {judged} explains it.",
             "Look for errors that the filter does not model: scale factors, drifting biases, an error "
             "model that does not fit.",
             mean_square(squares, f"{what} (by {name})"),

@@ -47,7 +47,7 @@ RIGHTLY = 0.7
 
 def judge(evidence: Evidence) -> Verdict:
     """Return the verdict on one run, or on many with added evidence."""
-    with_truth = evidence.fixes is not None
+    with_truth = evidence.start is not None
     refused = evidence.innovations.refused if evidence.fixes is None else evidence.fixes.refused
     weighed = judge_usage(evidence.usage, refused)
     weighed += _by_truth(evidence) if with_truth else _by_innovations(evidence)
@@ -91,9 +91,7 @@ def _by_innovations(evidence: Evidence) -> list[Weighed]:
 
 
 def _by_truth(evidence: Evidence) -> list[Weighed]:
-    assert evidence.fixes is not None
-    sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
-    found = judge_fixes(evidence.fixes, sizes, evidence.told.values.mean(axis=0))
+    found = _fixes_by_truth(evidence)
     if evidence.sensors is not None:
         found += judge_sensors(evidence.sensors)
     if evidence.start is not None:
@@ -101,4 +99,14 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
         g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
         found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
     found += judge_aids(evidence.aids)
+    if not found and evidence.fixes is None:
+        found = judge_innovations(evidence)
     return found or judge_states(evidence)
+
+
+def _fixes_by_truth(evidence: Evidence) -> list[Weighed]:
+    """Judge the errors of the fixes, unless the filter estimates a part of them."""
+    if evidence.fixes is None:
+        return []
+    sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
+    return judge_fixes(evidence.fixes, sizes, evidence.told.values.mean(axis=0))

@@ -83,9 +83,36 @@ def test_where_causes_cannot_be_compared_the_receiver_is_not_accused():
     experiment.set("sensors.gyro.misalignment", [1.0] * 6)
     experiment.set("sensors.accelerometer.misalignment", [1.0] * 6)
     experiment.set("navigator.estimate_gps_drift", True)
-    findings = experiment.run().verdict.findings
+    result = experiment.run()
+    findings = result.innovation_verdict.findings
     assert findings
     assert not [one.quantity for one in findings if one.quantity.startswith("R ")]
+    assert {one.quantity for one in result.verdict.findings} == {
+        "gyro misalignment",
+        "accelerometer misalignment",
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        ("navigator.aiding_scale", 1.0, None),
+        ("navigator.q_scale", 0.03, "Q"),
+        ("navigator.p0_scale", 0.05, "P0"),
+        ("sensors.gyro.misalignment", [1.0] * 6, "gyro misalignment"),
+    ],
+)
+def test_a_filter_that_estimates_errors_of_the_receiver_is_judged_by_its_own_errors(path, value, named):
+    """Its innovations may be right while its errors are ten times as large as it says."""
+    for seed in (1, 2):
+        experiment = Experiment(mission="los_angeles", seed=seed)
+        experiment.set("trajectory.imu_rate", 50.0)
+        experiment.set("sensors.gps.correlated_sigma", 2.0)
+        experiment.set("navigator.estimate_gps_drift", True)
+        experiment.set(path, value)
+        verdict = experiment.run().verdict
+        assert [one.quantity for one in verdict.findings] == ([named] if named else [])
+        assert verdict.basis == "1 run, errors and innovations"
 
 
 @pytest.mark.parametrize("gate", [0.95, 0.99, 0.999])
