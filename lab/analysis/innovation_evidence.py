@@ -129,8 +129,9 @@ def innovations(
     squares, sums, lagged = sizes(normalised[used])
     K = gains(solution, seen) if gained is None else gained
     record = Record(solution, belief, imu, seen, samples, nu, S, K)
-    apart = np.zeros(seen.size, dtype=np.bool_)
-    if not aided:
+    if aided:  # what the filter would be without the outliers is not modelled here
+        apart = outliers(normalised, settled=NEIGHBOURS // 2)
+    else:
         record, apart = _without_outliers(record, known, normalised)
     nu, S = record.innovation, record.covariance
     span = float(imu.time[0]), float(imu.time[-1])

@@ -350,11 +350,13 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     if not count or is_right(total, count):
         return []
     ratio = max(total / count, 1 / MATTERS**20)
+    why = ", and none of the tested causes explains it."
+    if not seen.likelihoods.any():
+        why = ". With further states or measurements besides the fixes, the causes are not compared."
     return judge_size(
         seen.nis,
         "NIS",
-        f"The innovations are {written(np.sqrt(ratio))} × as large as the filter says, and none of the "
-        "tested causes explains it.",
+        f"The innovations are {written(np.sqrt(ratio))} × as large as the filter says{why}",
         "Look for errors that the filter does not model.",
         "innovations (by NIS)",
     )

@@ -132,3 +132,22 @@ def test_where_no_fix_was_offered_there_is_no_verdict():
     for verdict in (result.verdict, result.innovation_verdict):
         assert verdict.consistent is None
         assert verdict.headline.startswith("No verdict")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "rate"), [("navigator.robust", "huber", 0.04), ("navigator.gate", 0.999, 0.06)]
+)
+def test_outliers_are_named_beside_a_state_of_the_receiver(path, value, rate):
+    """Here the causes of the innovations are not compared, and no other sentence says what is wrong."""
+    for seed in (1, 2):
+        experiment = Experiment(mission="los_angeles", seed=seed)
+        experiment.set("trajectory.imu_rate", 50.0)
+        experiment.set("sensors.gps.correlated_sigma", 0.5)
+        experiment.set("sensors.gps.period", 0.5)
+        experiment.set("sensors.gps.outlier_rate", rate)
+        experiment.set("sensors.gps.outlier_size", 50.0)
+        experiment.set("navigator.estimate_gps_drift", True)
+        experiment.set(path, value)
+        result = experiment.run()
+        for verdict in (result.verdict, result.innovation_verdict):
+            assert [one.quantity for one in verdict.findings] == ["GPS outliers"]
