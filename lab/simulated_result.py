@@ -108,6 +108,8 @@ class SimulatedResult(Result):
                 "estimated, are the remaining ones."
             )
         of_sensors = self.experiment.sensors.remarks(
-            navigator.states, misalignments=navigator.estimate_misalignments
+            navigator.states,
+            misalignments=navigator.estimate_misalignments,
+            linear=navigator.model != "nonlinear",
         )
         return (*self.experiment.notes, *remarks, *of_sensors)
