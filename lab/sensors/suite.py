@@ -30,9 +30,9 @@ _WORDS = {
 }
 """Words for terms in a sentence, if they differ from their names."""
 _PRODUCT = 1.0
-"""Product of bias and scale factor of an accelerometer, one σ each [mg], that a linear filter may neglect. Over
-all cards, with states for both, NEES was 0.9 to 1.3 times its number of states with products up to 0.4 mg, and
-7.5 and 1.8 times with 2.4 mg (two flights, six seeds)."""
+"""Product of bias and scale factor of an accelerometer, one σ each [mg], that a linear filter may neglect.
+Over all cards, with states for both, NEES was 0.9 to 1.3 times its number of states with products up to
+0.4 mg, and 7.5 and 1.8 times with 2.4 mg (two flights, six seeds)."""
 
 
 class SensorSuite(Settings):
@@ -164,8 +164,8 @@ class SensorSuite(Settings):
         if product <= _PRODUCT:
             return ""
         return (
-            f"The accelerometers have biases of {max(bias):g} mg and scale factors of {max(percent):g} % (1σ). A "
-            f"linear filter neglects their product, {product:.2g} mg, so its σ is too small; "
+            f"The accelerometers have biases of {max(bias):g} mg and scale factors of {max(percent):g} % (1σ). "
+            f"A linear filter neglects their product, {product:.2g} mg, so its σ is too small; "
             "navigator.model = nonlinear keeps most of it."
         )
 
