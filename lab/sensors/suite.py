@@ -164,8 +164,8 @@ class SensorSuite(Settings):
         if product <= _PRODUCT:
             return ""
         return (
-            f"The accelerometers have biases of {max(bias):g} mg and scale factors of {max(percent):g} % (1σ). "
-            f"A linear filter neglects their product, {product:.2g} mg, so its σ is too small; "
+            f"The accelerometers have biases of {max(bias):g} mg and scale factors of {max(percent):g} % "
+            f"(1σ). A linear filter neglects their product, {product:.2g} mg, so its σ is too small; "
             "navigator.model = nonlinear keeps most of it."
         )
 
