@@ -353,10 +353,17 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     why = ", and none of the tested causes explains it."
     if not seen.likelihoods.any():
         why = ". With further states or measurements besides the fixes, the causes are not compared."
+    advice = "Look for errors that the filter does not model."
+    if ratio < 1:
+        advice = (
+            "The assumed noise is too large. Most often it is R: multiply navigator.r_scale by "
+            f"{written(ratio)}. In a filter with a state of the GPS drift, its σ "
+            "(sensors.gps.correlated_sigma) may be too large instead."
+        )
     return judge_size(
         seen.nis,
         "NIS",
         f"The innovations are {written(np.sqrt(ratio))} × as large as the filter says{why}",
-        "Look for errors that the filter does not model.",
+        advice,
         "innovations (by NIS)",
     )

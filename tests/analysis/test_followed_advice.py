@@ -5,6 +5,8 @@ The truth judges: rms position errors and NEES of the run before, and of the run
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -58,4 +60,26 @@ def test_scale_factors_that_are_to_be_estimated_get_a_sigma():
     assert {one.innovation_verdict.findings[0].quantity for one in before} == {"gyro scale factor"}
     after = [followed(one) for one in before]
     assert rms(after) < 0.8 * rms(before)
+    assert 0.7 < nees(after) < 1.5
+
+
+def test_an_r_too_large_is_mended_beside_a_state_of_the_receiver():
+    """The causes cannot be compared there, but innovations that are small tell what to try."""
+    before, after = [], []
+    for seed in SEEDS:
+        faulty = experiment("los_angeles", "tactical", seed)
+        faulty.update(
+            {
+                "trajectory.imu_rate": RATE,
+                "sensors.gps.correlated_sigma": 1.0,
+                "navigator.estimate_gps_drift": True,
+                "navigator.r_scale": 10.0,
+            }
+        )
+        before.append(faulty.run())
+        (finding,) = before[-1].innovation_verdict.findings
+        (factor,) = re.findall(r"multiply navigator.r_scale by ([0-9.]+)\.", finding.advice)
+        faulty.set("navigator.r_scale", 10.0 * float(factor))
+        after.append(faulty.run())
+    assert rms(after) < rms(before)
     assert 0.7 < nees(after) < 1.5
