@@ -23,6 +23,7 @@ from lab.analysis import budget, feedforward, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import Filtered, evidence_of
+from lab.analysis.sums import Squares
 from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
 from lab.datasets import aiding, flight, innovations, sensors, tables
@@ -248,7 +249,7 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter, from errors and innovations."""
-        return self._of_linear(judge(self.evidence))
+        return self._of_linear(judge(self.evidence), self.evidence.nees)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -265,10 +266,10 @@ class Result(NotebookCard, Repeatable):
         """The verdict from the innovations alone, as for a flight with unknown truth."""
         return self._of_linear(judge(self.evidence.without_truth()))
 
-    def _of_linear(self, verdict: Verdict) -> Verdict:
+    def _of_linear(self, verdict: Verdict, nees: Squares | None = None) -> Verdict:
         """Return a verdict, with a navigator that runs free beyond the linear model as its only cause."""
         return feedforward.judge(
-            self.feedforward_drift, feedforward.limit_of(self), verdict, self.experiment.navigator
+            self.feedforward_drift, feedforward.limit_of(self), verdict, self.experiment.navigator, nees
         )
 
     @cached_property

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import ecef
-from lab.analysis.finding import Change, Finding, Verdict, headline
+from lab.analysis.finding import Change, Finding, Verdict, headline, is_right
+from lab.analysis.sums import Squares
 from lab.earth import STANDARD_GRAVITY
 from lab.navigation import blocks
 from lab.navigation.error_models import VEL
@@ -47,10 +48,13 @@ a fix, up to which the filter is linear enough. Measured on los_angeles with the
 to 30 s: NEES is 1.0 below, 1.4 to 2.4 from 0.5 to 3, and 2 to 120 beyond."""
 
 
-def judge(drift: float, limit: float, verdict: Verdict, navigator: NavigatorSettings) -> Verdict:
+def judge(
+    drift: float, limit: float, verdict: Verdict, navigator: NavigatorSettings, nees: Squares | None = None
+) -> Verdict:
     """Return the verdict, with a free-running navigator as the cause of an inconsistency if it is.
 
-    Beyond the linear model, nothing else can be judged.
+    Beyond the linear model, nothing else can be judged, unless the errors are known and as large as the
+    filter says.
 
     Parameters
     ----------
@@ -61,7 +65,17 @@ def judge(drift: float, limit: float, verdict: Verdict, navigator: NavigatorSett
         The verdict from the evidence.
     navigator
         The filter.
+    nees
+        NEES, if the truth is known.
     """
+    unexplained = any(finding.quantity in UNEXPLAINED for finding in verdict.findings)
+    if (
+        nees is not None
+        and nees.number
+        and not unexplained
+        and is_right(float(nees.total), float(nees.number))
+    ):
+        return verdict
     waits = navigator.correction == "feedback"
     if not waits and all(finding.quantity in UNEXPLAINED for finding in verdict.findings):
         limit = min(limit, float(SUSPECTED))
@@ -91,7 +105,7 @@ def remark(drift: float, limit: float, navigator: NavigatorSettings) -> str:
     if drift <= limit:
         return ""
     reaches = f"reaches {np.degrees(drift):.3g}°"
-    but = f"but the filter is linear only up to {np.degrees(limit):.2g}°: its σ does not describe its errors."
+    but = f"but the filter is linear only up to {np.degrees(limit):.2g}°: its σ may not describe its errors."
     if navigator.correction == "feedback":
         return (
             f"The attitude error between corrections (navigator.correction_period) {reaches}, {but} A period "

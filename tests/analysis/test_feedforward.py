@@ -1,0 +1,32 @@
+"""A navigator that runs free beyond the linear model is blamed, unless the errors are known and right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.analysis.feedforward import judge
+from lab.analysis.finding import Finding, Verdict
+from lab.analysis.sums import Squares
+from lab.experiment import Experiment
+
+DRIFT, LIMIT = np.radians(2.0), np.radians(0.8)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "nees", "named"),
+    [
+        ("GPS outliers", None, "feedforward"),
+        ("GPS outliers", 1.05, "GPS outliers"),
+        ("GPS outliers", 4.0, "feedforward"),
+        ("NEES between fixes", 1.05, "feedforward"),
+    ],
+)
+def test_what_is_wrong_beside_right_errors_keeps_its_name(quantity, nees, named):
+    finding = Finding(quantity, "not modelled", 1.0, "It is wrong.", "Mend it.", "seen")
+    verdict = Verdict("It is wrong.", (finding,), "1 run, errors and innovations")
+    navigator = Experiment().navigator
+    navigator.correction = "feedforward"
+    squares = None if nees is None else Squares(np.array(60 * nees), np.array(60.0))
+    (found,) = judge(DRIFT, LIMIT, verdict, navigator, squares).findings
+    assert found.quantity == named
