@@ -19,6 +19,7 @@ from lab.navigation.aids import (
     see_aid,
 )
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
+from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Kernel
@@ -340,13 +341,18 @@ def position_variance(T: FloatArray, P: FloatArray) -> float:
 
 @kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
-    """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
-    state, w, T, aids = run.state, run.w, run.T, run.aids
+    """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used.
+
+    It is linearised about the navigator with the estimated error removed: one that runs free is soon wrong by
+    more than its σ, and speeds and azimuths are not linear over such a distance.
+    """
+    w, T, aids = run.w, run.T, run.aids
+    state = corrected(run.state, w, T, run.x, run.spare) if has_estimate(w) else run.state
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
     seen, gains = out.aid_H[a], out.aid_gain[a]
     axes = north_axes(state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
-    z = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
+    residual = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(state, done)
     for i in range(STATES):
         seen[i] = done[i]
@@ -354,18 +360,18 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     variance = aids.variance[a]
     if kind == FORWARD:
         excess = bent_speed(state, run.P)
-        z -= excess
+        residual -= excess
         variance += 2 * excess * excess
     if kind == AIRSPEED:
         excess = bent_airspeed(state, rotate(axes, get(state, VELOCITY)), run.P)
-        z -= excess
+        residual -= excess
         variance += 2 * excess * excess
     if HEADING <= kind <= MAGNETIC:
         variance += north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
-    residual, s = z, variance
+    z, s = residual, variance
     for i in range(STATES):
-        residual -= done[i] * w[WIDTH * i + X]
+        z += done[i] * w[WIDTH * i + X]
         if done[i] != 0:
             for j in range(STATES):
                 s += done[i] * done[j] * w[WIDTH * i + j]

@@ -195,28 +195,32 @@ def _use_aid(
     time: float,
     dt: float,
 ) -> None:
-    """Update with measurement a of the aids after sample k, and write what came of it."""
+    """Update with measurement a of the aids after sample k, and write what came of it.
+
+    It is linearised about the navigator with the estimated error removed.
+    """
     age = time - aids.time[a]
     if age > dt * (1 + SLACK):
         return
-    z, row = see_aid(state, aids, a, age, dt, model.blocks)
-    as_biases(state, row[None], model.blocks)
-    T = model.map(state)
+    here = _corrected(state, kalman.x, model)
+    residual, row = see_aid(here, aids, a, age, dt, model.blocks)
+    as_biases(here, row[None], model.blocks)
+    T = model.map(here)
     H, R = row[None] @ T, np.array([[aids.variance[a]]])
     if aids.kind[a] == FORWARD:
-        excess = bent_speed(state, kalman.P[ATT, ATT], in_body=model.in_body)
-        z, R = z - excess, R + 2 * excess**2
+        excess = bent_speed(here, kalman.P[ATT, ATT], in_body=model.in_body)
+        residual, R = residual - excess, R + 2 * excess**2
     if aids.kind[a] == AIRSPEED:
         wind = blocks.states_of(model.blocks, blocks.WIND)
-        excess = bent_airspeed(state, kalman.P[wind, wind])
-        z, R = z - excess, R + 2 * excess**2
-    out.aid_innovation[a] = z - float((H @ kalman.x)[0])
+        excess = bent_airspeed(here, kalman.P[wind, wind])
+        residual, R = residual - excess, R + 2 * excess**2
+    out.aid_innovation[a] = residual
     out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])
     out.aid_H[a] = row
     if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
         return
     out.aid_gain[a] = T @ kalman.P @ H[0] / out.aid_variance[a]
-    _update(kalman, np.array([z]), H, R)
+    _update(kalman, residual + H @ kalman.x, H, R)
     out.aid_sample[a] = k + 1
     feedback.apply(state, kalman, time, dt)
 

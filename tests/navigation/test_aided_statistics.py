@@ -40,6 +40,14 @@ EVERYTHING = {
     },
 }
 """All sensors and states, so that the filter is the one that is compared with filterpy."""
+QUIET = {
+    "trajectory.imu_rate": RATE,
+    "sensors.gyro.noise_density": 0.005,
+    "sensors.gyro.bias_sigma": 0.01,
+    "sensors.accelerometer.bias_sigma": 0.2,
+    "navigator.attitude_error": (0.0, 0.0, 0.0),
+}
+"""Sensors with which the other errors of a navigator that runs free stay almost linear for some minutes."""
 LEVELLED = {"sensors__barometer__fitted": True}
 """A barometer, so that zero velocity is used by a filter that is compiled for the barometer already."""
 
@@ -109,6 +117,27 @@ def test_a_barometer_halves_the_vertical_error_of_an_outage() -> None:
 def test_airspeed_shortens_the_level_error_of_an_outage() -> None:
     alone, aided = ends("montreal", [0, 1]), ends("montreal", [0, 1], sensors__airspeed__fitted=True)
     check_gain("airspeed", alone, aided, SEEDS)
+
+
+def test_wind_and_scale_are_consistent_beside_a_navigator_that_runs_free() -> None:
+    """Its velocity is soon wrong by 10 m/s, over which an airspeed is far from linear: see the airspeeds."""
+    free = {"navigator.correction": "feedforward", "sensors.airspeed.fitted": True} | QUIET
+    nees, aids = [], []
+    for seed in range(SEEDS):
+        result = flight("montreal", seed, free).run()
+        solution = result.solution_arrays
+        used = solution.fix_sample[solution.fix_sample >= 0]
+        x = error_state(
+            solution, used, result.known_truth("errors"), result.true_bias, further=result.true_further()
+        )[:, blocks.CORE :]
+        P = solution.fix_covariance[solution.fix_sample >= 0][:, blocks.CORE :, blocks.CORE :]
+        nees.append(normalised_squares(x, P).mean() / x.shape[1])
+        aids.append(float(np.mean(solution.aid_innovation**2 / solution.aid_variance)))
+    print(f"\nNEES of wind and scale {np.mean(nees):.2f}, NIS of airspeeds {np.mean(aids):.2f}")
+    # The three states of a flight hardly change: they count as one draw.
+    low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], 3 * SEEDS) / (3 * SEEDS)
+    assert low < np.mean(nees) < high
+    assert np.mean(aids) == pytest.approx(1, abs=0.1)
 
 
 @pytest.fixture(scope="module")

@@ -256,6 +256,14 @@ DRIFTING = {
     "sensors.accelerometer.correlation_time": 20.0,
     "navigator.estimate_bias_drift": True,
 }
+FREE = {
+    "navigator.correction": "feedforward",
+    "navigator.attitude_error": (0.0, 0.0, 0.0),
+    "sensors.gyro.noise_density": 0.005,
+    "sensors.gyro.bias_sigma": 0.01,
+}
+"""A navigator that runs free, with gyros so good that the gate never finds the filter wrong, from which only
+the compiled one recovers."""
 ALL = VEHICLE | RECEIVER | MISALIGNED | DRIFTING | {"navigator.states": 21}
 """All sensors, all conditions and all states together."""
 
@@ -266,10 +274,20 @@ ALL = VEHICLE | RECEIVER | MISALIGNED | DRIFTING | {"navigator.states": 21}
         (VEHICLE | {"sensors.heading.source": "magnetometer"}, "phi", 0.0),
         (ALL, "phi", 0.0),
         (ALL, "phi", 5.0),
+        (ALL | FREE, "phi", 0.0),
+        (ALL | {"navigator.correction_period": 5.0}, "psi", 0.0),
         (ALL, "psi", 0.0),
         (ALL, "invariant", 0.0),
     ],
-    ids=["sensors", "all phi", "all phi, P every 200 ms", "all psi", "all invariant"],
+    ids=[
+        "sensors",
+        "all phi",
+        "all phi, P every 200 ms",
+        "all phi, feedforward",
+        "all psi, corrected every 5 s",
+        "all psi",
+        "all invariant",
+    ],
 )
 def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate: float) -> None:
     wanted = settings | {
