@@ -51,7 +51,7 @@ from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest, still_without_fixes
+from lab.navigation.standstill import at_rest, standing_still
 from lab.result import Runnable
 from lab.run import in_one
 from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer
@@ -369,7 +369,7 @@ class Stages:
             rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
             standing = rest
             if settings.zero_velocity:
-                standing, _ = still_without_fixes(rest, increments, seen, assumed)
+                standing, _ = standing_still(rest, increments, seen, assumed)
             other = aids_of(self.sensors, settings, readings, increments, standing)
             if settings.rest_updates:
                 increments = increments._replace(rest=rest)

@@ -43,6 +43,17 @@ def standing(folder: Path) -> Path:
     return path
 
 
+def starting(folder: Path, acceleration: float) -> Path:
+    """Return a vehicle that stands for 60 s and starts to the north with an acceleration, up to 10 m/s."""
+    t = np.arange(0.0, 120.05, 0.1)
+    speed = np.clip(acceleration * (t - 60), 0, 10)
+    place = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * 0.1)))
+    path = folder / f"start{acceleration}.csv"
+    rows = zip(t, 45 + np.degrees(place / 6.371e6), speed, strict=True)
+    path.write_text(HEADER + "".join(f"{a:.1f},{b:.10f},7,300,{v:.6f},0,0,1,2,0\n" for a, b, v in rows))
+    return path
+
+
 def flight(mission: Path | str, seed: int, settings: dict[str, Any]) -> Experiment:
     """Return an experiment with settings; errors that a filter estimates are drawn as it believes them."""
     made = Experiment(mission=str(mission), seed=seed)

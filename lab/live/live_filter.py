@@ -28,7 +28,7 @@ from lab.navigation.navigator import advance
 from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
-from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, at_rest, still_without_fixes
+from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, Held, at_rest, standing_still
 
 FloatArray = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ class LiveFilter:
         self._stale = first + 1  # first sample whose solution must be computed again, beyond `at` if none
         self._seconds = 0  # for which the rest was looked for
         self._looks_changed = False
-        self._held: dict[int, FloatArray | None] = {}  # force of a rest that lasts after a second
+        self._held: dict[int, Held | None] = {}  # what is held after a second
         self._unturned = self.next_fix  # first fix whose rates may still change
 
     @property
@@ -311,8 +311,8 @@ class LiveFilter:
         if self._aids.stands:
             first = settled - 1 if whole else 0  # the last second that is settled
             known = [self._held[first]] if whole else None
-            standing, after = still_without_fixes(rest, imu, fixes, assumed, grid[first - whole :], known)
-            self._held = {first + second: force for second, force in enumerate(after)}
+            standing, after = standing_still(rest, imu, fixes, assumed, grid[first - whole :], known)
+            self._held = {first + second: one for second, one in enumerate(after)}
             self._marked("standing", standing, start, free)
 
     def _marked(self, name: str, found: NDArray[np.bool_], start: int, free: int) -> NDArray[np.bool_]:

@@ -48,7 +48,7 @@ from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest, still_without_fixes
+from lab.navigation.standstill import at_rest, standing_still
 from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
@@ -180,7 +180,7 @@ def navigate_log(
         rest = NO_REST
     standing = rest
     if navigator.zero_velocity and given.any():
-        standing, _ = still_without_fixes(rest, imu, shown, assumed._replace(R=assumed.R[given]))
+        standing, _ = standing_still(rest, imu, shown, assumed._replace(R=assumed.R[given]))
     aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)

@@ -175,8 +175,8 @@ class NavigatorSettings(Settings):
         default=False,
         label="Zero velocity at rest",
         doc="Zero velocity updates: where the vehicle stands still for 10 s or more, its velocity is "
-        "measured as zero once a second. Detected as for the updates at rest; without fixes, it lasts "
-        "until the inertial sensors show motion.",
+        "measured as zero once a second. Detected as for the updates at rest, until the specific force "
+        "changes; without fixes, until the inertial sensors show motion.",
     )
     zero_velocity_sigma = Quantity(
         0.02,

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,10 @@ RATE_CHANGE = math.radians(0.05)
 FORCE_CHANGE = 0.05
 """Largest change of the mean specific force from rest on, beyond its noise, while no fix shows the speed
 [m/s²]: a car starts with 0.5 or more, a train with 0.3."""
+FORCE_STEP = 0.02
+"""Largest change of the mean specific force from one second at rest to the next, beyond its noise [m/s²]: a
+start or a stop shows half of its acceleration in one step. Four real logs with a rest keep all its seconds;
+with 0.01, a standing person's do not count."""
 NOISE_SIGMAS = 3
 """The spread that is allowed if more noise is assumed, in its σ: the assumed noise may be too small."""
 CHANGE_SIGMAS = 5
@@ -52,6 +57,8 @@ NEAREST = 0.5
 """Part of a sample by which a time may be missed: the sample nearest to it ends it."""
 GATE = 16.0
 """Largest squared mean rate, in its σ, that is used: (4 σ)²; beyond it, the vehicle turns slowly."""
+_SPREAD, _CHANGE = (np.repeat(sizes, 3) for sizes in ((RATE_SPREAD, FORCE_SPREAD), (RATE_CHANGE, FORCE_STEP)))
+"""Spread, and change from second to second, that rest allows of rates and specific forces (6,)."""
 
 SUMS, SQUARES, ELAPSED, COUNT, HELD, ATTITUDE, ROOM = 0, 3, 6, 7, 8, 9, 18
 """Offsets in the workspace: sums of the rates and of their squares, time, samples, and the held attitude."""
@@ -81,17 +88,38 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = No
     return rest
 
 
-def still_without_fixes(
+class Held(NamedTuple):
+    """What a vehicle at rest felt, and what it felt since.
+
+    Attributes
+    ----------
+    force : (3,) array
+        Mean specific force at rest [m/s²].
+    gained : (3,) array
+        What another specific force since then adds to the velocity [m/s].
+    others : int
+        Seconds since then, in which the fixes showed no speed.
+    """
+
+    force: FloatArray
+    gained: FloatArray
+    others: int = 0
+
+
+def standing_still(
     rest: NDArray[np.bool_],
     imu: Imu,
     fixes: Fixes,
     belief: Belief,
     grid: FloatArray | None = None,
-    known: list[FloatArray | None] | None = None,
-) -> tuple[NDArray[np.bool_], list[FloatArray | None]]:
-    """Return the samples at rest (n,), with those added in which a vehicle at rest stays so without fixes.
+    known: list[Held | None] | None = None,
+) -> tuple[NDArray[np.bool_], list[Held | None]]:
+    """Return the samples (n,) in which the velocity is zero, also where no fix shows it.
 
-    It stays at rest until the inertial sensors show vibration, rotation, or another specific force.
+    A vehicle that begins to move feels another specific force long before the fixes show its speed. So a rest
+    ends where the force changes. It goes on once the force is as before and the change has added no velocity,
+    or once the fixes would show the speed that the smallest visible change gives. Without fixes, it lasts
+    until the inertial sensors show vibration, rotation, or another specific force.
 
     Parameters
     ----------
@@ -106,38 +134,61 @@ def still_without_fixes(
 
     Returns
     -------
-    mask, list of (3,) arrays
-        The samples, and after each second the mean specific force of the rest that lasts [m/s²], or None.
+    mask, list of Held
+        The samples, and what is held after each second; None where the vehicle may move.
     """
-    found = rest.copy()
     if grid is None:
         grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
-    after: list[FloatArray | None] = []
+    found = np.zeros(rest.size, dtype=np.bool_)
+    after: list[Held | None] = []
     first, last = (np.searchsorted(fixes.time, grid[:-1] + shift) for shift in (-SPAN, 2 * SPAN))
     edges = np.searchsorted(imu.time, grid - 1e-9)
-    still = still_seconds(imu, belief, edges)
+    slow, still, patience = (
+        _slow(grid[:-1], fixes, belief),
+        still_seconds(imu, belief, edges),
+        _patience(belief),
+    )
     held = None
     for second, (a, b) in enumerate(itertools.pairwise(edges)):
-        forces = imu.dvelocity[a:b] / np.diff(imu.time[a : b + 1])[:, None]
         if second == 0 and known is not None:
             held = known[0]
             after.append(held)
             continue
-        if b > a and rest[a:b].all():
-            held = forces.mean(axis=0)
-            after.append(held)
-            continue
-        silent = held is not None and last[second] == first[second] and still[second]
-        if silent and held is not None:
-            allowed = FORCE_CHANGE + CHANGE_SIGMAS * forces.std(axis=0) * math.sqrt(2 / (b - a))
-            silent = bool((np.abs(forces.mean(axis=0) - held) <= allowed).all())
-        if silent:
-            found[a:b] = True
+        shown = bool(b > a and rest[a:b].all())
+        silent = bool(b > a and still[second] and last[second] == first[second])
+        dt = np.diff(imu.time[a : b + 1])[:, None]
+        forces = imu.dvelocity[a:b] / dt
+        if held is not None and (shown or silent or slow[second]):
+            gained = held.gained + imu.dvelocity[a:b].sum(axis=0) - dt.sum() * held.force
+            same = (shown or silent) and _same(forces, held.force, FORCE_STEP if shown else FORCE_CHANGE)
+            if same and (held.others == 0 or np.abs(gained).max() <= LEAST_SPEED):
+                found[a:b] = True
+                held = Held(forces.mean(axis=0) if shown else held.force, np.zeros(3))
+            elif shown and held.others >= patience:
+                held = None
+            else:
+                held = None if silent else Held(held.force, gained, held.others + 1)
         else:
             held = None
+        if held is None and shown:
+            found[a:b] = True
+            held = Held(forces.mean(axis=0), np.zeros(3))
         after.append(held)
     found.setflags(write=False)
     return found, after
+
+
+def _same(forces: FloatArray, held: FloatArray, change: float) -> bool:
+    """Return whether the mean of specific forces (k, 3) is the held one, but for a change and its noise."""
+    allowed = change + CHANGE_SIGMAS * forces.std(axis=0) * math.sqrt(2 / forces.shape[0])
+    return bool((np.abs(forces.mean(axis=0) - held) <= allowed).all())
+
+
+def _patience(belief: Belief) -> float:
+    """Return the time after which fixes show the speed of the smallest visible acceleration [s]."""
+    variance = np.diagonal(belief.R, axis1=-2, axis2=-1)[..., 3:]
+    sigma = math.sqrt(float(np.median(variance))) if variance.size else 0.0
+    return max(SHORTEST, math.sqrt(SLOW) * max(sigma, LEAST_SPEED) / FORCE_STEP)
 
 
 def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
@@ -150,7 +201,7 @@ def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_
 
 
 def still_seconds(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return the mask (s,) of the seconds without vibration and rotation.
+    """Return the mask (s,) of the seconds without vibration, rotation, and a change of the specific force.
 
     Parameters
     ----------
@@ -160,22 +211,19 @@ def still_seconds(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[
         Samples between which the seconds lie.
     """
     still = np.zeros(edges.size - 1, dtype=np.bool_)
-    mean_before = None
+    before = None
     for second, (a, b) in enumerate(itertools.pairwise(edges)):
         if b - a < 2:
-            mean_before = None
+            before = None
             continue
         dt = np.diff(imu.time[a : b + 1])[:, None]
-        rates, forces = imu.dtheta[a:b] / dt, imu.dvelocity[a:b] / dt
-        assumed = NOISE_SIGMAS * np.sqrt(belief.noise[:6] / dt.mean())
-        spread = rates.std(axis=0)
-        steady = (spread <= np.maximum(RATE_SPREAD, assumed[:3])).all()
-        steady &= (forces.std(axis=0) <= np.maximum(FORCE_SPREAD, assumed[3:])).all()
-        mean = rates.mean(axis=0)
-        if mean_before is not None:
-            allowed = RATE_CHANGE + CHANGE_SIGMAS * spread * math.sqrt(2 / (b - a))
-            steady &= (np.abs(mean - mean_before) <= allowed).all()
-        still[second], mean_before = steady, mean
+        both = np.hstack((imu.dtheta[a:b], imu.dvelocity[a:b])) / dt
+        spread, mean = both.std(axis=0), both.mean(axis=0)
+        steady = (spread <= np.maximum(_SPREAD, NOISE_SIGMAS * np.sqrt(belief.noise[:6] / dt.mean()))).all()
+        if before is not None:
+            allowed = _CHANGE + CHANGE_SIGMAS * spread * math.sqrt(2 / (b - a))
+            steady &= (np.abs(mean - before) <= allowed).all()
+        still[second], before = steady, mean
     return still
 
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aided_flights import flight, standing, winding_road
+from aided_flights import flight, standing, starting, winding_road
 from scipy import stats
 
 from lab import Experiment
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.errors import error_state
 from lab.navigation import blocks
+from lab.navigation.aids import NORTHWARD
 from lab.result import Result
 
 SEEDS = 24
@@ -180,6 +181,27 @@ def at_rest(parked: Path, *, used: bool) -> list[Result]:
         made.set("navigator.zero_velocity", used)
         found.append(made.run())
     return found
+
+
+@pytest.mark.parametrize("acceleration", [0.1, 0.3, 1.0])
+def test_a_start_is_no_rest(acceleration: float, tmp_path: Path) -> None:
+    """The fixes of a default receiver show its speed at 1.8 m/s; σ of the velocity at rest is 0.01 m/s."""
+    path = starting(tmp_path, acceleration)
+    settings = {"sensors.barometer.fitted": True, "navigator.zero_velocity": True}
+    squares = []
+    for seed in range(8):
+        result = flight(path, seed, {"trajectory.imu_rate": RATE} | settings).run()
+        solution, at = result.solution_arrays, np.arange(int(62 * RATE), int(75 * RATE), int(RATE))
+        truth = result.known_truth("errors"), result.true_bias
+        x = error_state(solution, at, *truth, further=result.true_further())[:, 3:5]
+        squares.append(np.mean(x**2 / solution.variance[at, 3:5]))
+        standing = result.aids.time[result.aids.kind == NORTHWARD]
+        assert standing.size > 30
+        assert standing.max() <= 61
+    print(f"\nstart with {acceleration} m/s²: (error/σ)² {np.mean(squares):.2f}")
+    # Two components of eight starts, hardly changing within 13 s.
+    low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], 16) / 16
+    assert low < np.mean(squares) < high
 
 
 def test_zero_velocity_holds_the_position_without_fixes(parked: Path) -> None:

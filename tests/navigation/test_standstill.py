@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from lab.experiment import Experiment
 from lab.navigation import standstill, strapdown
 from lab.navigation.generation import interpreted
 from lab.navigation.solution import Belief, Fixes, Imu
-from lab.navigation.standstill import SHORTEST, at_rest, still_without_fixes
+from lab.navigation.standstill import SHORTEST, at_rest, standing_still
 from lab.result import Result
 
 HEADER = (
@@ -127,6 +128,7 @@ def seconds_at_rest(
     noise: float = 0.0,
     silent: range = range(0),
     starts: tuple[int, float] = (60, 0.0),
+    changes: Sequence[tuple[int, float]] = (),
     without_fixes: bool = False,
 ) -> set[int]:
     """Return which seconds of a minute at rest are found to be so.
@@ -147,8 +149,10 @@ def seconds_at_rest(
         Seconds without a fix.
     starts
         Second from which on the vehicle accelerates forward, and how much [m/s²].
+    changes
+        Seconds from which on the force forward is larger, and by how much [m/s²].
     without_fixes
-        Whether a rest lasts on without fixes.
+        Whether the seconds with zero velocity are returned, also those without fixes.
     """
     second, swing = np.arange(60 * RATE) // RATE, np.tile([1.0, -1.0], 30 * RATE)
     dtheta, dvelocity = np.zeros((60 * RATE, 3)), np.zeros((60 * RATE, 3))
@@ -158,7 +162,8 @@ def seconds_at_rest(
         dtheta[second == at, 0] += (np.radians(size) * swing / RATE)[second == at]
     for at, size in (forces or {}).items():
         dvelocity[second == at, 1] += (size * swing / RATE)[second == at]
-    dvelocity[second >= starts[0], 0] += starts[1] / RATE
+    for at, size in (starts, *changes):
+        dvelocity[second >= at, 0] += size / RATE
     kept = np.array([at for at in range(60) if at not in silent], dtype=np.int64)
     velocity = np.zeros((60, 3))
     for at, speed in (speeds or {}).items():
@@ -168,7 +173,7 @@ def seconds_at_rest(
     belief = Belief(np.eye(15), np.diag([1.0] * 3 + [speed_sigma**2] * 3), np.full(12, noise**2), np.zeros(6))
     rest = at_rest(imu, fixes, belief)
     if without_fixes:
-        rest, _ = still_without_fixes(rest, imu, fixes, belief)
+        rest, _ = standing_still(rest, imu, fixes, belief)
     rest = rest.reshape(60, RATE)
     assert (rest.all(axis=1) == rest.any(axis=1)).all()
     return set(np.flatnonzero(rest[:, 0]).tolist())
@@ -195,6 +200,25 @@ def test_a_rest_lasts_on_without_fixes_until_the_inertial_sensors_show_motion() 
     # What the inertial sensors cannot tell from rest, and rest that fixes never showed.
     assert seconds_at_rest(silent=quiet, without_fixes=True, starts=(40, 0.02)) == MINUTE
     assert seconds_at_rest(silent=range(60), without_fixes=True) == set()
+
+
+@pytest.mark.parametrize("speed_sigma", [0.1, 0.45])
+def test_a_start_ends_a_rest_before_fixes_show_it(speed_sigma: float) -> None:
+    """Fixes of 0.45 m/s show no speed up to 1.8 m/s; those here are zero, and never show it."""
+    for acceleration in (0.025, 0.1, 0.5):
+        start = {"starts": (30, acceleration), "speed_sigma": speed_sigma}
+        assert seconds_at_rest(**start) == MINUTE - {30}, acceleration  # as fixes and steady forces show it
+        still = seconds_at_rest(**start, without_fixes=True)
+        # Fixes of 0.1 m/s would show 0.02 m/s² after 20 s.
+        assert still == set(range(30)) | (set(range(51, 60)) if speed_sigma == 0.1 else set()), acceleration
+
+
+def test_a_knock_interrupts_a_rest_and_a_push_ends_it() -> None:
+    """A force that comes and goes back again leaves no velocity behind."""
+    for forces, again in (((0.3, -0.3), 32), ((0.3, 0.0), 60)):
+        starts, before = [(30, forces[0]), (31, forces[1] - forces[0]), (32, -forces[1])], set(range(30))
+        found = seconds_at_rest(changes=starts, speed_sigma=0.45, without_fixes=True)
+        assert found == before | set(range(again + 1, 60)), forces
 
 
 @pytest.mark.parametrize(("sigma", "used"), [(0.1, 0.1), (0.01, 0.05)])
