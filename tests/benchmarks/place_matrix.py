@@ -33,6 +33,7 @@ default gyros leave a heading uncertain by 6°: NEES of linear filters is then u
 MORE = {
     "sensors.barometer.fitted": True,
     "sensors.heading.fitted": True,
+    "sensors.airspeed.fitted": True,
     "navigator.estimate_bias_drift": True,
     "navigator.estimate_lever_arm": True,
     "sensors.gyro.instability": 30.0,
