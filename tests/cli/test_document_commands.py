@@ -46,6 +46,7 @@ ADDED = {
     "compare": ["--set", "trajectory.imu_rate=50"],
     "compare --seeds": ["--seeds", "2"],
     "live watch": ["--seconds", "1"],
+    "live navigate": ["--seconds", "15"],
     "delete": ["--yes"],  # nobody is here to be asked
 }
 """By a command, also with an option: what is added to lines whose output is not shown."""
