@@ -16,6 +16,10 @@ class NotebookCard:
 
     CARD: ClassVar[str]
 
+    def __dir__(self) -> list[str]:
+        # Completion lists what one asks of the object; its card is drawn by Jupyter.
+        return [name for name in super().__dir__() if name != "CARD"]
+
     def _repr_html_(self) -> str | None:
         """Return the card as HTML; None if no function is registered, so that Jupyter shows the text."""
         if self.CARD not in names("card"):

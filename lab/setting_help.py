@@ -11,7 +11,7 @@ from lab.setting_kinds import describe, range_text
 
 def value_text(declaration: param.Parameter, value: Any) -> str:
     """Return a value with its unit; one number for all axes if they are equal, and ``-`` if it is unset."""
-    if value is None or value == []:
+    if value is None or value in ([], ""):
         return "-"
     if isinstance(value, tuple) and all(isinstance(item, float) for item in value):
         text = ", ".join(f"{item:g}" for item in (value[:1] if len(set(value)) == 1 else value))
@@ -25,6 +25,9 @@ def brief(declaration: param.Parameter, value: Any) -> str:
     if isinstance(declaration, param.Selector):
         return f"{value}, {describe(declaration)}"
     text, bounds = value_text(declaration, value), range_text(getattr(declaration, "bounds", None))
+    if text in {"", "-"}:
+        unit = getattr(declaration, "unit", "")
+        return f"not set;{bounds} {unit}".rstrip() if bounds else f"not set; {describe(declaration)}"
     return f"{text},{bounds}" if bounds else text
 
 

@@ -264,7 +264,7 @@ def group(settings: type[Settings], doc: str) -> Any:
     return param.ClassSelector(class_=settings, default=None, allow_None=True, doc=doc)
 
 
-_HIDDEN = {"derived", "getdoc"}
+_HIDDEN = {"check_change", "declaration", "derived", "getdoc", "groups", "leaves", "set_text", "set_texts"}
 """Public methods that are called by the lab and by IPython only."""
 
 # Cached, because declarations do not change, and a moving slider reads them a thousand times.

@@ -1,23 +1,28 @@
-"""Completion: in Jupyter, the Tab key lists settings with their value, unit and bounds.
+"""Completion: in Jupyter, Tab lists settings with value, unit and bounds, and plots with what they show.
 
-``experiment.sensors.gyro.`` completes the names of the group. Inside the quotes of ``experiment.set("`` and
-of ``experiment.sweep({"``, dotted paths are completed.
+``experiment.sensors.gyro.`` completes the settings of the group, then its methods. ``result.plot.`` completes
+the plots that the result has, and ``result.`` its datasets and methods. Inside the quotes of
+``experiment.set("`` and of ``experiment.sweep({"``, dotted paths are completed.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+from lab.notebook_card import NotebookCard
+from lab.result_plots import ResultPlots
 
 if TYPE_CHECKING:
     from lab.settings import Settings
 
 _ATTRIBUTE = re.compile(r"(\w+(?:\.\w+)*)\.(\w*)")
 _PATH = re.compile(r"(\w+(?:\.\w+)*)\.(?:get|set|sweep)\([^)]*[\"']([\w.]*)$")
-WIDE = 40
-"""Most characters of a kind, beside which the names have room."""
+WIDE = 44
+"""Most characters of a kind, beside which the names have room: the names of settings have up to 28."""
 _BACK = 2000
 """Characters before the cursor among which the call is searched: more than such a call has."""
 
@@ -54,50 +59,89 @@ def completions(token: str, text: str, names: Mapping[str, Any]) -> dict[str, An
     """
     from IPython.core.completer import SimpleCompletion  # noqa: PLC0415 - only IPython calls this
 
-    if (quoted := _PATH.search(text)) and (settings := _settings(quoted[1], names)):
-        found = [(path, brief) for path, brief in _paths(settings) if path.startswith(quoted[2])]
-    elif (whole := _ATTRIBUTE.fullmatch(token)) and (settings := _settings(whole[1], names)):
-        found = [(f"{whole[1]}.{name}", kind) for name, kind in _members(settings, whole[2])]
-    else:
-        found = []
+    found: list[tuple[str, str]] = []
+    start = token
+    if (quoted := _PATH.search(text)) and _is_settings(settings := _named(quoted[1], names)):
+        start, found = quoted[2], _paths(settings)
+    elif whole := _ATTRIBUTE.fullmatch(token):
+        start, found = whole[2], _members(_named(whole[1], names), private=whole[2].startswith("_"))
+    kept = [(word, kind) for word, kind in found if word.startswith(start)]
     return {
-        "completions": [SimpleCompletion(word, type=in_one_line(kind)) for word, kind in found],
-        "suppress": bool(found),
+        "completions": [SimpleCompletion(word, type=in_one_line(kind)) for word, kind in kept],
+        # The list shows the names without the words before them, in this order.
+        "matched_fragment": start,
+        "ordered": True,
+        "suppress": bool(kept),
     }
 
 
 def in_one_line(kind: str) -> str:
-    """Return a kind for JupyterLab, which breaks lines at spaces, no longer than `WIDE`."""
+    """Return a kind for JupyterLab, which breaks lines at spaces and strokes, no longer than `WIDE`."""
     short = kind if len(kind) <= WIDE else f"{kind[: WIDE - 1]}…"
-    return short.replace(" ", "\N{NO-BREAK SPACE}")
+    return short.replace(" ", "\N{NO-BREAK SPACE}").replace("/", "/\N{WORD JOINER}")
 
 
-def _settings(expression: str, names: Mapping[str, Any]) -> Settings | None:
-    """Return the settings that a dotted expression names; nothing is evaluated but groups of settings."""
+def _is_settings(found: object) -> bool:
     from lab.settings import Settings  # noqa: PLC0415 - importing the lab loads no settings
 
+    return isinstance(found, Settings)
+
+
+def _named(expression: str, names: Mapping[str, Any]) -> Any:
+    """Return the object that a dotted expression names, or None; nothing is computed for it."""
     first, *rest = expression.split(".")
     found = names.get(first)
     for name in rest:
-        found = found.groups().get(name) if isinstance(found, Settings) else None
-    return found if isinstance(found, Settings) else None
+        found = _part(found, name)
+    return found
 
 
-def _members(settings: Settings, start: str) -> list[tuple[str, str]]:
+def _part(owner: object, name: str) -> Any:
+    """Return a part of an object of the lab that is there already: a group, an attribute, the plots."""
+    if not isinstance(owner, NotebookCard):
+        return None
+    if _is_settings(owner):
+        return owner.groups().get(name)  # type: ignore[attr-defined]
+    if name == "plot" and isinstance(inspect.getattr_static(owner, name, None), property):
+        return owner.plot  # type: ignore[attr-defined]
+    return vars(owner).get(name) if hasattr(owner, "__dict__") else None
+
+
+def _members(owner: object, *, private: bool) -> list[tuple[str, str]]:
+    """Return the names of an object of the lab with their kinds; nothing for another object."""
+    if private or not isinstance(owner, (NotebookCard, ResultPlots)):
+        return []
+    listed = [name for name in dir(owner) if not name.startswith("_")]
+    if not _is_settings(owner):
+        return [(name, _about(owner, name)) for name in listed]
+    return _settings(owner, listed)
+
+
+def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
+    """Return settings and groups first, then the methods."""
     from lab.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
 
-    groups, found = settings.groups(), []
-    for name in dir(settings):
-        if not name.startswith(start):
-            continue
+    groups, values, methods = settings.groups(), [], []
+    for name in listed:
         if name in groups:
-            kind = "settings"
+            values.append((name, "settings"))
         elif name in settings.param:
-            kind = brief(settings.param[name], getattr(settings, name))
+            values.append((name, brief(settings.param[name], getattr(settings, name))))
         else:
-            kind = "function"
-        found.append((name, kind))
-    return found
+            methods.append((name, _about(settings, name)))
+    return values + methods
+
+
+def _about(owner: object, name: str) -> str:
+    """Return the first sentence about a method, a plot or a property, in a few words; nothing is computed."""
+    member = (
+        getattr(owner, name)
+        if isinstance(owner, ResultPlots)
+        else inspect.getattr_static(type(owner), name, None)
+    )
+    text = (inspect.getdoc(member) or "") if callable(member) or hasattr(member, "__get__") else ""
+    words = text.partition("\n")[0].removeprefix("Return ").rstrip(".")
+    return words or "value"
 
 
 def _paths(settings: Settings) -> list[tuple[str, str]]:
