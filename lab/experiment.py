@@ -10,6 +10,7 @@ from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.registry import find
 from lab.result import Result, Runnable
+from lab.setting_help import is_changed
 from lab.stages import CACHE, Progress, Stages
 from lab.sweep import Sweep
 
@@ -95,5 +96,5 @@ class Experiment(Runnable):
         return found
 
     def __repr__(self) -> str:
-        changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
+        changed = sum(map(is_changed, self.leaves()))
         return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"

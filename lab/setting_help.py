@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import param
@@ -38,3 +39,22 @@ def paragraph(name: str, declaration: param.Parameter, value: Any) -> str:
         f"    accepted: {describe(declaration)}\n"
         f"    {declaration.doc or ''}".rstrip()
     )
+
+
+def is_changed(leaf: tuple[str, param.Parameterized, str]) -> bool:
+    """Return whether a setting, as `Settings.leaves` gives it, has another value than its default."""
+    _, owner, name = leaf
+    return bool(getattr(owner, name) != owner.param[name].default)
+
+
+def listing(title: str, leaves: Iterable[tuple[str, param.Parameterized, str]]) -> str:
+    """Return settings as text for a terminal: a line each with value, unit and bounds; ``*`` is changed."""
+    lines = [
+        (
+            f"{'*' if is_changed(leaf) else ' '} {leaf[0]}",
+            brief(leaf[1].param[leaf[2]], getattr(leaf[1], leaf[2])),
+        )
+        for leaf in leaves
+    ]
+    width = max((len(name) for name, _ in lines), default=0)
+    return "\n".join((f"{title} (* is changed):", *(f"{name:<{width}}  {text}" for name, text in lines)))

@@ -15,7 +15,7 @@ import numpy as np
 import param
 
 from lab.notebook_card import NotebookCard
-from lab.setting_help import paragraph
+from lab.setting_help import listing, paragraph
 from lab.setting_kinds import AxisQuantity, Intervals, describe
 from lab.setting_text import MAX_PATH, value_of
 
@@ -81,6 +81,9 @@ class Settings(NotebookCard, param.Parameterized):
         public = {name for cls in mine for name in vars(cls) if not name.startswith("_")}
         methods = {name for name in public if callable(getattr(type(self), name)) and name not in _HIDDEN}
         return [*_declared(type(self)), *sorted(methods - set(_declared(type(self))))]
+
+    def __repr__(self) -> str:
+        return listing(type(self).__name__, self.leaves())
 
     def getdoc(self) -> str:
         """Return what IPython shows for ``?``: the class, and each setting with unit, bounds and meaning."""

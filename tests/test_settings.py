@@ -342,7 +342,7 @@ def test_no_assignment_whatsoever_raises_anything_but_a_setting_error(text: str)
 
 def test_settings_show_value_unit_and_meaning_in_jupyter(aircraft: Aircraft) -> None:
     aircraft.update({"engine": {"power": 80}, "arm": 2, "name_of_type": "<b>"})
-    page = aircraft._repr_html_()
+    page = aircraft._repr_html_().replace("<wbr>", "")  # the words as they are read
     for words in ("engine.power", "80 kW", "Shaft power.", "2 m", "&lt;b&gt;"):
         assert words in page
     assert "<b>" not in page

@@ -90,7 +90,7 @@ class Finding:
         return self.advice if self.advice.startswith(WITHHELD) else f"Try: {self.advice}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict(NotebookCard):
     """The verdict on a filter.
 
@@ -117,6 +117,10 @@ class Verdict(NotebookCard):
 
     def __str__(self) -> str:
         return self.headline
+
+    def __repr__(self) -> str:
+        found = [f"- {one.sentence} {one.counsel}".rstrip() for one in self.findings]
+        return "\n".join((f"Verdict by {self.basis}: {self.headline}", *found))
 
 
 class Weighed(NamedTuple):

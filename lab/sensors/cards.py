@@ -54,7 +54,7 @@ _KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
 Terms = Mapping[str, Mapping[str, Datum]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Card(NotebookCard):
     """The numbers of a sensor with their sources.
 
@@ -79,6 +79,11 @@ class Card(NotebookCard):
     note: str
     terms: Terms
     assumed: Terms = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        given, assumed = (sum(map(len, terms.values())) for terms in (self.terms, self.assumed))
+        kind = ", ".join(part for part in (f"{self.grade} grade" if self.grade else "", self.maker) if part)
+        return f"<Card {self.name}: {kind}; {given} numbers with their source, {assumed} assumed>"
 
     def without_assumed(self) -> Card:
         """Return the card with the given numbers only."""

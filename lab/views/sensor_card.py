@@ -6,6 +6,7 @@ from html import escape
 
 from lab.sensors.cards import Card
 from lab.sensors.datum import Datum
+from lab.views.settings_card import breakable
 
 _LEFT = 'style="text-align:left"'
 _QUIET = 'style="text-align:left;opacity:.75"'
@@ -35,5 +36,5 @@ def _row(path: str, datum: Datum, *, assumed: bool) -> str:
     convention = f" ({datum.convention})" if datum.convention else ""
     source = f"{'assumed: ' if assumed else ''}{datum.source}"
     style = _QUIET if assumed else _LEFT
-    cells = (path, number + convention, source)
-    return f"<tr>{''.join(f'<td {style}>{escape(cell)}</td>' for cell in cells)}</tr>"
+    cells = (breakable(path), escape(number + convention), escape(source))
+    return f"<tr>{''.join(f'<td {style}>{cell}</td>' for cell in cells)}</tr>"
