@@ -27,6 +27,7 @@ import panel as pn
 from lab import Experiment, check, mission, plots
 
 pn.extension()
+plots.fit_phones()
 
 # %% [markdown]
 # ## 1. A flight
@@ -231,7 +232,7 @@ def show(view):
 
 pn.Column(
     "# A tour of INS Lab",
-    pn.Row(noise, belief, outage),
+    pn.FlexBox(noise, belief, outage),
     pn.Tabs(
         ("Errors", show(plots.errors)),
         ("Innovations", show(plots.innovations)),

@@ -34,6 +34,7 @@ from lab.navigation.solution import Start
 hv.extension("bokeh", inline=pn.config.inline)
 plots.follow_theme()
 pn.extension()
+plots.fit_phones()
 
 G = earth.STANDARD_GRAVITY  # m/s², the unit g of data sheets
 HOURLY = np.radians(1) / 3600  # rad/s, 1 °/h
@@ -151,7 +152,7 @@ def hours(accelerometer, gyro, tilt):
 
 
 pn.Column(
-    pn.Row(accelerometer, gyro, tilt),
+    pn.FlexBox(accelerometer, gyro, tilt),
     pn.bind(hours, *(knob.param.value_throttled for knob in (accelerometer, gyro, tilt))),
 )
 
@@ -306,7 +307,7 @@ def without_gps(gyro, accelerometer, tilt):
 knobs = (gyro_bias, accelerometer_bias, initial_tilt)
 pn.Column(
     "# Strapdown without help",
-    pn.Row(*knobs),
+    pn.FlexBox(*knobs),
     pn.bind(without_gps, *(knob.param.value_throttled for knob in knobs)),
 ).servable()
 

@@ -37,6 +37,7 @@ from lab.views.allan import AllanFigures
 hv.extension("bokeh", inline=pn.config.inline)
 plots.follow_theme()
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 NO_LONG_DRAWS = {"instability": False, "flicker": False, "walk": False}  # white noise only
@@ -136,13 +137,13 @@ def deviation(noise, flicker, random_walk):
     records = rest.simulate(sensors, seed=1)
     figures.show(sensors, {triad: allan.deviation(one.rates, one.dt) for triad, one in records.items()})
     plots.follow_theme(*figures.figures)
-    return pn.Row(*(pn.pane.Bokeh(figure, width=480, height=320) for figure in figures.figures))
+    return pn.FlexBox(*(pn.pane.Bokeh(figure, width=360, height=320) for figure in figures.figures))
 
 
 knobs = (noise, flicker, random_walk)
 page = pn.Column(
     "# Allan deviation of a sensor at rest",
-    pn.Row(*knobs),
+    pn.FlexBox(*knobs),
     pn.bind(deviation, *(knob.param.value_throttled for knob in knobs)),
 )
 page.servable()

@@ -36,6 +36,7 @@ from lab.navigation.error_models import PHI
 hv.extension("bokeh")
 plots.follow_theme()
 pn.extension()
+plots.fit_phones()
 
 experiment = Experiment(mission="los_angeles", seed=1)
 experiment.trajectory.imu_rate = 20  # Hz: Python takes a while for each sample

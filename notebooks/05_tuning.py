@@ -28,6 +28,7 @@ import panel as pn
 from lab import Experiment, check, plots
 
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 experiment = Experiment(mission="los_angeles", seed=1)
@@ -208,7 +209,7 @@ def bound(view):
 
 pn.Column(
     "# Tuning",
-    pn.Row(r, q, p0),
+    pn.FlexBox(r, q, p0),
     bound(lambda result: f"**Verdict:** {result.verdict}"),
     bound(lambda result: f"**From the innovations alone:** {result.innovation_verdict}"),
     pn.Tabs(

@@ -31,6 +31,7 @@ from lab import Experiment, check, compare, plots
 hv.extension("bokeh", inline=pn.config.inline)
 plots.follow_theme()
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 MODELS = ("phi", "psi", "invariant", "nonlinear")
@@ -213,7 +214,7 @@ def show(view):
 
 pn.Column(
     "# Error models",
-    pn.Row(model, off, bias, position),
+    pn.FlexBox(model, off, bias, position),
     show(lambda run: f"**Verdict:** {run.verdict}"),
     pn.Tabs(("Errors", show(plots.errors)), ("σ", show(plots.covariance)), dynamic=True),
 ).servable()

@@ -31,6 +31,7 @@ from lab.views.budget import BudgetFigures
 from lab.views.figures import TimeAxis
 
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 experiment = Experiment(mission="montreal", seed=1)
@@ -250,7 +251,7 @@ def show(view):
 
 pn.Column(
     "# A minute without GPS",
-    pn.Row(begin, seconds, density, smoother),
+    pn.FlexBox(begin, seconds, density, smoother),
     pn.Tabs(
         ("Errors", show(plots.errors)),
         ("σ", show(plots.covariance)),

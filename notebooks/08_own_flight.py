@@ -30,6 +30,7 @@ from lab import Experiment, MissionError, check, mission, plots
 from lab.missions import prepare_import
 
 pn.extension()
+plots.fit_phones()
 folder = Path(tempfile.mkdtemp())
 
 # %% [markdown]
@@ -217,7 +218,7 @@ def show(view):
 
 pn.Column(
     "# My flight",
-    pn.Row(density, variance, seconds),
+    pn.FlexBox(density, variance, seconds),
     pn.Tabs(("Errors", show(plots.errors)), ("Ground track", show(plots.ground_track)), dynamic=True),
 ).servable()
 

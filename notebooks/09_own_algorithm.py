@@ -30,6 +30,7 @@ from lab.navigation import strapdown
 from lab.navigation.algorithm import AlgorithmError
 
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 experiment = Experiment(mission="los_angeles", seed=1)
@@ -266,7 +267,7 @@ def show(view):
 
 pn.Column(
     "# A navigator with fixed gains",
-    pn.Row(position, velocity, tilt),
+    pn.FlexBox(position, velocity, tilt),
     pn.Tabs(
         ("Errors", show(plots.errors)),
         ("Table", show(lambda result: result.summary)),

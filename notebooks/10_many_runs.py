@@ -30,6 +30,7 @@ from lab import Experiment, check, plots, run_ensemble
 hv.extension("bokeh", inline=pn.config.inline)
 plots.follow_theme()
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 experiment = Experiment(mission="los_angeles", seed=1)
@@ -81,7 +82,7 @@ def over_time(ensemble):
         drawn.append(
             curve.opts(width=330, height=260, show_grid=True, ylabel="", title=title, fontsize={"title": 10})
         )
-    return hv.Layout(drawn).opts(shared_axes=False)
+    return hv.Layout(drawn).cols(plots.columns(3)).opts(shared_axes=False)
 
 
 over_time(matched)
@@ -206,7 +207,7 @@ def watched(count, q, r):
 
 
 knobs = (knob.param.value_throttled for knob in (count, q, r))
-pn.Column("# Many runs", pn.Row(count, q, r), pn.bind(watched, *knobs)).servable()
+pn.Column("# Many runs", pn.FlexBox(count, q, r), pn.bind(watched, *knobs)).servable()
 
 # %% [markdown]
 # ## Where to go next

@@ -37,6 +37,7 @@ from lab.live.simulated_flight import SimulatedFlight
 from lab.views.live_figures import LiveFigures
 
 pn.extension()
+plots.fit_phones()
 pd.set_option("display.max_colwidth", None)
 
 # %% [markdown]
@@ -167,7 +168,7 @@ figures.show(state, 120.0)
 plots.follow_theme(*figures.figures)
 for figure in figures.figures:
     figure.update(sizing_mode="fixed", width=330, height=230)
-pn.GridBox(*figures.figures[2:], ncols=3).servable()
+pn.FlexBox(*figures.figures[2:]).servable()
 
 # %% [markdown]
 # ## 6. Keep it

@@ -12,13 +12,17 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Thread
 from typing import Any
+from urllib.request import Request, urlopen
 
 import jupytext
 import panel as pn
 import pytest
 from bokeh.client import pull_session
+from bokeh.document import Document
+from bokeh.models import GridPlot, Row
 from bokeh.models.plots import Plot
 from bokeh.models.widgets.sliders import AbstractSlider
+from bokeh.util.token import get_session_id
 from jupyter_client.manager import KernelManager
 from nbclient import NotebookClient
 from nbformat import NotebookNode
@@ -96,13 +100,28 @@ def apps() -> Iterator[str]:
             server.kill()  # a server in the middle of a session may put off a polite request for ever
 
 
-def test_a_notebook_is_an_app_for_panel_serve(notebook: Path, apps: str) -> None:
+def _open_on_a_phone(address: str) -> tuple[str, Document]:
+    """Return the page that a phone gets, and the document of its session."""
+    phone = Request(address, headers={"User-Agent": "Mozilla/5.0 (Linux; Android 14) Chrome/120 Mobile"})
+    with urlopen(phone, timeout=SECONDS) as answer:
+        page = answer.read().decode()
+    token = re.findall(r'"token":\s*"([^"]+)"', page)[0]
+    return page, pull_session(session_id=get_session_id(token), url=address).document
+
+
+def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, apps: str) -> None:
     # In a thread: a browser of other tests may keep an event loop running in this one.
     with ThreadPoolExecutor(1) as thread:
-        page = thread.submit(pull_session, url=f"{apps}/{notebook.stem}").result().document
-    sliders = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
-    figures = list(page.select({"type": Plot}))
+        page, document = thread.submit(_open_on_a_phone, f"{apps}/{notebook.stem}").result()
+    sliders = {str(slider.title) for slider in document.select({"type": AbstractSlider})}
+    figures = list(document.select({"type": Plot}))
     assert len(sliders) >= 3 or len(figures) >= 3
+    assert '<meta name="viewport" content="width=device-width' in page  # else a phone shrinks 980 px
+    assert not list(document.select({"type": Row})), "a row is wider than a phone"
+    for grid in document.select({"type": GridPlot}):
+        assert {column for _, _, column, *_ in grid.children} == {0}
+    fixed = [plot.width for plot in figures if plot.sizing_mode in {None, "fixed"}]
+    assert max(fixed, default=0) <= 390  # the width of a usual phone [px]
 
 
 def test_the_filter_that_is_written_openly_is_the_compiled_one() -> None:

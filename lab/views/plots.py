@@ -13,6 +13,7 @@ import holoviews as hv
 import numpy as np
 import panel as pn
 from bokeh.plotting import figure
+from jinja2 import Environment
 
 from lab.views import notebook_theme
 from lab.views.envelope import envelope, limits, thin_path
@@ -54,6 +55,28 @@ BUCKETS = 300
 """Number of intervals to which each curve is thinned: one for each pixel of a plot of this width."""
 
 
+APP_PAGE = Environment().from_string(
+    """
+{% extends base %}
+{% block preamble %}{{ super() }}
+<meta name="viewport" content="width=device-width, initial-scale=1">
+{% endblock %}
+"""
+)
+"""Panel's plain page with the line without which a phone shrinks a page of 980 px to its width."""
+
+
+def fit_phones() -> None:
+    """Have the page be as wide as a phone, when ``panel serve`` shows the notebook as an app."""
+    if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
+        pn.state.curdoc.template = APP_PAGE
+
+
+def columns(wide: int) -> int:
+    """Return the number of plots in a row: one on a phone, when a server shows the app; otherwise `wide`."""
+    return 1 if "Mobi" in pn.state.headers.get("User-Agent", "") else wide
+
+
 def follow_theme(*figures: figure) -> None:
     """Have plots that a notebook draws itself turn dark with JupyterLab, as those here do.
 
@@ -71,36 +94,36 @@ def follow_theme(*figures: figure) -> None:
 
 def errors(result: Result) -> hv.Layout:
     """Return position, velocity and attitude errors with ±3σ, three in a row."""
-    return _layout(result, ERRORS, columns=3)
+    return _layout(result, ERRORS, wide=3)
 
 
 def covariance(result: Result) -> hv.Layout:
     """Return σ of all states over time, on logarithmic axes."""
-    return _layout(result, with_scale(result, COVARIANCE, SCALE_COVARIANCE), columns=3)
+    return _layout(result, with_scale(result, COVARIANCE, SCALE_COVARIANCE), wide=3)
 
 
 def sensor_errors(result: Result) -> hv.Layout:
     """Return estimated errors of the sensors with ±3σ, the true ones, and the temperature if any."""
     plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS) + further_plots(result.blocks)
-    return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), columns=3)
+    return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), wide=3)
 
 
 def innovations(result: Result) -> hv.Layout:
     """Return position and velocity innovations with ±2σ, and below them their autocorrelation."""
     plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
-    return hv.Layout(plots).cols(3).opts(shared_axes=True)
+    return hv.Layout(plots).cols(columns(3)).opts(shared_axes=True)
 
 
 def consistency(result: Result) -> hv.Layout:
     """Return NEES and NIS with their 95 % intervals, and the innovations in their σ; NIS alone for a log."""
     known = [plot for plot in CONSISTENCY if plot.name != "nees" or not result.lacks("consistency")]
-    return _layout(result, known, columns=2)
+    return _layout(result, known, wide=2)
 
 
 def height(result: Result) -> hv.Layout:
     """Return height and vertical velocity (true, estimated, of the fixes), and the height error."""
-    return _layout(result, HEIGHT, columns=1).opts(hv.opts.Overlay(width=2 * WIDTH))
+    return _layout(result, HEIGHT, wide=1).opts(hv.opts.Overlay(width=2 * WIDTH))
 
 
 def ground_track(result: Result) -> hv.Overlay:
@@ -140,8 +163,9 @@ def ground_track(result: Result) -> hv.Overlay:
     )
 
 
-def _layout(result: Result, plots: Sequence[TimePlot], columns: int) -> hv.Layout:
-    return hv.Layout([_time_plot(result, plot) for plot in plots]).cols(columns).opts(shared_axes=True)
+def _layout(result: Result, plots: Sequence[TimePlot], wide: int) -> hv.Layout:
+    drawn = hv.Layout([_time_plot(result, plot) for plot in plots])
+    return drawn.cols(columns(wide)).opts(shared_axes=True)
 
 
 def _time() -> hv.Dimension:
