@@ -14,7 +14,7 @@ from dashboards.devices import STATIONS
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.visitors import may_edit
 from lab.live.raw_recording import SUFFIX
-from lab.live.unfinished import discard, unfinished
+from lab.live.unfinished import UnfinishedRecordings, discard
 from lab.missions import own_folder
 
 LOOK = 2000
@@ -42,6 +42,7 @@ class UnfinishedPart:
 
     def __init__(self, make: Callable[[Path, str], None], say: Callable[[str], None]) -> None:
         self._make, self._say = make, say
+        self._kept = UnfinishedRecordings()
         self._taken: set[Path] = set()  # of which missions are being made
         self._document = pn.state.curdoc
         self._periodic: Any = None
@@ -84,7 +85,7 @@ class UnfinishedPart:
             return
         found = {
             _described(path): path
-            for path in unfinished(own_folder(), STATIONS.recordings())
+            for path in self._kept.found(own_folder(), STATIONS.recordings())
             if path not in self._taken
         }
         if found != self._choice.options:
