@@ -262,8 +262,12 @@ def simulate(
     jitter: Annotated[float, typer.Option("--jitter", metavar="MS", help="Mean delay of the sending.")] = 0.0,
     drift: Annotated[float, typer.Option("--drift", metavar="PPM", help="Error of its clock.")] = 0.0,
     axes: Annotated[str, typer.Option("--axes", metavar="AXES", help="How it is mounted: y,x,-z.")] = "x,y,z",
+    assignments: Assignments = None,
 ) -> None:
-    """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed."""
+    """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed.
+
+    The settings are those of the sensors: --set sensors.heading.fitted=true sends headings too.
+    """
     from lab.live.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
     from lab.live.simulated_device import Misbehaviour, SimulatedDevice  # noqa: PLC0415
     from lab.live.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
@@ -276,7 +280,10 @@ def simulate(
     _check(rest, 0, 3600, "--rest", "s")
     with working(mission):
         link = link_of(to)
-        flight = SimulatedFlight.of(mission, rate, sensor=card, seed=seed, rest=rest, axes=AxisMap.of(axes))
+        flight = SimulatedFlight.of(
+            mission, rate, sensor=card, seed=seed, rest=rest, axes=AxisMap.of(axes),
+            assignments=assignments or (),
+        )  # fmt: skip
         sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
     with interrupted() as pressed, sender:
         print(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -77,6 +77,7 @@ class SimulatedFlight:
         rest: float = 0.0,
         settings: Mapping[str, Any] | None = None,
         axes: AxisMap | None = None,
+        assignments: Sequence[str] = (),
     ) -> SimulatedFlight:
         """Simulate a mission with a sensor card.
 
@@ -96,6 +97,8 @@ class SimulatedFlight:
             Further settings of the experiment.
         axes
             How the device is mounted.
+        assignments
+            Further settings as ``path=value``.
 
         Raises
         ------
@@ -110,6 +113,7 @@ class SimulatedFlight:
                 card(sensor).load(experiment)
             experiment.set("trajectory.imu_rate", rate)
             experiment.update(dict(settings or {}))
+            experiment.set_texts(assignments)
             return cls._of(experiment.run(), rate, axes or AxisMap())
 
     def timed(self) -> tuple[NDArray[np.void], NDArray[np.void]]:

@@ -165,6 +165,7 @@ def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
         (["simulate", "montreal", "--corruption", "2"], ["--corruption 2", "0 to 0.1"]),
         (["simulate", "pacific", "--rest", "10"], ["begins at 83 m/s"]),
         (["simulate", "montreal", "--axes", "x,y,-z"], ["mirror image"]),
+        (["simulate", "montreal", "--set", "sensors.heading.fited=true"], ["fited", "fitted"]),
         (["sail"], ["no command 'sail'", "list, watch, record, navigate, simulate"]),
     ],
 )
