@@ -38,9 +38,7 @@ def recording(path: Path, flight: SimulatedFlight, device: str) -> Path:
     fixes = readings = 0
     for end in range(10, round(END * flight.rate), 10):
         now = float(imu["time"][end - 1])
-        due, come = (
-            int(np.searchsorted(rows["time"], now - 0.15)) for rows in (flight.fix, flight.reading)
-        )
+        due, come = (int(np.searchsorted(rows["time"], now - 0.15)) for rows in (flight.fix, flight.reading))
         data = encoder.encode(imu[end - 10 : end], flight.fix[:0])
         data += encoder.encode(imu[:0], flight.fix[fixes:due]) if due > fixes else b""
         data += encoder.encode_readings(flight.reading[readings:come]) if come > readings else b""

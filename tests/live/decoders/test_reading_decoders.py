@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 from live_streams import decoded
-from pynmeagps import NMEAMessage
+from pynmeagps import NMEAMessage, NMEAReader
 from pyubx2 import GET, UBXMessage, UBXReader
 
 from lab.live.decoders.catalogue import ENCODERS, decoder_of
@@ -111,3 +111,38 @@ def test_a_text_line_that_repeats_a_speed_is_no_new_reading() -> None:
     speed, heading = (found.reading[name] for name in ("speed", "heading"))
     np.testing.assert_allclose(speed[np.isfinite(speed)], np.arange(36, 40) / 3.6)
     np.testing.assert_allclose(np.degrees(heading[np.isfinite(heading)]), [90, 91])
+
+
+def test_pyubx2_reads_the_speeds_that_the_encoder_writes() -> None:
+    speeds = (0.0, 12.345, -3.2, 83.111)
+    sent = rows(time=7.2 + 0.2 * np.arange(4), speed=speeds)
+    for row, speed in zip(sent, speeds, strict=True):
+        found = UBXReader.parse(ENCODERS["ublox"]().encode_readings(row[None]))
+        assert (found.identity, found.numMeas, found.dataType_01) == ("ESF-MEAS", 1, 11)
+        word = found.dataField_01
+        assert (word - 2**24 if word & 2**23 else word) * 1e-3 == pytest.approx(speed, abs=1e-9)
+        assert found.timeTag == round(1e3 * row["time"])
+
+
+@pytest.mark.parametrize("device", ["nmea", "vectornav", "xsens", "mip"])
+def test_pynmeagps_reads_the_headings_that_encoders_write(device: str) -> None:
+    data = ENCODERS[device]().encode_readings(rows(heading=np.radians(HEADINGS)))
+    found = [NMEAReader.parse(line + b"\n") for line in data.splitlines()]
+    assert [one.msgID for one in found] == ["HDT"] * len(HEADINGS)
+    np.testing.assert_allclose([one.headingT for one in found], HEADINGS, atol=5e-5)
+
+
+def test_pymavlink_reads_the_yaw_and_the_wheels_that_the_encoder_writes() -> None:
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    time = 4.0 + 0.2 * np.arange(5)
+    sent = rows(time=time, heading=np.radians(HEADINGS), speed=[3.0, 5.0, 4.0, 0.0, -2.0])
+    found = dialect.MAVLink(None).parse_buffer(ENCODERS["mavlink"]().encode_readings(sent))
+    antennas, wheels = (
+        [one for one in found if one.get_type() == name] for name in ("GPS2_RAW", "WHEEL_DISTANCE")
+    )
+    assert [one.yaw for one in antennas] == [36_000, 8_999, 18_000, 27_050, 35_999]
+    assert {one.fix_type for one in antennas} == {1}  # its position must not be taken
+    np.testing.assert_allclose([one.time_usec * 1e-6 for one in (*antennas, *wheels)], [*time, *time])
+    # The distance is the integral of a speed that is linear between the readings.
+    np.testing.assert_allclose([one.distance[0] for one in wheels], [0.0, 0.8, 1.7, 2.1, 1.9], atol=1e-9)
+    assert {one.count for one in wheels} == {1}
