@@ -22,6 +22,7 @@ from lab.settings import SettingError
 
 if TYPE_CHECKING:
     from lab.live.live_state import LiveState
+    from lab.live.simulated_device import SimulatedDevice
     from lab.live.source import Source
     from lab.live.source_status import Status
 
@@ -155,9 +156,16 @@ def record(
     folder = out or own_folder()
     if (folder / name).exists():
         raise CommandError(f"{folder / name} exists; accepted is a new name")
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}{SUFFIX}"
-    with _opened(source, lambda opened: opened.record(path)) as (opened, go_on):
+
+    def begin(opened: Source) -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandError(f"{folder}: cannot be made: {error.strerror or error}") from error
+        opened.record(path)
+
+    with _opened(source, begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -285,7 +293,7 @@ def simulate(
             assignments=assignments or (),
         )  # fmt: skip
         sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
-    with interrupted() as pressed, sender:
+    with interrupted() as pressed, _started(sender, to):
         print(
             f"Sending {counted(len(flight.imu), 'sample')}; open it with: "
             f"ins-lab live watch {sender.address}",
@@ -295,6 +303,21 @@ def simulate(
             pass
     lost = f"; nobody read {counted(sender.refused, 'byte')}" if sender.refused else ""
     print(f"{counted(sender.sent, 'sample')} sent, at most {sender.latest:.3f} s late{lost}")
+
+
+@contextmanager
+def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
+    """Let a simulated device send; refuse a line that cannot be made."""
+    from lab.live.cause import cause_of  # noqa: PLC0415 - help does not need it
+
+    try:
+        sender.start()
+    except OSError as error:
+        raise CommandError(f"--to {to}: {cause_of(error)}") from error
+    try:
+        yield
+    finally:
+        sender.close()
 
 
 @contextmanager

@@ -171,3 +171,22 @@ def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
 )
 def test_mistakes_are_answered_with_what_is_accepted(arguments: list[str], words: list[str]) -> None:
     refused(ask("live", *arguments), *words)
+
+
+def test_a_device_that_cannot_send_says_where_and_why() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        to = f"tcp:{taken.getsockname()[1]}"
+        refused(
+            ask("live", "simulate", "rest", "--to", to), f"--to {to}: another program listens on this port"
+        )
+    nobody = "udp:nobody.invalid:5555"
+    refused(ask("live", "simulate", "rest", "--to", nobody), f"--to {nobody}: no computer with this name")
+
+
+def test_a_recording_that_never_began_leaves_no_folder_and_names_one_that_cannot_be(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    refused(ask("live", "record", "replay:nowhere.inslab", "drive", "--out", str(folder)), "nowhere.inslab")
+    assert not folder.exists()
+    (tmp_path / "file").write_text("")
+    folder = tmp_path / "file" / "new"
+    refused(ask("live", "record", "udp:5599", "drive", "--out", str(folder)), f"{folder}: cannot be made")
