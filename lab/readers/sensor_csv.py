@@ -20,8 +20,9 @@ from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import SensorLog, repaired
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import IGNORED, QUANTITIES
-from lab.readers.sheet import Sheet, as_utf8, layout_of, read_sheet
+from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
+from lab.readers.sheet_blocks import in_time_order, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
 from lab.readers.sheet_fixes import Fixes, fixes_of
 from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
@@ -95,7 +96,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
         course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2, columns=places,
-        rows_read=len(gnss.time), remarks=(*fixes.remarks, SEA_LEVEL),
+        rows_read=len(gnss.time), remarks=(*_of_rows(sheets), *fixes.remarks, SEA_LEVEL),
     ).flight()  # fmt: skip
     return replace(flight, units=tuple(columns.values()))
 
@@ -159,10 +160,14 @@ def read_logs(
             raise MissionError(_with_report(error, imu, fixes)) from None
         imu = other
     unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
-    remarks = [*imu.remarks, *fixes.remarks]
+    remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks]
     if unread:
         remarks.append(f"Columns not read: {', '.join(unread)}.")
     return replace(log, repairs=(*remarks, *log.repairs))
+
+
+def _of_rows(sheets: Sequence[Sheet]) -> list[str]:
+    return [remark for sheet in sheets for remark in sheet.remarks]
 
 
 def _with_report(error: MissionError, imu: Imu, fixes: Fixes) -> str:
@@ -180,16 +185,14 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
         If a file cannot be read, or a person names a column that no file has.
     """
     overrides = {heading: _override(text) for heading, text in units.items()}
-    sheets = []
+    sheets: list[Sheet] = []
     for path in paths:
         data = whole(path, MAX_BYTES)
         for name, text in _members(path, data):
             try:
-                sheet = read_sheet(name, as_table(as_utf8(text)), overrides)
+                sheets += read_sheets(name, as_table(as_utf8(text)), overrides)
             except MissionError as error:
                 raise MissionError(f"{path}: {error}") from error
-            if sheet is not None:
-                sheets.append(sheet)
     headings = [text for one in sheets for text in (*(known.text for known in one.headings), *one.unknown)]
     refuse_unknown(", ".join(map(str, paths)), units, headings)
     if not any(len(sheet) for sheet in sheets):
@@ -197,7 +200,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
             f"{', '.join(map(str, paths))}: no header with known columns and rows of numbers below it found; "
             f"accepted are columns of {', '.join(QUANTITIES)}"
         )
-    return sheets
+    return [in_time_order(sheet) for sheet in one_recording(sheets)]
 
 
 def names_quantity(text: str) -> bool:

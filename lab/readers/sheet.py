@@ -2,7 +2,7 @@
 
 Cells are separated by commas, semicolons, tabs, ``|`` or blanks; numbers may have decimal commas. The text is
 UTF-8, UTF-16 or Latin; the header is the line, among the first hundred, whose headings name the most
-quantities.
+quantities. A file may have several tables, each under its own header (`lab.readers.sheet_blocks`).
 """
 
 from __future__ import annotations
@@ -12,15 +12,21 @@ import io
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading, given_heading, heading_of, unit_of
-from lab.readers.sheet_cells import angles_of_cells, numbers_of_cells, signs_of_sides
-from lab.readers.stamps import seconds_of_texts
+from lab.readers.sheet_cells import (
+    angles_of_cells,
+    are_decimal_commas,
+    numbers_of_cells,
+    signs_of_sides,
+    without_placeholders,
+)
+from lab.readers.stamps import is_date_in_digits, seconds_of_texts
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 
@@ -29,6 +35,8 @@ FloatArray = NDArray[np.float64]
 _DELIMITERS = (",", ";", "\t", "|", " ")
 _MAX_HEADER_LINE = 100
 """Last line on which the header may stand."""
+HEAD = 2**18
+"""Bytes in which the header is looked for."""
 _MAX_LINE = 65_536
 """Characters of a line in which a header is looked for."""
 _MAX_COLUMNS = 1000
@@ -44,6 +52,8 @@ _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN",
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _COORDINATES = ("latitude", "longitude")
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
+_MINUS = re.compile(rb"\xe2\x88\x92|\xe2\x80\x93(?=[\d.])")
+"""The minus sign of typesetters, and a dash before a number."""
 
 Overrides = Mapping[str, str]
 """What a person says of columns, by heading: a quantity with its unit, as `given_heading` reads it."""
@@ -66,6 +76,12 @@ class Sheet:
         The first cell of time stamps that are text, by heading.
     unknown : tuple of str
         Headings of columns that are not read.
+    odd_stamps : dict
+        The first cell of time stamps that are not understood, by heading.
+    restarts : tuple of int
+        Rows before which the header is repeated.
+    remarks : tuple of str
+        The report on its rows.
     """
 
     name: str
@@ -73,6 +89,9 @@ class Sheet:
     columns: tuple[FloatArray, ...]
     texts: Mapping[str, str]
     unknown: tuple[str, ...]
+    odd_stamps: Mapping[str, str] = field(default_factory=dict)
+    restarts: tuple[int, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -86,7 +105,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class Layout:
     """Where the header stands, and what is in it."""
 
     line: int
@@ -101,7 +120,14 @@ class _Layout:
 
 
 def as_utf8(data: bytes) -> bytes:
-    """Return a text in UTF-8, whatever it was written in."""
+    """Return a text in UTF-8 with plain ends of lines and signs, whatever it was written in."""
+    data = _decoded(data)
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    return _MINUS.sub(b"-", data)
+
+
+def _decoded(data: bytes) -> bytes:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", "replace").encode()
     head = data[:_LOOKED_AT]
@@ -115,7 +141,7 @@ def as_utf8(data: bytes) -> bytes:
     return data
 
 
-def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> _Layout | None:
+def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> Layout | None:
     """Return the header of a csv; None if no line names a quantity.
 
     Parameters
@@ -129,7 +155,7 @@ def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> _La
     """
     if overrides and all(one.isdigit() for one in overrides):
         return _numbered(head, overrides)
-    best: _Layout | None = None
+    best: Layout | None = None
     for place, line in enumerate(head.split(b"\n", _MAX_HEADER_LINE)[:_MAX_HEADER_LINE]):
         text = line[:_MAX_LINE].decode("utf-8", "replace").strip("\r")
         if not re.search("[A-Za-z]", text):
@@ -140,7 +166,7 @@ def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> _La
             cells = _cells(text, delimiter)
             if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
                 continue
-            layout = _Layout(place, delimiter, cells, _known(cells, name, overrides or {}))
+            layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}))
             if best is None or layout.worth > best.worth:
                 best = layout
     return best if best is not None and best.worth else None
@@ -163,21 +189,43 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
     MissionError
         If a person names a quantity or unit that is not accepted, or the rows cannot be read.
     """
-    layout = layout_of(data[: 2**18], name, overrides)
+    layout = layout_of(data[:HEAD], name, overrides)
     if layout is None:
         return None
     start = 0
     for _ in range(layout.line + 1):
         start = data.find(b"\n", start) + 1
-    if not start and layout.line >= 0:
-        return None
-    units, start = _units_below(data, start, layout)
+    return None if not start and layout.line >= 0 else sheet_below(name, data[start:], layout)
+
+
+def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
+    """Return the columns of the rows below a header.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    data
+        The rows, in UTF-8; the first may hold units.
+    layout
+        What the header says.
+
+    Raises
+    ------
+    MissionError
+        If the rows cannot be read.
+    """
+    units, start = _units_below(data, layout)
     places = [place for place, known in enumerate(layout.known) if known is not None]
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
                 if (known := layout.known[place]) is not None]  # fmt: skip
     places, headings = _in_two(places, headings)
     columns, texts = _numbers(name, data[start:], layout, places, headings)
     columns, headings = _on_their_side(columns, headings)
+    columns = [
+        values if one.quantity in _TIMES else without_placeholders(values)
+        for one, values in zip(headings, columns, strict=True)
+    ]
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
     return Sheet(
         name=name,
@@ -187,6 +235,7 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
         unknown=tuple(
             text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
         ),
+        odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
     )
 
 
@@ -212,7 +261,7 @@ def _on_their_side(
     return [columns[i] for i in kept], [headings[i] for i in kept]
 
 
-def _numbered(head: bytes, overrides: Overrides) -> _Layout | None:
+def _numbered(head: bytes, overrides: Overrides) -> Layout | None:
     """Return the layout of a csv without a header whose columns a person names by their numbers, from 1."""
     lines = [line.decode("utf-8", "replace").strip() for line in head.split(b"\n")[:_MAX_HEADER_LINE]]
     for place, text in enumerate(lines):
@@ -223,7 +272,7 @@ def _numbered(head: bytes, overrides: Overrides) -> _Layout | None:
                 known = tuple(
                     given_heading(overrides[one], one) if one in overrides else None for one in names
                 )
-                return _Layout(place - 1, delimiter, names, known)
+                return Layout(place - 1, delimiter, names, known)
     return None
 
 
@@ -269,21 +318,24 @@ def _corrected(cell: str, text: str, name: str) -> Heading | None:
     return replace(known, unit=unit)
 
 
-def _units_below(data: bytes, start: int, layout: _Layout) -> tuple[dict[int, str], int]:
-    """Return units by column if the row below the header holds them, and where the rows begin."""
-    end = data.find(b"\n", start)
-    cells = _cells(
-        data[start : end if end > 0 else len(data)].decode("utf-8", "replace").strip("\r"), layout.delimiter
-    )
+def _units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
+    """Return units by column if the first row that is not empty holds them, and where the rows begin."""
+    start = end = 0
+    cells: tuple[str, ...] = ()
+    while not any(cells) and end >= 0 and start < len(data):
+        end = data.find(b"\n", start)
+        line = data[start : end if end >= 0 else len(data)]
+        cells = _cells(line.decode("utf-8", "replace").strip("\r"), layout.delimiter)
+        start = end + 1
     units = {}
     for place, known in enumerate(layout.known[: len(cells)]):
         if known is not None and cells[place] and known.kind and (unit := unit_of(known.kind, cells[place])):
             units[place] = unit
-    return (units, end + 1) if units and end > 0 else ({}, start)
+    return (units, start) if units and end >= 0 else ({}, 0)
 
 
 def _numbers(
-    name: str, data: bytes, layout: _Layout, places: list[int], headings: list[Heading]
+    name: str, data: bytes, layout: Layout, places: list[int], headings: list[Heading]
 ) -> tuple[list[FloatArray], dict[int, str]]:
     """Return the known columns as numbers, and the first cell of those that were text."""
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
@@ -297,19 +349,24 @@ def _numbers(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pd.errors.ParserWarning)
         try:
+            if _has_dates_in_digits(data, layout, places, headings):
+                raise ValueError  # noqa: TRY301 - doubles do not hold their fractions
             frame = pd.read_csv(io.BytesIO(data), dtype=np.float64, na_values=list(_NO_NUMBER), **how)
             return [frame[place].to_numpy() for place in places], {}
         except (ValueError, OverflowError, pd.errors.ParserError):
             pass
         parts: list[list[FloatArray]] = [[np.empty(0)] for _ in places]
         texts: dict[int, str] = {}
+        separates: bool | None = None
         try:
             for chunk in pd.read_csv(
                 io.BytesIO(data), dtype=object, na_filter=False, chunksize=_CHUNK, **how
             ):
-                for i, place in enumerate(places):
-                    cells = chunk[place].astype(str)
-                    numbers, unit = _parsed(cells, headings[i].quantity, layout.delimiter == ",", i, texts)
+                written = [chunk[place].astype(str).str.strip().str.strip("\"'") for place in places]
+                if separates is None:
+                    separates = layout.delimiter == "," and not are_decimal_commas(written)
+                for i, cells in enumerate(written):
+                    numbers, unit = _parsed(cells, headings[i].quantity, separates, i, texts)
                     parts[i].append(numbers)
                     unit = unit_of(headings[i].kind, unit) if unit and headings[i].kind else ""
                     headings[i] = replace(headings[i], unit=headings[i].unit or unit)
@@ -322,18 +379,25 @@ def _parsed(
     cells: Any, quantity: str, comma_separates: bool, place: int, texts: dict[int, str]
 ) -> tuple[FloatArray, str]:
     """Return the numbers of a column of texts, times that are no numbers as seconds; and their unit."""
-    cells = cells.str.strip().str.strip("\"'")
     if quantity == "side":
         return signs_of_sides(cells), ""
     numbers, unit = numbers_of_cells(cells, comma_separates)
     if quantity in _COORDINATES:
         angles = angles_of_cells(cells, quantity == "longitude")
         return np.where(np.isfinite(angles), angles, numbers), ""
-    if np.isfinite(numbers).mean() > _MOSTLY and place not in texts:
+    first = next((text for text in cells if text), "") if quantity in _TIMES else ""
+    if np.isfinite(numbers).mean() > _MOSTLY and place not in texts and not is_date_in_digits(first):
         return numbers, unit
-    if quantity in _TIMES and (place in texts or not np.isfinite(numbers).any()):
+    if first and (place in texts or not np.isfinite(numbers).any() or is_date_in_digits(first)):
+        texts.setdefault(place, first)
         stamps = seconds_of_texts(list(cells))
         if np.isfinite(stamps).any():
-            texts.setdefault(place, next(text for text in cells if text))
             return stamps, ""
     return numbers, unit
+
+
+def _has_dates_in_digits(data: bytes, layout: Layout, places: list[int], headings: list[Heading]) -> bool:
+    """Return whether a time stamp of the first row is one number with date and time of day."""
+    cells = _cells(data.partition(b"\n")[0].decode("utf-8", "replace"), layout.delimiter)
+    times = (place for place, one in zip(places, headings, strict=True) if one.quantity in _TIMES)
+    return any(is_date_in_digits(cells[place]) for place in times if place < len(cells))

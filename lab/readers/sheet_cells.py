@@ -6,6 +6,7 @@ Loggers write ``245.5 m``, ``51.477928N``, ``2,114.8``, ``12,5`` and, for a plac
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-_THOUSANDS = r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?"
+_THOUSANDS = r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"
 _BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
 _DECIMAL_COMMA = r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"
 _DECORATED = re.compile(r"[^\w+.-]{0,3}\s*([+-]?\d+(?:\.\d*)?)\s*([^\d\s][^\d]{0,6})?")
@@ -31,6 +32,10 @@ _SOUTH_OR_WEST = frozenset("SWsw")
 _NO_PLAIN_NUMBER = re.compile(r"(?i)\d\s*°?\s*[NSEW]|[NSEW]\s*\d|\d[,;\s]+[+-]?\d|\d\s*[°º]")
 """What a column has somewhere whose cells are looked at one by one."""
 _DIGITS = re.compile(r"\d")
+_PLACEHOLDERS = (-999.0, -9999.0, -99_999.0, -999_999.0)
+"""Numbers that loggers write for an unknown value."""
+_APART = 2.0
+"""Distance of such a number from all others, over their range, from which it is none of them."""
 
 
 def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str]:
@@ -67,6 +72,36 @@ def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str
         if found := _DECORATED.fullmatch(cells.iloc[row]):
             numbers[row], unit = float(found[1]), unit or (found[2] or "").strip()
     return numbers, unit
+
+
+def are_decimal_commas(columns: Sequence[Any]) -> bool:
+    """Return whether commas in the quoted cells of a table are decimal, and do not mark thousands.
+
+    Parameters
+    ----------
+    columns : sequence of pandas.Series of str
+        The columns.
+    """
+    found = False
+    for cells in columns:
+        if not cells.str.contains(",", regex=False).any():
+            continue
+        if cells.str.fullmatch(_BOTH_SEPARATORS).any():
+            return False
+        found |= bool((cells.str.fullmatch(_DECIMAL_COMMA) & ~cells.str.fullmatch(_THOUSANDS)).any())
+    return found
+
+
+def without_placeholders(values: FloatArray) -> FloatArray:
+    """Return numbers with NaN for those that stand for an unknown value, such as -9999."""
+    for number in _PLACEHOLDERS:
+        unknown = values == number
+        others = values[~unknown & np.isfinite(values)]
+        if not unknown.any() or not others.size:
+            continue
+        if others.min() - number > _APART * max(float(np.ptp(others)), 1.0):
+            values = np.where(unknown, np.nan, values)
+    return values
 
 
 def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading
 from lab.readers.sheet import Sheet
-from lab.readers.stamps import IS_AMBIGUOUS, over_midnight, seconds_of_digits
+from lab.readers.stamps import (
+    IS_AMBIGUOUS,
+    date_and_clock,
+    is_of_hour,
+    onwards,
+    over_leap_second,
+    seconds_of_digits,
+)
 from lab.readers.unit_names import UNITS
 from lab.units import DAY
 
@@ -33,6 +40,12 @@ _MIN_KNOWN = 0.5
 """Smallest part of the rows in which a time stamp has to be known."""
 _MIN_FORWARD = 0.5
 """Smallest part of the steps that do not go backwards in a column that is time."""
+
+_HOUR = 3600.0
+"""[s]."""
+_DAYS_BEFORE_1970 = {"1900": (25_569.0, 36_526.0, 58_000.0), "year 0": (719_529.0, 730_486.0, 770_000.0)}
+"""Days until 1970 of spreadsheets and of MATLAB, and the first and last that are taken for such: the year
+2000, and 2058 (later numbers are modified Julian days) or 2108."""
 
 _COUNTER = 2.0**32
 """Values of a counter of 32 bits: microseconds begin again after 72 minutes."""
@@ -61,7 +74,7 @@ class Clock(NamedTuple):
     guessed: bool
 
 
-def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = ()) -> Clock | None:
+def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool = True) -> Clock | None:
     """Return the time stamps of a sheet; None if no column has them.
 
     Parameters
@@ -72,37 +85,65 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = ()) -> Clock | No
         Whether its rows are samples of an IMU, and not fixes.
     wanted
         Headings of time stamps that another sheet of the same log has: these are of the same clock.
+    ordered
+        Whether only a column counts that goes forward in most rows.
     """
     seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
-        return Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False)
+        return _leaping(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
     candidates = sheet.all_of("time") + sheet.all_of("clock") + seconds
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
-    dates = sheet.all_of("date")
     for heading, values in candidates:
         known = np.isfinite(values)
         if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:
             continue
-        if (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
+        if ordered and (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
             continue
         if heading.text in sheet.texts:
-            dated = sheet.texts.get(dates[0][0].text, "") if dates else ""
-            order = _order_of(sheet.texts[heading.text]) or _order_of(dated)
-            if dates and values[known].max() < 2 * DAY:
-                # A date that changes at midnight holds the day that `over_midnight` has added.
-                clock = values % DAY if np.ptp(dates[0][1][np.isfinite(dates[0][1])]) > 0 else values
-                return Clock(
-                    dates[0][1] + clock, f"{dates[0][0].text} + {heading.text}", f"text{order}", False
-                )
-            # Cells are read in parts, of which each begins at its own midnight.
-            onwards = over_midnight(values.copy()) if values[known].max() < 2 * DAY else values
-            return Clock(onwards, heading.text, f"text{order}", False)
+            return _of_text(sheet, heading, values)
         if (of_day := seconds_of_digits(values)) is not None:
-            return Clock(of_day, heading.text, "hhmmss", False)
+            return _leaping(Clock(of_day, heading.text, "hhmmss", False), True)
         unit = heading.unit or _guessed_unit(values[known], fast)
-        return Clock(_onwards(values, UNITS["time"][unit]), heading.text, unit, not heading.unit)
+        time = _onwards(values, UNITS["time"][unit])
+        if unit == "days":
+            time, unit = _of_days(values)
+        clock = Clock(time, heading.text, unit, not heading.unit)
+        return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
     return None
+
+
+def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
+    """Return time stamps that are text, with the date in a column beside if there is one."""
+    text = sheet.texts[heading.text]
+    if is_of_hour(text):
+        return Clock(onwards(values.copy(), _HOUR), heading.text, "minutes and seconds", False)
+    dates = sheet.all_of("date")
+    order = _order_of(text) or (_order_of(sheet.texts.get(dates[0][0].text, "")) if dates else "")
+    of_day = bool(np.nanmax(values) < 2 * DAY)
+    if not dates or not of_day:
+        # Cells are read in parts, of which each begins at its own midnight.
+        time = onwards(values.copy(), DAY) if of_day else values
+        return _leaping(Clock(time, heading.text, f"text{order}", False), of_day)
+    date, day = dates[0]
+    changes = np.ptp(day[np.isfinite(day)]) > 0
+    time = date_and_clock(day, values) if changes else day + onwards(values.copy(), DAY)
+    return _leaping(Clock(time, f"{date.text} + {heading.text}", f"text{order}", False), False)
+
+
+def _leaping(clock: Clock, of_day: bool) -> Clock:
+    """Return a clock that counts a leap second, and says so."""
+    time, leaps = over_leap_second(clock.time, of_day)
+    return clock._replace(time=time, unit=f"{clock.unit} with a leap second") if leaps else clock
+
+
+def _of_days(values: FloatArray) -> tuple[FloatArray, str]:
+    """Return times in days as seconds, since 1970 where the count shows it, and what they count from."""
+    size = float(np.nanmedian(values))
+    for start, (before, first, last) in _DAYS_BEFORE_1970.items():
+        if first < size < last:
+            return (values - before) * DAY, f"days since {start}"
+    return _onwards(values, DAY), "days"
 
 
 def _onwards(values: FloatArray, factor: float) -> FloatArray:
@@ -140,7 +181,7 @@ def _order_of(text: str) -> str:
 
 def _guessed_unit(values: FloatArray, fast: bool) -> str:
     size = float(np.median(np.abs(values)))
-    steps = np.diff(values)
+    steps = np.diff(np.sort(values))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if steps.size else 1.0
     for unit in ("ns", "µs", "ms"):
@@ -149,5 +190,5 @@ def _guessed_unit(values: FloatArray, fast: bool) -> str:
             return unit
     if size >= SINCE_1970 and np.ptp(values) < _LONGEST:
         return "s"
-    units = ("s", "ms", "µs", "ns")
+    units = ("s", "ms", "µs", "ns", "days")
     return min(units, key=lambda unit: abs(np.log(step * UNITS["time"][unit] / _USUAL_STEP[fast])))

@@ -14,7 +14,7 @@ from lab.logs.sensor_log import GnssLog, believed_sigma
 from lab.readers.heading_names import SCALARS
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
-from lab.readers.sheet_imu import in_order
+from lab.readers.sheet_imu import in_order, of_odd_stamps
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
@@ -113,8 +113,9 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
         lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
         local = "" if places else _of_local_positions(sheets)
         raise MissionError(
-            f"{names}: no {lacks} found{local}; accepted are headings such as time, latitude, longitude, "
-            "altitude, speed and course, or what the columns are: --column HEADING=latitude[°]"
+            f"{names}: no {lacks} found{local}.{of_odd_stamps(places)} Accepted are headings such as time, "
+            "latitude, longitude, altitude, speed and course, or what the columns are: --column "
+            "HEADING=latitude[°]"
         )
     sheet, clock = min(timed, key=lambda one: _preference(one[0]))
     others = [one.name for one, _ in timed if one is not sheet]

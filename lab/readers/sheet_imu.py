@@ -16,6 +16,7 @@ from lab.earth import STANDARD_GRAVITY
 from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
+from lab.readers.stamps import ACCEPTED
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.units import DEGREE
@@ -78,6 +79,11 @@ class Triad(NamedTuple):
     source: str
 
     @property
+    def place(self) -> str:
+        """The first of its columns, and where it stands."""
+        return f"{self.headings[0].text} of {self.sheet.name}"
+
+    @property
     def report(self) -> str:
         """Sentence about the columns and their unit."""
         names = ", ".join(f"{'-' if one.sign < 0 else ''}{one.text}" for one in self.headings)
@@ -121,9 +127,11 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     force, remarks = _with_gravity(forces, _triads(sheets, "gravity"))
     gyro = _gyro(gyros[0], force)
     time, samples, merged = _merged(gyro, force)
-    if len(gyros) > 1:
-        others = ", ".join(one.headings[0].text for one in gyros[1:])
-        remarks.append(f"Other gyros in the files are not used: {others}.")
+    for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
+        if others := [
+            one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
+        ]:
+            remarks.append(f"Other {what} in the files are not used: {', '.join(others)}.")
     lines = [f"Gyros: {gyro.report}.", f"Accelerometers: {force.report}.", _of_clock(gyro.clock, "IMU")]
     return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
 
@@ -320,13 +328,20 @@ def _span(time: FloatArray) -> str:
     return f"{time.min():.6g} to {time.max():.6g} s" if time.size else "no time"
 
 
+def of_odd_stamps(sheets: Sequence[Sheet]) -> str:
+    """Return a sentence on time stamps that are not understood; empty if there are none."""
+    odd = [f"{text!r} in the column {name}" for one in sheets for name, text in one.odd_stamps.items()]
+    return f" Time stamps are not understood: {', '.join(odd)}; accepted are {ACCEPTED}." if odd else ""
+
+
 def _what_is_missing(sheets: Sequence[Sheet], gyros: bool, forces: bool) -> str:
     missing = [word for word, there in (("gyros", gyros), ("accelerometers", forces)) if not there]
     names = ", ".join(sheet.name for sheet in sheets)
     known = sorted({one.quantity for sheet in sheets for one in sheet.headings})
     unknown = [text for sheet in sheets for text in sheet.unknown][:20]
     untimed = [sheet.name for sheet in sheets if clock_of(sheet, fast=True) is None]
-    timeless = f" {', '.join(untimed)} has no column with time stamps." if untimed else ""
+    timeless = f" No column with time stamps in {', '.join(untimed)}." if untimed else ""
+    timeless = of_odd_stamps(sheets) or timeless
     return (
         f"{names}: no complete {' and '.join(missing)} found (three axes and time stamps). Columns found: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown) or 'none'}.{timeless} "

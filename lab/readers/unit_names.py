@@ -7,10 +7,12 @@ from collections.abc import Collection, Mapping
 
 from lab.earth import STANDARD_GRAVITY
 from lab.recordings.mission_error import MissionError
-from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
+from lab.units import DAY, DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0},
+    "time": {
+        "s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0, "days": DAY,
+    },
     "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "′": DEGREE / 60},
     "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
     "speed": {
@@ -24,7 +26,7 @@ UNITS: dict[str, dict[str, float]] = {
 
 _SPELLINGS = {
     "seconds": "s", "second": "s", "sec": "s", "milliseconds": "ms", "microseconds": "µs", "us": "µs",
-    "minutes": "min", "hours": "h",
+    "minutes": "min", "hours": "h", "day": "days",
     "deg": "°", "degrees": "°", "degree": "°", "radians": "rad", "radian": "rad",
     "metres": "m", "meters": "m", "metre": "m", "meter": "m", "feet": "ft", "foot": "ft",
     "ftmsl": "ft", "ftagl": "ft",

@@ -1,0 +1,178 @@
+"""Sheet blocks: the tables of one file: under headers of their own, or under one that is repeated.
+
+A logger that appends to its file repeats the header at each start; some write the IMU and the receiver below
+each other. Rows under an equal header are one sheet while their time goes on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lab.readers.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
+from lab.readers.sheet_clock import clock_of
+
+_TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
+"""A line that begins with a word."""
+_TIMES = {"time", "seconds", "clock", "date"}
+_MIN_QUANTITIES = 3
+"""Fewest quantities that a further header names: time, and two more."""
+MAX_BLOCKS = 1000
+"""Most headers in a file."""
+_MAX_LATE = 2.0
+"""Displacement of a row in time from which whole rows are sorted [s]; `lab.readers.sheet_imu.in_order` sorts
+what is less."""
+_REGULAR, _SLACK = 0.8, (0.5, 1.5)
+"""Part of the steps between sorted rows that are like the usual step, and which are, in such steps. Of two
+recordings that lie over each other some steps are shorter and some are zero."""
+
+
+def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> list[Sheet]:
+    """Return the tables of a file, those below each other under equal headers as one.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    data
+        Its bytes, in UTF-8.
+    overrides
+        What a person says of columns, by heading.
+
+    Raises
+    ------
+    MissionError
+        If a person names a quantity or unit that is not accepted, or the rows cannot be read.
+    """
+    blocks = _headers(name, data, overrides or {})
+    if len(blocks) < 2:
+        found = read_sheet(name, data, overrides)
+        return [] if found is None else [found]
+    sheets: dict[tuple[str, ...], list[Sheet]] = {}
+    ends = [start for start, _, _ in blocks[1:]] + [len(data)]
+    for (start, below, layout), end in zip(blocks, ends, strict=True):
+        rows = sheet_below(name, data[below:end], layout)
+        if len(rows):
+            line = data.count(b"\n", 0, start) + 1
+            named = replace(rows, name=f"{name} from line {line}" if sheets else name)
+            sheets.setdefault(layout.headings, []).append(named)
+    return [_joined(parts) for parts in sheets.values()]
+
+
+def _headers(name: str, data: bytes, overrides: Overrides) -> list[tuple[int, int, Layout]]:
+    """Return where headers with rows below begin and end, and what they say."""
+    found: list[tuple[int, int, Layout]] = []
+    for match in _TITLED.finditer(data):
+        line = match[0]
+        if len(line) > HEAD or (layout := layout_of(line, name, overrides)) is None or layout.line < 0:
+            continue
+        quantities = {one.quantity for one in layout.known if one is not None}
+        if layout.worth < _MIN_QUANTITIES or not quantities & _TIMES:
+            continue
+        if found and not data[found[-1][1] : match.start()].strip():
+            continue  # a row of units
+        found.append((match.start(), match.end() + 1, layout))
+        if len(found) == MAX_BLOCKS:
+            break
+    return found
+
+
+def _joined(parts: list[Sheet]) -> Sheet:
+    """Return sheets under equal headers as one, with the columns that all of them have."""
+    if len(parts) == 1:
+        return parts[0]
+    texts = [one.text for one in parts[0].headings]
+    common = [
+        text for text in texts if all(text in {one.text for one in part.headings} for part in parts[1:])
+    ]
+    places = [{one.text: place for place, one in enumerate(part.headings)} for part in parts]
+    columns = [
+        np.concatenate([part.columns[place[text]] for part, place in zip(parts, places, strict=True)])
+        for text in common
+    ]
+    return replace(
+        parts[0],
+        headings=tuple(one for one in parts[0].headings if one.text in common),
+        columns=tuple(columns),
+        odd_stamps={text: cell for part in parts for text, cell in part.odd_stamps.items()},
+        restarts=tuple(int(row) for row in np.cumsum([len(part) for part in parts])[:-1]),
+    )
+
+
+def one_recording(sheets: Sequence[Sheet]) -> list[Sheet]:
+    """Return sheets with the rows of the longest of several recordings, where the time begins again.
+
+    Sheets with as many recordings were started together, and have the same one.
+    """
+    starts = [_starts(sheet) for sheet in sheets]
+    chosen: dict[int, int] = {}
+    order = sorted(range(len(sheets)), key=lambda i: not sheets[i].all_of("rate"))
+    for i in order:
+        if len(starts[i]) > 1:
+            lengths = np.diff([*starts[i], len(sheets[i])])
+            chosen.setdefault(len(starts[i]), int(np.argmax(lengths)))
+    return [
+        _cut(sheet, begun, chosen[len(begun)]) if len(begun) > 1 else sheet
+        for sheet, begun in zip(sheets, starts, strict=True)
+    ]
+
+
+def _starts(sheet: Sheet) -> list[int]:
+    """Return the rows at which recordings begin: a header is repeated, and the time is earlier."""
+    starts = [0]
+    if not sheet.restarts:
+        return starts
+    fast = bool(sheet.all_of("rate") or sheet.all_of("force"))
+    clock = clock_of(sheet, fast)
+    time = None if clock is None else clock.time
+    for row in sheet.restarts:
+        if time is None:
+            break
+        before, after = (part[np.isfinite(part)] for part in (time[starts[-1] : row], time[row:]))
+        if before.size and after.size and after[0] < before.max():
+            starts.append(row)
+    return starts
+
+
+def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
+    begin, end = [*starts, len(sheet)][which : which + 2]
+    return replace(
+        sheet,
+        columns=tuple(column[begin:end] for column in sheet.columns),
+        restarts=(),
+        remarks=(
+            f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
+            f"recording {which + 1}, the longest, is read ({end - begin} of {len(sheet)} rows).",
+        ),
+    )
+
+
+def in_time_order(sheet: Sheet) -> Sheet:
+    """Return a sheet with its rows in order of time: they may be reversed, shuffled or of a ring buffer."""
+    clock = clock_of(sheet, bool(sheet.all_of("rate") or sheet.all_of("force")), ordered=False)
+    if clock is None:
+        return sheet
+    known = np.flatnonzero(np.isfinite(clock.time))
+    time = clock.time[known]
+    if time.size < 2 or (np.maximum.accumulate(time) - time).max() <= _MAX_LATE:
+        return sheet
+    # Equal stamps of reversed rows stay reversed.
+    falls = np.diff(time) < 0
+    backwards = not (np.diff(time) > 0).any()
+    order = np.arange(time.size)[::-1] if backwards else np.argsort(time, kind="stable")
+    step = np.diff(time[order])
+    usual = float(np.median(step[step > 0]))
+    regular = (step > _SLACK[0] * usual) & (step < _SLACK[1] * usual)
+    if not backwards and regular.mean() < _REGULAR:
+        return sheet
+    what = "in reverse order" if backwards else f"out of order at {int(falls.sum())} places"
+    rows = known[order]
+    return replace(
+        sheet,
+        columns=tuple(column[rows] for column in sheet.columns),
+        restarts=(),
+        remarks=(*sheet.remarks, f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."),
+    )

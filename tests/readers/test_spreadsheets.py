@@ -1,0 +1,171 @@
+"""The same log as spreadsheets and loggers of other countries write it: stamps, signs, several tables."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from foreign_tables import same, table
+
+from lab.missions import MissionError
+from lab.missions.flight_import import read_log
+from lab.readers.sheet import as_utf8, read_sheet
+from lab.readers.sheet_clock import clock_of
+
+IMU = "time,gyro_x [rad/s],gyro_y [rad/s],gyro_z [rad/s],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]"
+PLACE = "time,latitude,longitude,altitude,vel_n [m/s],vel_e [m/s]"
+NEW_YEAR = 1_483_228_800
+"""Midnight after the leap second at the end of 2016, since 1970 [s]."""
+
+
+def in_utc(since, form):
+    """Return UTC at a time since 23:59:50 of that day, in which 11 s pass until midnight."""
+    if 10 <= since < 11:
+        return moment(NEW_YEAR - 11 + since, form).replace("59:59", "59:60").replace("5959", "5960")
+    return moment(NEW_YEAR - 10 + since - (since >= 10), form)
+
+
+def moment(time, form):
+    return datetime.fromtimestamp(round(time, 3), UTC).strftime(form)
+
+
+UTC_FORMS = {
+    "ISO 8601": ("time", lambda t: in_utc(t, "%Y-%m-%dT%H:%M:%S.%fZ")),
+    "time of day": ("time", lambda t: in_utc(t, "%H:%M:%S.%f")),
+    "date and time": ("date,time", lambda t: in_utc(t, "%d.%m.%Y,%H:%M:%S.%f")),
+    "hhmmss": ("utc", lambda t: in_utc(t, "%H%M%S.%f")),
+    "Unix time that repeats the last second": ("time", lambda t: f"{NEW_YEAR - 10 + t - (t >= 10):.3f}"),
+    "Unix time that repeats the first second": ("time", lambda t: f"{NEW_YEAR - 10 + t - (t >= 11):.3f}"),
+}
+
+
+@pytest.mark.parametrize("name", UTC_FORMS)
+@pytest.mark.parametrize("rate", [1, 10, 100])
+def test_a_leap_second_lasts_a_second(name, rate):
+    heading, write = UTC_FORMS[name]
+    since = np.arange(0, 20, 1 / rate) + 0.25 / rate
+    rows = "".join(f"{write(t)},{t}\n" for t in since)
+    clock = clock_of(read_sheet("a.csv", f"{heading},gyro_x\n{rows}".encode()), fast=rate > 10)
+    np.testing.assert_allclose(np.diff(clock.time), 1 / rate, atol=2e-3)
+    assert "leap second" in clock.unit
+
+
+def test_a_second_is_not_added_at_another_midnight():
+    since = np.arange(-5, 5, 0.1)
+    rows = "".join(f"{1_700_006_400 + t - (t >= 0):.3f},{t}\n" for t in since)
+    clock = clock_of(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=False)
+    assert np.diff(clock.time).min() == pytest.approx(-0.9, abs=1e-3)
+
+
+STAMPS = {
+    "spreadsheet": lambda t: f"{t / 86400 + 25569:.10f}",
+    "MATLAB": lambda t: f"{t / 86400 + 719529:.10f}",
+    "part of the day": lambda t: f"{t / 86400 % 1:.10f}",
+    "minutes and seconds": lambda t: moment(t, "%M:%S.%f"),
+    "digits": lambda t: moment(t, "%Y%m%d%H%M%S.%f"),
+    "digits and ms": lambda t: moment(t, "%Y%m%d%H%M%S%f")[:17],
+    "noon": lambda t: moment(t - 36_000, "%m/%d/%y %I:%M:%S.%f %p"),
+}
+
+
+@pytest.mark.parametrize("name", STAMPS)
+def test_stamps_of_spreadsheets(name):
+    """The hour, or the half of the day, ends during the log."""
+    since = np.arange(0, 20, 0.02)
+    rows = "".join(f"{STAMPS[name](1_700_085_590 + t)},{t}\n" for t in since)
+    clock = clock_of(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=True)
+    np.testing.assert_allclose(clock.time - clock.time[0], since, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("time,lat,alt\n1,\u22125.5,\u22121\n2,\u20135.5,1\n", (-5.5, -1)),
+        ("time,lat,alt\r1,-5.5,-1\r2,-5.5,1\r", (-5.5, -1)),
+        ('time,lat,alt\n"1,5","-5,5","-1,000"\n"2,5","-5,5","1,000"\n', (-5.5, -1)),
+        ('time,lat,alt\n1.5,-5.5,"-1,000.0"\n2.5,-5.5,"1,000.0"\n', (-5.5, -1000)),
+        ("time;lat;alt\n;;\ns;deg;km\n1;-5,5;-1\n2;-5,5;1\n", (-5.5, -1)),
+    ],
+)
+def test_signs_ends_of_lines_and_separators(text, values):
+    sheet = read_sheet("a.csv", as_utf8(text.encode()))
+    latitude, height = (sheet.all_of(name)[0] for name in ("latitude", "height"))
+    assert (latitude[1][0], height[1][0]) == values
+    assert height[0].unit == ("km" if "km" in text else "")
+
+
+def test_a_number_that_stands_for_none():
+    rows = "".join(f"{t},{-9999 if t % 5 == 0 else 48 + t * 1e-5},-9999,{-999 + t}\n" for t in range(20))
+    sheet = read_sheet("a.csv", f"time,lat,alt,gyro_x\n{rows}".encode())
+    assert np.isnan(sheet.all_of("latitude")[0][1]).sum() == 4
+    assert not np.isnan(sheet.all_of("rate")[0][1]).any()  # numbers around -999 are numbers
+
+
+def test_stamps_that_are_not_understood_are_shown(tmp_path, made):
+    imu, gnss = made
+    one = table(tmp_path / "a.csv", IMU, [[f"day 3 at {row[0]}", *row[1:]] for row in imu[:300]])
+    two = table(tmp_path / "b.csv", PLACE, gnss[:, :6])
+    with pytest.raises(MissionError, match=r"not understood: 'day 3 at .*' in the column time; accepted are"):
+        read_log([one, two])
+
+
+def appended(path, *tables):
+    """Write tables below each other."""
+    text = ""
+    for header, rows in tables:
+        table(path, header, rows)
+        text += path.read_text()
+    path.write_text(text)
+    return path
+
+
+def test_two_tables_in_one_file(tmp_path, made, expected):
+    imu, gnss = made
+    same(read_log([appended(tmp_path / "a.csv", (IMU, imu), (PLACE, gnss[:, :6]))]), expected)
+    same(read_log([appended(tmp_path / "a.csv", (PLACE, gnss[:, :6]), (IMU, imu))]), expected)
+
+
+def test_a_file_that_was_appended_to(tmp_path, made, expected):
+    imu, gnss = made
+    fixes = gnss[:, :6]
+    half, part = len(imu) // 2, len(gnss) // 2
+    goes_on = [
+        appended(tmp_path / "a.csv", (IMU, imu[:half]), (IMU, imu[half:])),
+        appended(tmp_path / "b.csv", (PLACE, fixes[:part]), (PLACE, fixes[part:])),
+    ]
+    same(read_log(goes_on), expected)
+    begins_again = [
+        appended(tmp_path / "a.csv", (IMU, imu[:500]), (IMU, imu)),
+        appended(tmp_path / "b.csv", (PLACE, fixes[:20]), (PLACE, fixes)),
+    ]
+    log = read_log(begins_again)
+    same(log, expected)
+    assert any("a.csv has 2 recordings" in remark and "recording 2" in remark for remark in log.repairs)
+
+
+def test_columns_in_another_order_after_a_restart_are_not_taken_for_the_first(tmp_path, made, expected):
+    imu, gnss = made
+    names = IMU.split(",")
+    order = [0, 4, 5, 6, 1, 2, 3]
+    later = imu[:400, order] + [1000.0, *(0.0,) * 6]
+    one = appended(tmp_path / "a.csv", (IMU, imu), (",".join(names[i] for i in order), later))
+    log = read_log([one, table(tmp_path / "b.csv", PLACE, gnss[:, :6])])
+    same(log, expected)
+    assert any(f"from line {len(imu) + 2}" in remark and "not used" in remark for remark in log.repairs)
+
+
+@pytest.mark.parametrize("how", ["reversed", "shuffled", "ring buffer"])
+def test_rows_in_another_order_are_sorted(tmp_path, made, expected, how):
+    imu, gnss = made
+    seeds = np.random.default_rng(1)
+
+    def other(rows):
+        if how == "shuffled":
+            return seeds.permutation(rows)
+        return rows[::-1] if how == "reversed" else np.roll(rows, len(rows) // 3, axis=0)
+
+    one = table(tmp_path / "a.csv", IMU, other(imu))
+    log = read_log([one, table(tmp_path / "b.csv", PLACE, other(gnss[:, :6]))])
+    same(log, expected)
+    assert any("a.csv" in remark and "sorted by time" in remark for remark in log.repairs)
