@@ -11,9 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.readers.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
 from lab.readers.sheet_clock import clock_of
+from lab.readers.sheet_stamps import is_regular
+
+FloatArray = NDArray[np.float64]
 
 _TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
 """A line that begins with a word."""
@@ -25,9 +29,9 @@ MAX_BLOCKS = 1000
 _MAX_LATE = 2.0
 """Displacement of a row in time from which whole rows are sorted [s]; `lab.readers.sheet_imu.in_order` sorts
 what is less."""
-_REGULAR, _SLACK = 0.8, (0.5, 1.5)
-"""Part of the steps between sorted rows that are like the usual step, and which are, in such steps. Of two
-recordings that lie over each other some steps are shorter and some are zero."""
+_SHUFFLED = 0.1
+"""Part of the rows that are earlier than the one before, from which rows are shuffled; of recordings that lie
+over each other, as after a clock was set back, there are few."""
 
 
 def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> list[Sheet]:
@@ -163,10 +167,8 @@ def in_time_order(sheet: Sheet) -> Sheet:
     falls = np.diff(time) < 0
     backwards = not (np.diff(time) > 0).any()
     order = np.arange(time.size)[::-1] if backwards else np.argsort(time, kind="stable")
-    step = np.diff(time[order])
-    usual = float(np.median(step[step > 0]))
-    regular = (step > _SLACK[0] * usual) & (step < _SLACK[1] * usual)
-    if not backwards and regular.mean() < _REGULAR:
+    shuffled = falls.mean() > _SHUFFLED and is_regular(time[order])
+    if not backwards and not shuffled and not _are_apart(time, falls):
         return sheet
     what = "in reverse order" if backwards else f"out of order at {int(falls.sum())} places"
     rows = known[order]
@@ -176,3 +178,11 @@ def in_time_order(sheet: Sheet) -> Sheet:
         restarts=(),
         remarks=(*sheet.remarks, f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."),
     )
+
+
+def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
+    """Return whether stretches that go forward do not lie over each other."""
+    starts = np.flatnonzero(np.append(True, falls))
+    begin, end = time[starts], time[np.append(starts[1:] - 1, time.size - 1)]
+    order = np.argsort(begin, kind="stable")
+    return bool((end[order][:-1] <= begin[order][1:]).all())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lab.readers.heading_names import Heading
 from lab.readers.sheet import Sheet
+from lab.readers.sheet_stamps import spread
 from lab.readers.stamps import (
     IS_AMBIGUOUS,
     date_and_clock,
@@ -66,12 +67,21 @@ class Clock(NamedTuple):
         Their unit.
     guessed : bool
         Whether the unit is guessed.
+    note : str
+        What was done to the stamps; empty for nothing.
     """
 
     time: FloatArray
     column: str
     unit: str
     guessed: bool
+    note: str = ""
+
+    def report(self, what: str) -> str:
+        """Return sentences about the stamps of the IMU or of the GPS."""
+        how = " (guessed by its size and steps)" if self.guessed else ""
+        note = f" {self.note}." if self.note else ""
+        return f"Time of the {what}: {self.column}, in {self.unit}{how}.{note}"
 
 
 def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool = True) -> Clock | None:
@@ -86,8 +96,23 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool
     wanted
         Headings of time stamps that another sheet of the same log has: these are of the same clock.
     ordered
-        Whether only a column counts that goes forward in most rows.
+        Whether only a column counts that goes forward in most rows, and samples of one stamp are spread.
     """
+    clock = _as_written(sheet, fast, wanted, ordered)
+    if clock is None or not ordered:
+        return clock
+    named = max(
+        (sheet.all_of(name)[:1] for name in ("rate", "force", "latitude")),
+        key=lambda found: np.isfinite(found[0][1]).sum() if found else 0,
+    )
+    if not named:
+        return clock
+    others = sheet.all_of("longitude")[:1] if named[0][0].quantity == "latitude" else []
+    time, note = spread(clock.time, np.column_stack([values for _, values in (*named, *others)]))
+    return clock._replace(time=time, note=note)
+
+
+def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) -> Clock | None:
     seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
@@ -183,7 +208,8 @@ def _guessed_unit(values: FloatArray, fast: bool) -> str:
     size = float(np.median(np.abs(values)))
     steps = np.diff(np.sort(values))
     steps = steps[steps > 0]
-    step = float(np.median(steps)) if steps.size else 1.0
+    # Rows with one stamp are a batch.
+    step = min(float(np.median(steps)), float(np.ptp(values)) / (values.size - 1)) if steps.size else 1.0
     for unit in ("ns", "µs", "ms"):
         factor = UNITS["time"][unit]
         if SINCE_1970 <= size * factor < _END_OF_EPOCH and step * factor < _LONGEST_STEP:

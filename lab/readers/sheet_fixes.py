@@ -158,14 +158,13 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
         )
     height = _metres(height, latitude)
     known = np.isfinite(latitude.values) & np.isfinite(longitude.values) & np.isfinite(height.values)
-    rows, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
-    rows, held = _changes(rows, latitude.values, longitude.values)
-    time = clock.time[rows]
+    rows, time, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
+    changed, held = _changes(rows, latitude.values, longitude.values)
+    rows, time = rows[changed], time[changed]
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
-    how = " (guessed by its size and steps)" if clock.guessed else ""
     remarks += [
         f"Heights: {height.name}, in {height.unit} ({height.source}).",
-        f"Time of the GPS: {clock.column}, in {clock.unit}{how}.", *sorted_, *held,
+        clock.report("GPS"), *sorted_, *held,
     ]  # fmt: skip
     velocity, speed, course, units, words = _velocity(sheet, rows, time, position)
     sigmas, more = _sigmas(sheet, rows)
@@ -236,14 +235,14 @@ def _is_of_transponder(height: _Column) -> bool:
     )
 
 
-def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.intp], list[str]]:
-    """Return the rows with a new fix, where a logger writes the latest fix into every row."""
+def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.bool_], list[str]]:
+    """Return which rows have a new fix, where a logger writes the latest fix into every row."""
     same = np.ones(max(len(rows) - 1, 0), dtype=bool)
     for column in columns:
         same &= np.diff(column[rows]) == 0
     if not same.size or same.mean() < _HELD:
-        return rows, []
-    return rows[np.append(True, ~same)], [
+        return np.ones(len(rows), dtype=bool), []
+    return np.append(True, ~same), [
         f"{same.sum()} rows repeat the position of the row before and count as no fix: the logger writes the "
         "latest one into every row."
     ]

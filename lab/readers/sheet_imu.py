@@ -16,6 +16,7 @@ from lab.earth import STANDARD_GRAVITY
 from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
+from lab.readers.sheet_stamps import is_regular, smooth
 from lab.readers.stamps import ACCEPTED
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
@@ -47,6 +48,8 @@ _MAX_APART = 2.5
 """Longest interval between samples of an accelerometer, in usual ones, over which it is interpolated."""
 _TOGETHER = 0.5
 """Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
+_JITTERS = 0.01
+"""Part of the rows that are out of order from which the stamps jitter, unless sorting makes them regular."""
 _MAX_BACK = 2.0
 """Largest displacement of a row in time that is sorted [s]: loggers write batches; more is
 a restart."""
@@ -132,26 +135,28 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
         ]:
             remarks.append(f"Other {what} in the files are not used: {', '.join(others)}.")
-    lines = [f"Gyros: {gyro.report}.", f"Accelerometers: {force.report}.", _of_clock(gyro.clock, "IMU")]
+    lines = [f"Gyros: {gyro.report}.", f"Accelerometers: {force.report}.", gyro.clock.report("IMU")]
     return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
 
 
-def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], list[str]]:
-    """Return rows with a time, in order if they are only a little out of it, and a report."""
+def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray, list[str]]:
+    """Return rows with a time, in order if they are only a little out of it, their times, and a report."""
     rows = np.flatnonzero(np.isfinite(time))
     late = np.maximum.accumulate(time[rows]) - time[rows] if rows.size else np.empty(0)
     count = int((late > 0).sum())
-    if count and late.max() <= _MAX_BACK:
-        rows = rows[np.argsort(time[rows], kind="stable")]
-        return rows, [
-            f"{count} rows of the {what} were out of order by up to {late.max():.3g} s and were sorted."
-        ]
-    return rows, []
-
-
-def _of_clock(clock: Clock, what: str) -> str:
-    how = " (guessed by its size and steps)" if clock.guessed else ""
-    return f"Time of the {what}: {clock.column}, in {clock.unit}{how}."
+    if not count or late.max() > _MAX_BACK:
+        return rows, time[rows], []
+    back = f"by up to {late.max():.3g} s"
+    ordered = rows[np.argsort(time[rows], kind="stable")]
+    if count < _JITTERS * rows.size or is_regular(time[ordered]):
+        remark = f"{count} rows of the {what} were out of order {back} and were sorted."
+        return ordered, time[ordered], [remark]
+    even = smooth(time[rows])
+    remark = (
+        f"The time stamps of the {what} jitter and run backwards {back}: a moving average of them is used, "
+        "in the order of the rows."
+    )
+    return (rows, even, [remark]) if (np.diff(even) > 0).all() else (rows, time[rows], [])
 
 
 def _triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
@@ -289,19 +294,19 @@ def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str
         both = np.column_stack((gyro.values, force.values))
         apart = np.isfinite(both[:, :3]).all(axis=1) != np.isfinite(both[:, 3:]).all(axis=1)
         if apart.mean() < _TOGETHER:
-            rows, remarks = in_order(gyro.clock.time, "IMU")
-            rows = rows[np.isfinite(both[rows]).any(axis=1)]  # rows of the receiver only
-            return gyro.clock.time[rows], both[rows], remarks
+            of_imu = np.isfinite(both).any(axis=1)  # others are of the receiver only
+            rows, time, remarks = in_order(np.where(of_imu, gyro.clock.time, np.nan), "IMU")
+            return time, both[rows], remarks
     known = np.isfinite(gyro.values).all(axis=1)
-    rows, remarks = in_order(np.where(known, gyro.clock.time, np.nan), "gyros")
-    time, rate = gyro.clock.time[rows], gyro.values[rows]
+    rows, time, remarks = in_order(np.where(known, gyro.clock.time, np.nan), "gyros")
+    rate = gyro.values[rows]
     other = np.isfinite(force.values).all(axis=1)
-    at, more = in_order(np.where(other, force.clock.time, np.nan), "accelerometers")
-    both = np.column_stack((rate, _interpolated(force.clock.time[at], force.values[at], time)))
+    at, when, more = in_order(np.where(other, force.clock.time, np.nan), "accelerometers")
+    both = np.column_stack((rate, _interpolated(when, force.values[at], time)))
     inside = np.isfinite(both).all(axis=1)
     if not inside.any():
         raise MissionError(
-            f"{force.sheet.name}: the accelerometers were recorded from {_span(force.clock.time[at])}, and "
+            f"{force.sheet.name}: the accelerometers were recorded from {_span(when)}, and "
             f"the gyros of {gyro.sheet.name} from {_span(time)}; accepted are sensors of one clock, recorded "
             "together"
         )
