@@ -49,9 +49,11 @@ _RADIANS = "latitude and longitude look like radians where degrees are declared"
 _UNITS = {
     1 / 3.6: "the velocities look like km/h where m/s are declared",
     1852 / 3600: "the velocities look like knots where m/s are declared",
+    1609.344 / 3600: "the velocities look like mph where m/s are declared",
     0.3048: "the velocities look like feet per second where m/s are declared",
     0.01: "the velocities look like cm/s where m/s are declared",
     0.001: "the times look like ms where s are declared, or the velocities like mm/s where m/s are declared",
+    0.1: "latitude and longitude look like 1e-6° where 1e-7° are declared",
     np.pi / 180: _RADIANS,
     np.pi / 180 * np.sqrt(2): _RADIANS,
 }

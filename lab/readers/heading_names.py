@@ -87,6 +87,7 @@ _WORSE = {
     "truth": 9,
     "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
     "setpoint": 9, "sp": 9, "max": 9, "min": 9, "sea": -1,
+    "baroaltitude": 6, "baroalt": 6,
     "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
     "pressure": 6, "last": 9, "local": 6,
 }  # fmt: skip
@@ -146,7 +147,7 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     file
         Name of the file, which names the sensor where headings are x, y and z.
     """
-    stem, axis, unit = _cut(text)
+    stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", text.strip()))
     words = _words(stem)
     given = set(words)
     rank = sum(_WORSE.get(word, 0) for word in given)
@@ -258,6 +259,9 @@ def _words(stem: str) -> list[str]:
 def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, rank: int) -> Heading | None:
     """Return what a column with an axis is: of a gyro, an accelerometer, or the direction of gravity."""
     names = [word for word in words if not word.isdigit()]
+    if (frame := given_frame(names)) and not set(names) & {"position", "pos"}:
+        quantity, sign = frame["xyz".index(axis)]
+        return Heading(text, quantity, unit=unit_of("speed", unit), rank=rank, sign=sign)
     if not names:
         # Columns x, y and z are of the sensor that their unit or the name of the file names.
         names = _words(file.partition(".")[0])
@@ -288,6 +292,22 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
             text, quantity, axis, sensor, "", rank + 1
         )  # fmt: skip
     return Heading(text, quantity, axis, sensor, known, rank, -1 if joined in _ALONG_GRAVITY else 1)
+
+
+_FRAMES = {
+    "enu": (("east", 1), ("north", 1), ("up", 1)),
+    "ned": (("north", 1), ("east", 1), ("down", 1)),
+    "nwu": (("north", 1), ("east", -1), ("up", 1)),
+}
+"""Quantity and sign of the components of a velocity in each frame."""
+_VELOCITY = {"v", "vel", "velocity", "speed"}
+_FRAME_LAST = re.compile(r"(?i)^(.+)[\s_.](enu|ned|nwu)$")
+
+
+def given_frame(words: Sequence[str]) -> tuple[tuple[str, int], ...] | None:
+    """Return what the components of a velocity are whose heading names their frame; None for others."""
+    named = [frame for frame in _FRAMES if frame in words]
+    return _FRAMES[named[0]] if len(named) == 1 and set(words) & _VELOCITY else None
 
 
 def _sensor_of(given: set[str], joined: str) -> str:
@@ -368,14 +388,15 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("longitude", re.compile(
         r".*longitude(?:ew|west)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?(?:lon|long|lng)")),
     ("north", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:n|north|ned0)(?:velocity|speed)?|northvelocity|northvel|"
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:n|north|south|ned0)(?:velocity|speed)?|(?:north|south)velocity|(?:north|south)vel|"
         r"(?:gps|gnss)?vnorth|velnms")),
     ("east", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:e|east|ned1)(?:velocity|speed)?|eastvelocity|eastvel")),
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:e|east|west|ned1)(?:velocity|speed)?|(?:east|west)velocity|(?:east|west)vel|"
+        r"(?:gps|gnss)?(?:vel|velocity)(?:nwu)?w")),
     ("down", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned)?(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
     ("up", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:enu|nwu)?(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
         r"vspd|vertvel|vertrate|vertspeed|climbrate")),
     ("height", re.compile(
         r".*(?:altitude|elevation)(?:msl|ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
@@ -408,7 +429,8 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
             return None
         if set(words) & _RECEIVER:
             rank -= 2
-        if quantity == "longitude" and "west" in words:
+        reversed_ = {"longitude": {"west"}, "east": {"west", "w"}, "north": {"south"}}
+        if set(words) & reversed_.get(quantity, set()):
             return Heading(text, quantity, unit=known, rank=rank, sign=-1)
         if unit and not known and unit_of("speed" if quantity != "speed" else "length", unit):
             return None

@@ -33,6 +33,8 @@ _MAX_NMEA = 18_000.0
 """Largest coordinate as degrees times 100 plus minutes, as NMEA writes it."""
 _HUNDRED, _MINUTES = 100.0, 60.0
 """Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
+_ROUNDING = 1e-9
+"""By how much a coordinate may be beyond a pole, relative to 90°."""
 _MAX_METRES = 10_000.0
 """Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
 _TRANSPONDER_STEP = 25.0
@@ -45,7 +47,12 @@ sqrt(-2 ln 0.32)."""
 _ALONG, _CLEARLY = 0.9, 0.5
 """Mean cosine between the course and the motion of the positions from which they agree, and the largest part
 of the rms angle between them in ° that may be left in rad."""
-_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s")
+_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s")
+_COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
+"""Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
+second; and their factor to degrees."""
+_HIGHEST = 18_000.0
+"""Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
@@ -147,7 +154,7 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     latitude, longitude = (_column(sheet, name) for name in ("latitude", "longitude"))
     height = _column(sheet, "height")
     assert latitude is not None and longitude is not None
-    latitude, longitude = _in_degrees(latitude, longitude)
+    latitude, longitude = _on_the_earth(sheet, *_in_degrees(latitude, longitude))
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
     ]
@@ -195,6 +202,31 @@ def _in_degrees(latitude: _Column, longitude: _Column) -> tuple[_Column, _Column
     return _degrees(latitude), _degrees(longitude)
 
 
+def _on_the_earth(sheet: Sheet, latitude: _Column, longitude: _Column) -> tuple[_Column, _Column]:
+    """Return coordinates with longitudes from -180° to 180°, and NaN for those that are none.
+
+    Raises
+    ------
+    MissionError
+        If most latitudes are none.
+    """
+    pole, turn = (1 + _ROUNDING) * np.pi / 2, (1 + _ROUNDING) * 2 * np.pi
+    beyond = np.abs(latitude.values) > pole
+    if np.median(np.abs(latitude.values[np.isfinite(latitude.values)])) > pole:
+        is_other = np.median(np.abs(longitude.values[np.isfinite(longitude.values)])) <= pole
+        swapped = ", and the longitudes are not: the two columns look swapped" if is_other else ""
+        raise MissionError(
+            f"{sheet.name}: the latitudes ({latitude.name}) are beyond ±90°{swapped}; accepted are latitudes "
+            "and longitudes in °, rad, 1e-7° or 1e-6°: --unit COLUMN=UNIT, or --column HEADING=latitude[°]"
+        )
+    beyond |= np.abs(longitude.values) > turn
+    values = longitude.values if np.nanmax(np.abs(longitude.values)) <= turn / 2 else wrap(longitude.values)
+    return (
+        latitude._replace(values=np.where(beyond, np.nan, latitude.values)),
+        longitude._replace(values=np.where(beyond, np.nan, values)),
+    )
+
+
 def _of_nmea(column: _Column) -> _Column:
     """Return a coordinate that is written as the number ddmm.mmmm."""
     degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
@@ -222,6 +254,8 @@ def _metres(height: _Column, latitude: _Column) -> _Column:
         and whole
         and np.nanmax(height.values) > _MAX_METRES
     ):
+        return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
+    if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
         return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
     return height
 
@@ -259,6 +293,8 @@ def _velocity(
     remarks: list[str] = []
     pace, angle = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     if north is not None and east is not None:
+        north, east, down, up = _component_units([north, east, down, up], rows, time, position)
+        assert north is not None and east is not None
         used += [north, east]
         velocity[:, 0], velocity[:, 1] = north.values[rows], east.values[rows]
         pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
@@ -278,6 +314,23 @@ def _velocity(
         words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
         remarks.append(f"Velocity: {words}.")
     return velocity, pace, angle, used, remarks
+
+
+def _component_units(
+    components: list[_Column | None], rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> list[_Column | None]:
+    """Return north, east, down and up in the unit that the positions show, if no heading names one."""
+    north, east = components[:2]
+    assert north is not None and east is not None
+    known = [one for one in components if one is not None and one.source != "assumed"]
+    if known:
+        return components
+    whole = _speed_unit(north._replace(values=np.hypot(north.values, east.values)), rows, time, position)
+    factor = UNITS["speed"][whole.unit]
+    return [
+        one and one._replace(values=one.values * factor, unit=whole.unit, source=whole.source)
+        for one in components
+    ]
 
 
 def _speed_unit(speed: _Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> _Column:
@@ -309,7 +362,12 @@ def _course_unit(course: _Column, rows: NDArray[np.intp], time: FloatArray, posi
     """Return the course in radians if its heading names no unit and the positions move so."""
     stated = course.values[rows] / DEGREE
     known = stated[np.isfinite(stated)]
-    if course.source != "assumed" or not known.size or np.abs(known).max() > 2 * np.pi:
+    if course.source != "assumed" or not known.size:
+        return course
+    for unit, (first, last, factor) in _COURSES.items():
+        if first < np.abs(known).max() <= last:
+            return course._replace(values=course.values * factor, unit=unit, source="guessed by its size")
+    if np.abs(known).max() > 2 * np.pi:
         return course
     per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
     step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j

@@ -34,6 +34,8 @@ gravity. Measured in motion: 0.98 and more on six real logs, up to 0.69 on the s
 _FORCE_UNITS = ("m/s²", "g", "mg")
 _FASTEST = 35.0
 """Angular rate that no vehicle has [rad/s]: larger numbers are in °/s."""
+_FASTEST_DEGREES = 4000.0
+"""Largest range of a MEMS gyro [°/s]: larger numbers beside mg are m°/s."""
 _SLOW_DEGREES = 0.15
 """Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
 _RESTLESS = 0.2
@@ -265,6 +267,8 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
     if gyro.unit:
         return _scaled(gyro, gyro.unit, gyro.source)
     largest = float(np.nanmax(np.abs(gyro.values)))
+    if largest > _FASTEST_DEGREES and force.unit == "mg":
+        return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Collection, Mapping
 
 from lab.earth import STANDARD_GRAVITY
@@ -13,14 +14,20 @@ UNITS: dict[str, dict[str, float]] = {
     "time": {
         "s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0, "days": DAY,
     },
-    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "′": DEGREE / 60},
+    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "1e-6°": 1e-6 * DEGREE, "′": DEGREE / 60},
     "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,
         "ft/min": FOOT / 60, "cm/s": 0.01, "mm/s": 1e-3,
     },
-    "angular rate": {"°/s": DEGREE, "rad/s": 1.0, "mrad/s": 1e-3, "m°/s": 1e-3 * DEGREE},
-    "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s²": FOOT},
+    "angular rate": {
+        "°/s": DEGREE, "rad/s": 1.0, "mrad/s": 1e-3, "m°/s": 1e-3 * DEGREE, "°/h": DEGREE / 3600,
+        "rpm": 2 * math.pi / 60,
+    },
+    "acceleration": {
+        "m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s²": FOOT, "cm/s²": 0.01,
+        "mm/s²": 1e-3, "µg": 1e-6 * STANDARD_GRAVITY,
+    },
 }  # fmt: skip
 """Factor to SI of each unit, by quantity; angles in radians."""
 
@@ -36,6 +43,8 @@ _SPELLINGS = {
     "radianspersecond": "rad/s", "rad_sec": "rad/s",
     "m/s2": "m/s²", "m/s^2": "m/s²", "mps2": "m/s²", "gforce": "g", "ft/s2": "ft/s²", "ft/s^2": "ft/s²",
     "ft/sec^2": "ft/s²",
+    "cm/s2": "cm/s²", "cm/s^2": "cm/s²", "gal": "cm/s²", "mm/s2": "mm/s²", "mm/s^2": "mm/s²",
+    "ug": "µg", "μg": "µg", "deg/h": "°/h", "deg/hr": "°/h", "°/hr": "°/h", "deg/hour": "°/h",
     "metrespersecond": "m/s", "meterspersecond": "m/s", "feetpersecond": "ft/s",
 }  # fmt: skip
 
