@@ -19,11 +19,12 @@ SCALARS = {
     "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
     "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
     "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
+    "instance": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, or a date and a clock. A place is latitude and longitude in one cell, a side is N, S, E or
-W."""
+W, an instance is the number of one of several sensors."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 GIVEN = "given"
@@ -333,6 +334,8 @@ _NAMED: dict[str, tuple[str, str, int]] = {
     ),
     **dict.fromkeys(("ns", "ew", "latdir", "londir", "lngdir", "latitudedirection", "longitudedirection"),
                     ("side", "", 0)),
+    **dict.fromkeys(("i", "instance", "imuinstance", "imuid", "sensorid", "sensorinstance", "gpsid"),
+                    ("instance", "", 0)),
     "feet": ("height", "ft", 0),
     "kts": ("speed", "kt", 0),
     "mph": ("speed", "mph", 1),

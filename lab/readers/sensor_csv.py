@@ -22,7 +22,7 @@ from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import IGNORED, QUANTITIES
 from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
-from lab.readers.sheet_blocks import in_time_order, one_recording, read_sheets
+from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
 from lab.readers.sheet_fixes import Fixes, fixes_of
 from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
@@ -200,6 +200,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
             f"{', '.join(map(str, paths))}: no header with known columns and rows of numbers below it found; "
             f"accepted are columns of {', '.join(QUANTITIES)}"
         )
+    sheets = [of_one_instance(sheet) for sheet in sheets]
     return [in_time_order(sheet) for sheet in one_recording(sheets)]
 
 

@@ -29,6 +29,8 @@ MAX_BLOCKS = 1000
 _MAX_LATE = 2.0
 """Displacement of a row in time from which whole rows are sorted [s]; `lab.readers.sheet_imu.in_order` sorts
 what is less."""
+_MAX_INSTANCES = 16
+"""Most sensors of a kind whose samples lie in one table; more numbers are those of rows."""
 _SHUFFLED = 0.1
 """Part of the rows that are earlier than the one before, from which rows are shuffled; of recordings that lie
 over each other, as after a clock was set back, there are few."""
@@ -186,3 +188,22 @@ def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
     begin, end = time[starts], time[np.append(starts[1:] - 1, time.size - 1)]
     order = np.argsort(begin, kind="stable")
     return bool((end[order][:-1] <= begin[order][1:]).all())
+
+
+def of_one_instance(sheet: Sheet) -> Sheet:
+    """Return a sheet with the rows of one of the sensors whose number is a column: of that with most rows."""
+    for heading, values in sheet.all_of("instance"):
+        numbers, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+        if not 1 < numbers.size <= _MAX_INSTANCES or (numbers % 1 != 0).any():
+            continue
+        taken = numbers[int(np.argmax(counts))]
+        rows = np.flatnonzero(values == taken)
+        others = ", ".join(f"{number:g}" for number in numbers if number != taken)
+        remark = f"{sheet.name}: {heading.text} is {taken:g} in the rows that are read, and not {others}."
+        return replace(
+            sheet,
+            columns=tuple(column[rows] for column in sheet.columns),
+            restarts=tuple(int(row) for row in np.searchsorted(rows, sheet.restarts)),
+            remarks=(*sheet.remarks, remark),
+        )
+    return sheet

@@ -173,6 +173,8 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
         f"Heights: {height.name}, in {height.unit} ({height.source}).",
         clock.report("GPS"), *sorted_, *held,
     ]  # fmt: skip
+    if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
+        remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, words = _velocity(sheet, rows, time, position)
     sigmas, more = _sigmas(sheet, rows)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)

@@ -6,6 +6,7 @@ also write accelerations without it, which are used only together with their dir
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -50,6 +51,7 @@ _MAX_APART = 2.5
 """Longest interval between samples of an accelerometer, in usual ones, over which it is interpolated."""
 _TOGETHER = 0.5
 """Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
+_NUMBERS = re.compile(r"\d+")
 _JITTERS = 0.01
 """Part of the rows that are out of order from which the stamps jitter, unless sorting makes them regular."""
 _MAX_BACK = 2.0
@@ -130,7 +132,7 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     if not gyros or not forces:
         raise MissionError(_what_is_missing(sheets, bool(gyros), bool(forces)))
     force, remarks = _with_gravity(forces, _triads(sheets, "gravity"))
-    gyro = _gyro(gyros[0], force)
+    gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
@@ -139,6 +141,12 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
             remarks.append(f"Other {what} in the files are not used: {', '.join(others)}.")
     lines = [f"Gyros: {gyro.report}.", f"Accelerometers: {force.report}.", gyro.clock.report("IMU")]
     return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
+
+
+def _is_beside(gyro: Triad, force: Triad) -> bool:
+    """Return whether two sensors stand in one sheet, and have the same numbers in their headings."""
+    numbers = [_NUMBERS.findall(one.headings[0].sensor) for one in (gyro, force)]
+    return gyro.sheet is force.sheet and numbers[0] == numbers[1]
 
 
 def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray, list[str]]:

@@ -16,6 +16,8 @@ IntArray = NDArray[np.intp]
 MIN_REPEATED = 0.01
 """Part of the samples that have the stamp of the one before, from which all are spread: a stamp that repeats
 now and then is a fault of its own."""
+_MIN_STAMPS = 3
+"""Fewest different stamps that show how far they are apart."""
 _STEPS = (1.0, 0.1, 0.01, 0.001)
 """Steps to which loggers truncate time [s]."""
 _LIKE = 0.25
@@ -48,7 +50,7 @@ def spread(time: FloatArray, key: FloatArray) -> tuple[FloatArray, str]:
     """
     rows = np.flatnonzero(np.isfinite(time) & np.isfinite(key).all(axis=1))
     stamps = time[rows]
-    if stamps.size < 3 or (np.diff(stamps) < 0).any():
+    if stamps.size < _MIN_STAMPS or (np.diff(stamps) < 0).any():
         return time, ""
     again = np.diff(stamps) == 0
     differs = (np.diff(key[rows], axis=0) != 0).any(axis=1)
@@ -56,7 +58,7 @@ def spread(time: FloatArray, key: FloatArray) -> tuple[FloatArray, str]:
     # A sample that is written twice is no other sample.
     rows, stamps = rows[np.append(True, ~again | differs)], stamps[np.append(True, ~again | differs)]
     starts = np.flatnonzero(np.append(True, np.diff(stamps) > 0))
-    if count < MIN_REPEATED * stamps.size or starts.size < 3:
+    if count < MIN_REPEATED * stamps.size or starts.size < _MIN_STAMPS:
         return time, ""
     spaced, usual, truncated = _spread(stamps[starts], np.diff(np.append(starts, stamps.size)))
     result = time.copy()

@@ -41,7 +41,9 @@ _MONTHS = (
 )  # fmt: skip
 """How names of months begin in English, German, French, Italian, Spanish and Portuguese."""
 _MONTH_OF = {begin: number for number, begins in enumerate(_MONTHS, 1) for begin in begins.split()}
+"""Number of a month by the letters it begins with."""
 _LAST_MONTH = 12
+"""Number of December."""
 IS_AMBIGUOUS = re.compile(r"\s*(\d\d?)[-/.](\d\d?)[-/.]\d{2,4}\b")
 """A date with day and month as numbers; the day is taken to be first where both are possible."""
 ACCEPTED = "2023-11-14T22:13:20.5Z, 14.11.2023 22:13:20,5, 11/14/2023 10:13:20.5 PM or 22:13:20.5"
@@ -50,6 +52,7 @@ _ZONE_WORD = re.compile(r"(?: GMT)?([+-]\d{2}:?\d{2})(?= \d{4}$)| [A-Z]{3,4}(?= 
 _HUNDRED, _SIXTY, _HOURS, _HOUR = 100.0, 60.0, 24.0, 3600.0
 """Between the digits of hours, minutes and seconds in hhmmss; how many there are of each; an hour [s]."""
 _CENTURY = 2000
+"""Year to which two digits are added."""
 _LEAP_TOLERANCE = 0.25
 """Largest deviation of the step back at a leap second from a second [s]: stamps jitter."""
 _LEAP_MONTHS = (1, 7)

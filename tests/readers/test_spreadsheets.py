@@ -12,6 +12,7 @@ from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers.sheet import as_utf8, read_sheet
 from lab.readers.sheet_clock import clock_of
+from lab.readers.sheet_fixes import fixes_of
 
 IMU = "time,gyro_x [rad/s],gyro_y [rad/s],gyro_z [rad/s],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]"
 PLACE = "time,latitude,longitude,altitude,vel_n [m/s],vel_e [m/s]"
@@ -169,3 +170,34 @@ def test_rows_in_another_order_are_sorted(tmp_path, made, expected, how):
     log = read_log([one, table(tmp_path / "b.csv", PLACE, other(gnss[:, :6]))])
     same(log, expected)
     assert any("a.csv" in remark and "sorted by time" in remark for remark in log.repairs)
+
+
+def test_gyros_and_accelerometers_are_of_one_imu(tmp_path, made, expected):
+    """The second IMU is reversed; the first lacks the gyros of some samples, which says nothing about it."""
+    imu, gnss = made
+    first = imu.copy()
+    first[5::50, 1:4] = np.nan
+    header = ",".join(("time", *(f"imu{k}_{s}_{a}" for k in (0, 1) for s in ("gyro", "acc") for a in "xyz")))
+    one = table(tmp_path / "a.csv", header, np.column_stack((first, -imu[:, 1:])))
+    log = read_log([one, table(tmp_path / "b.csv", PLACE, gnss[:, :6])])
+    np.testing.assert_allclose(log.dtheta[10:40], expected.dtheta[10:40], atol=1e-9)
+    assert any(remark.startswith("Gyros: imu0_gyro_x") for remark in log.repairs)
+    assert any("not used: imu1_gyro_x of a.csv" in remark for remark in log.repairs)
+
+
+def test_rows_of_the_second_imu_and_receiver_are_not_mixed_in(tmp_path, made, expected):
+    imu, gnss = made
+    rows = [[row[0], k, *(row[1:] * (1 + 0.1 * k))] for row in imu for k in (0, 1)]
+    one = table(tmp_path / "a.csv", IMU.replace("time", "time,instance"), rows)
+    places = [[row[0] + 0.01 * k, k, row[1] + 0.001 * k, *row[2:]] for row in gnss[:, :6] for k in (0, 1)]
+    log = read_log([one, table(tmp_path / "b.csv", PLACE.replace("time", "time,I"), places)])
+    same(log, expected)
+    assert any("instance is 0 in the rows that are read, and not 1" in remark for remark in log.repairs)
+
+
+def test_another_receiver_in_the_table_is_named(made):
+    rows = made[1][:, :6]
+    header = "time,gps1_lat,gps1_lon,gps1_alt,gps2_lat,gps2_lon,gps2_alt"
+    text = "\n".join(",".join(map(str, (*row[:4], *row[1:4]))) for row in rows)
+    found = fixes_of([read_sheet("b.csv", f"{header}\n{text}\n".encode())])
+    assert any("not used: gps2_lat" in remark for remark in found.remarks)
