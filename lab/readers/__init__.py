@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import os
 import re
@@ -222,7 +223,15 @@ def read_raw(
                 f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
                 "flight in one format"
             )
-    return readers[0].read(files, units or {})
+    try:
+        return readers[0].read(files, units or {})
+    except MissionError:
+        if readers[0] is READERS[-1] or not all(sensor_csv.recognises(_head(path)) for path in files):
+            raise
+        # Headings such as time, lat and lon are those of a simulator, and of any receiver.
+        with contextlib.suppress(MissionError):
+            return READERS[-1].read(files, units or {})
+        raise
 
 
 def _head(path: Path) -> bytes:

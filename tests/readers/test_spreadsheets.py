@@ -10,6 +10,7 @@ from foreign_tables import same, table
 
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.readers import read_raw
 from lab.readers.sheet import as_utf8, read_sheet
 from lab.readers.sheet_clock import clock_of
 from lab.readers.sheet_fixes import fixes_of
@@ -201,3 +202,12 @@ def test_another_receiver_in_the_table_is_named(made):
     text = "\n".join(",".join(map(str, (*row[:4], *row[1:4]))) for row in rows)
     found = fixes_of([read_sheet("b.csv", f"{header}\n{text}\n".encode())])
     assert any("not used: gps2_lat" in remark for remark in found.remarks)
+
+
+def test_fixes_under_headings_of_a_simulator_are_a_flight(tmp_path, made):
+    """JSBSim has these headings too, but its velocity has three components."""
+    rows = made[1][:, :6]
+    flight = read_raw(table(tmp_path / "b.csv", "time,lat,lon,alt,vn,ve", rows))
+    np.testing.assert_allclose(np.degrees(flight.latitude), rows[:, 1])
+    with pytest.raises(MissionError):
+        read_raw(table(tmp_path / "b.csv", "time,lat,lon,alt,vn,ve", rows[:2]))
