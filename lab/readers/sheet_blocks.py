@@ -21,6 +21,10 @@ FloatArray = NDArray[np.float64]
 
 _TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
 """A line that begins with a word."""
+_TIMED = re.compile(rb"(?i)time|stamp|utc|date|sec|milli|micro|clock|epoch|tow|cts|\b(?:t|ms|us|gmt)\b")
+"""What a header has in it that names a time."""
+_MAX_TRIED = 2000
+"""Most lines with a word of time that are looked at, and are no header: each takes 50 µs."""
 _TIMES = {"time", "seconds", "clock", "date"}
 _MIN_QUANTITIES = 3
 """Fewest quantities that a further header names: time, and two more."""
@@ -71,8 +75,14 @@ def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> l
 def _headers(name: str, data: bytes, overrides: Overrides) -> list[tuple[int, int, Layout]]:
     """Return where headers with rows below begin and end, and what they say."""
     found: list[tuple[int, int, Layout]] = []
+    tried = 0
     for match in _TITLED.finditer(data):
         line = match[0]
+        if not _TIMED.search(line):
+            continue
+        tried += 1
+        if tried > _MAX_TRIED + len(found):
+            break
         if len(line) > HEAD or (layout := layout_of(line, name, overrides)) is None or layout.line < 0:
             continue
         quantities = {one.quantity for one in layout.known if one is not None}
