@@ -137,7 +137,8 @@ def deviation(noise, flicker, random_walk):
     records = rest.simulate(sensors, seed=1)
     figures.show(sensors, {triad: allan.deviation(one.rates, one.dt) for triad, one in records.items()})
     plots.follow_theme(*figures.figures)
-    return pn.FlexBox(*(pn.pane.Bokeh(figure, width=360, height=320) for figure in figures.figures))
+    width = 480 if plots.columns(2) > 1 else 360  # px; one below the other on a phone
+    return pn.FlexBox(*(pn.pane.Bokeh(figure, width=width, height=320) for figure in figures.figures))
 
 
 knobs = (noise, flicker, random_walk)
