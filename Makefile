@@ -6,7 +6,7 @@ PORT ?= 5006
 NOTEBOOKS ?= my_notebooks
 SECONDS ?= 600
 NAME ?=
-WORKERS ?= 3
+WORKERS ?= 4
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
@@ -21,7 +21,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo 'make lab        install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make notebooks  install, copy the lessons into $(NOTEBOOKS), and open them in JupyterLab'
-	@echo 'make test       install and run every test, in three processes at a time (other: make test WORKERS=4)'
+	@echo 'make test       install and run every test, in four processes at a time (other: make test WORKERS=2)'
 	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
 	@echo 'make pictures   install and take the pictures of the documents, light and dark, in Chromium or Chrome'
 	@echo 'make bench      install and measure the speed'

@@ -99,6 +99,8 @@ READERS: tuple[Reader, ...] = (
 """All readers; at most one recognises a file."""
 
 
+_UNMISTAKABLE = re.compile(rb"[{}]|[a-z]/[a-z]+-[a-z]")
+"""What headings have that are JSBSim's alone: V_{North} (ft/s), or the path of a property."""
 _TABLE = (
     "It looks like a table whose headings do not say what its columns are: --column HEADING=QUANTITY[UNIT] "
     "does, with the number of a column where there is no header."
@@ -226,9 +228,9 @@ def read_raw(
     try:
         return readers[0].read(files, units or {})
     except MissionError:
-        if readers[0] is READERS[-1] or not all(sensor_csv.recognises(_head(path)) for path in files):
+        if readers[0].name != jsbsim_csv.NAME or any(_UNMISTAKABLE.search(_head(path)) for path in files):
             raise
-        # Headings such as time, lat and lon are those of a simulator, and of any receiver.
+        # JSBSim's headings time, latitude and vn are those of any receiver, too.
         with contextlib.suppress(MissionError):
             return READERS[-1].read(files, units or {})
         raise
