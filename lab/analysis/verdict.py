@@ -47,7 +47,7 @@ RIGHTLY = 0.7
 
 def judge(evidence: Evidence) -> Verdict:
     """Return the verdict on one run, or on many with added evidence."""
-    with_truth = evidence.start is not None
+    with_truth = evidence.start is not None  # also where the fixes themselves are not judged
     refused = evidence.innovations.refused if evidence.fixes is None else evidence.fixes.refused
     weighed = judge_usage(evidence.usage, refused)
     weighed += _by_truth(evidence) if with_truth else _by_innovations(evidence)
@@ -94,10 +94,10 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
     found = _fixes_by_truth(evidence)
     if evidence.sensors is not None:
         found += judge_sensors(evidence.sensors)
-    if evidence.start is not None:
-        # The effect of the specific force on the gyros looks like an unexpected initial bias.
-        g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
-        found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
+    assert evidence.start is not None
+    # The effect of the specific force on the gyros looks like an unexpected initial bias.
+    g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
+    found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
     found += judge_aids(evidence.aids)
     if not found and evidence.fixes is None:
         found = judge_innovations(evidence)

@@ -222,10 +222,7 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
     places, headings = _in_two(places, headings)
     columns, texts = _numbers(name, data[start:], layout, places, headings)
     columns, headings = _on_their_side(columns, headings)
-    columns = [
-        values if one.quantity in _TIMES else without_placeholders(values)
-        for one, values in zip(headings, columns, strict=True)
-    ]
+    columns, remarks = _without_placeholders(name, headings, columns)
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
     return Sheet(
         name=name,
@@ -236,7 +233,20 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
             text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
         ),
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
+        remarks=remarks,
     )
+
+
+def _without_placeholders(
+    name: str, headings: list[Heading], columns: list[FloatArray]
+) -> tuple[list[FloatArray], tuple[str, ...]]:
+    """Return columns with NaN where they say that a value is unknown, and a report of it."""
+    kept, told = [], []
+    for heading, values in zip(headings, columns, strict=True):
+        known, found = (values, "") if heading.quantity in _TIMES else without_placeholders(values)
+        kept.append(known)
+        told += [f"{heading.text}: {found}"] if found else []
+    return kept, (f"{name} has numbers that stand for unknown values: {'; '.join(told)}.",) if told else ()
 
 
 def _in_two(places: list[int], headings: list[Heading]) -> tuple[list[int], list[Heading]]:

@@ -43,19 +43,7 @@ over each other, as after a clock was set back, there are few."""
 def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> list[Sheet]:
     """Return the tables of a file, those below each other under equal headers as one.
 
-    Parameters
-    ----------
-    name
-        Name of the file.
-    data
-        Its bytes, in UTF-8.
-    overrides
-        What a person says of columns, by heading.
-
-    Raises
-    ------
-    MissionError
-        If a person names a quantity or unit that is not accepted, or the rows cannot be read.
+    Parameters and errors are those of `lab.readers.sheet.read_sheet`.
     """
     blocks = _headers(name, data, overrides or {})
     if len(blocks) < 2:
@@ -114,6 +102,7 @@ def _joined(parts: list[Sheet]) -> Sheet:
         headings=tuple(one for one in parts[0].headings if one.text in common),
         columns=tuple(columns),
         odd_stamps={text: cell for part in parts for text, cell in part.odd_stamps.items()},
+        remarks=tuple(dict.fromkeys(remark for part in parts for remark in part.remarks)),
         restarts=tuple(int(row) for row in np.cumsum([len(part) for part in parts])[:-1]),
     )
 
@@ -160,6 +149,7 @@ def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
         columns=tuple(column[begin:end] for column in sheet.columns),
         restarts=(),
         remarks=(
+            *sheet.remarks,
             f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
             f"recording {which + 1}, the longest, is read ({end - begin} of {len(sheet)} rows).",
         ),

@@ -35,7 +35,8 @@ _DIGITS = re.compile(r"\d")
 _PLACEHOLDERS = (-999.0, -9999.0, -99_999.0, -999_999.0)
 """Numbers that loggers write for an unknown value."""
 _APART = 2.0
-"""Distance of such a number from all others, over their range, from which it is none of them."""
+"""Distance of such a number from all others, over their range, from which it is none of them. The range is
+taken to be 1 at least, in the unit of the column: whole numbers that hardly change are no proof."""
 
 
 def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str]:
@@ -92,16 +93,18 @@ def are_decimal_commas(columns: Sequence[Any]) -> bool:
     return found
 
 
-def without_placeholders(values: FloatArray) -> FloatArray:
-    """Return numbers with NaN for those that stand for an unknown value, such as -9999."""
+def without_placeholders(values: FloatArray) -> tuple[FloatArray, str]:
+    """Return numbers with NaN for those that stand for an unknown value, such as -9999, and a report."""
+    found = []
     for number in _PLACEHOLDERS:
         unknown = values == number
-        others = values[~unknown & np.isfinite(values)]
-        if not unknown.any() or not others.size:
+        if not unknown.any():
             continue
-        if others.min() - number > _APART * max(float(np.ptp(others)), 1.0):
+        others = values[~unknown & np.isfinite(values)]
+        if others.size and others.min() - number > _APART * max(float(np.ptp(others)), 1.0):
             values = np.where(unknown, np.nan, values)
-    return values
+            found.append(f"{number:.0f} in {int(unknown.sum())} rows")
+    return values, " and ".join(found)
 
 
 def angles_of_cells(cells: Any, is_longitude: bool) -> FloatArray:

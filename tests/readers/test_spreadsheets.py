@@ -102,6 +102,8 @@ def test_a_number_that_stands_for_none():
     sheet = read_sheet("a.csv", f"time,lat,alt,gyro_x\n{rows}".encode())
     assert np.isnan(sheet.all_of("latitude")[0][1]).sum() == 4
     assert not np.isnan(sheet.all_of("rate")[0][1]).any()  # numbers around -999 are numbers
+    (told,) = sheet.remarks
+    assert "lat: -9999 in 4 rows" in told
 
 
 def test_stamps_that_are_not_understood_are_shown(tmp_path, made):
