@@ -146,7 +146,7 @@ def test_a_port_that_vanishes_comes_back_in_the_same_recording(tmp_path: Path) -
         before, port = source.end.imu, Port(tmp_path / "tty")
         with sending(port.write):
             until(lambda: source.end.imu > before and source.status.state == STREAMING)
-        live = source.since().imu
+    live = source.since().imu  # only now: the port holds frames after the last one is sent
     port.vanish()
     assert np.flatnonzero(live["gap"]).tolist() == [0, before]
     assert recorded_samples(path).imu.tobytes() == live.tobytes()
