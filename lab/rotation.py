@@ -18,6 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
+SMALL_ANGLE = 1e-3
+"""Angle below which a Jacobian is computed as a series [rad]; the terms that it omits are below 2e-15."""
+
 
 def wrap(angle: ArrayLike) -> FloatArray:
     """Return angles, or differences of angles, brought to ±π; values already there keep every bit.
@@ -40,6 +43,21 @@ def skew(v: FloatArray) -> FloatArray:
         A vector.
     """
     return np.cross(v, np.eye(3)).T
+
+
+def left_jacobian(phi: FloatArray) -> FloatArray:
+    """Return J (3, 3) of a rotation vector φ (3,) [rad]: exp(φ + δ) is exp(J δ) exp(φ) to first order in δ.
+
+    Source: J. Sola, J. Deray, D. Atchuthan, *A micro Lie theory for state estimation in robotics*, 2018,
+    eq. 145.
+    """
+    square, turn = float(phi @ phi), skew(phi)
+    angle = np.sqrt(square)
+    if angle < SMALL_ANGLE:
+        first, second = 1 / 2 - square / 24, 1 / 6 - square / 120
+    else:
+        first, second = (1 - np.cos(angle)) / square, (angle - np.sin(angle)) / (angle * square)
+    return np.asarray(np.eye(3) + first * turn + second * turn @ turn)
 
 
 def C_nb_from_euler(euler: ArrayLike) -> FloatArray:  # noqa: N802

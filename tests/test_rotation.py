@@ -100,3 +100,13 @@ def test_body_rate_is_the_finite_rotation_over_time(
     before, after = reference(euler - step * euler_rate), reference(euler + step * euler_rate)
     expected = (before.inv() * after).as_rotvec() / (2 * step)
     np.testing.assert_allclose(rotation.body_rate(euler, euler_rate), expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-4, 9e-4, 1.1e-3, 0.3, 2.9])
+def test_left_jacobian_is_the_finite_difference_of_the_exponential(size: float) -> None:
+    phi, step = size * np.array([0.48, -0.6, 0.64]), 1e-6
+    found = np.zeros((3, 3))
+    for axis in range(3):
+        more, less = (Rotation.from_rotvec(phi + sign * step * np.eye(3)[axis]) for sign in (1, -1))
+        found[:, axis] = (more * less.inv()).as_rotvec() / (2 * step)
+    np.testing.assert_allclose(rotation.left_jacobian(phi), found, atol=1e-9)

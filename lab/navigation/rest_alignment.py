@@ -25,7 +25,7 @@ from lab.navigation.belief import constant_errors
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Start
-from lab.rotation import skew
+from lab.rotation import left_jacobian, skew
 from lab.sensors import imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
@@ -36,8 +36,12 @@ from lab.units import si
 
 FloatArray = NDArray[np.float64]
 
-ROUNDS = 8
-"""Iterations of the update about its own result; with a heading error of 20°, gyros of 0.01 °/h need six."""
+ROUNDS = 30
+"""Most iterations of the update about its own result. Three are usual; a heading that is uncertain by 80°,
+and of which gyros of 100 °/h show a little, needs up to fifteen."""
+SETTLED = 0.01
+"""The iterations end when a step is below this part of the σ that remains, and so is the change of its
+square."""
 LEAST_FORCE, LEAST_RATE = 1e-6, 5e-9
 """Smallest σ of a mean at rest, 0.1 µg [m/s²] and 0.001 °/h [rad/s]: sensors without noise would give a
 singular covariance."""
@@ -82,7 +86,7 @@ class Aligned(NamedTuple):
         Covariance of the remaining errors, and of the m misalignments that the alignment considered: a
         navigator that is level by its accelerometers has the tilt that they are misaligned by.
     kept : (21, 21) array
-        Remaining part of an initial error: I − K H.
+        Remaining part of an initial error: (I − K H) J, with J from its attitude to that after the rest.
     noise : (21, 6) array
         Errors from the noise of the means, one σ in each column.
     misaligned : (21, m) array
@@ -154,25 +158,73 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
     x, after = np.zeros(21), P
     mixed = means.mixing * means.misalignment
     for _ in range(ROUNDS):
-        attitude = Rotation.from_rotvec(x[ATT]) * before
-        C_nb = attitude.as_matrix()
+        turned = Rotation.from_rotvec(x[ATT])
+        C_nb = (turned * before).as_matrix()
         z = np.concatenate((C_nb @ means.force + gravity, C_nb @ (means.rate + x[GYRO_BIAS]) - omega_ie))
         H = _sight(C_nb, gravity, omega_ie, means.force)
-        R = np.zeros((6, 6))
-        R[:3, :3] = C_nb @ means.force_covariance @ C_nb.T + LEAST_FORCE**2 * np.eye(3)
-        R[3:, 3:] = C_nb @ means.rate_covariance @ C_nb.T + LEAST_RATE**2 * np.eye(3)
-        # Beyond first order, a heading error ψ reduces the measured level part of the Earth's rate to cos ψ
-        # of it.
-        R[3, 3] += 0.75 * (omega_ie[0] * after[ATT.stop - 1, ATT.stop - 1]) ** 2
         B = np.concatenate((C_nb @ mixed[:3], C_nb @ mixed[3:]))
+        R = _noise_of_means(C_nb, means) + _beyond_first_order(H, B, P, after, omega_ie)
+        # Errors relative to the attitude of this round, which is not that of the start.
+        J = np.eye(21)
+        J[ATT, ATT] = left_jacobian(x[ATT])
+        relative, first = J @ P @ J.T, -J @ x
         K = np.zeros((21, 6))
-        K[ESTIMATED] = np.linalg.solve(H @ P @ H.T + R + B @ B.T, H @ P)[:, ESTIMATED].T
-        x = K @ (z + H @ x)
+        K[ESTIMATED] = np.linalg.solve(H @ relative @ H.T + R + B @ B.T, H @ relative)[:, ESTIMATED].T
+        step = first + K @ (z - H @ first)
+        x += step
+        x[ATT] = (Rotation.from_rotvec(step[ATT]) * turned).as_rotvec()
         kept, noise, misaligned = np.eye(21) - K @ H, K @ np.linalg.cholesky(R), -K @ B
-        after = kept @ P @ kept.T + noise @ noise.T + misaligned @ misaligned.T
+        earlier, after = after, kept @ relative @ kept.T + noise @ noise.T + misaligned @ misaligned.T
+        if _settled(step, earlier, after):
+            break
     q_nb = (Rotation.from_rotvec(x[ATT]) * before).as_quat(scalar_first=True)
     P = _with_misalignments((after + after.T) / 2, misaligned, means.misalignment)
-    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept, noise, misaligned)
+    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept @ J, noise, misaligned)
+
+
+def _settled(step: FloatArray, earlier: FloatArray, after: FloatArray) -> bool:
+    """Return whether a further step of the update would change nothing that counts."""
+    variance, change = np.diag(after), np.diag(after - earlier)[ATT.stop - 1]
+    small = np.abs(step[ESTIMATED]) <= SETTLED * np.sqrt(variance[ESTIMATED])
+    return bool(small.all() and abs(change) <= SETTLED * variance[ATT.stop - 1])
+
+
+def _noise_of_means(C_nb: FloatArray, means: Means) -> FloatArray:
+    """Return the covariance (6, 6) of the noise of the means of specific force and rate in n."""
+    R = np.zeros((6, 6))
+    R[:3, :3] = C_nb @ means.force_covariance @ C_nb.T + LEAST_FORCE**2 * np.eye(3)
+    R[3:, 3:] = C_nb @ means.rate_covariance @ C_nb.T + LEAST_RATE**2 * np.eye(3)
+    return R
+
+
+def _beyond_first_order(
+    H: FloatArray, B: FloatArray, P: FloatArray, after: FloatArray, omega_ie: FloatArray
+) -> FloatArray:
+    """Return the covariance (6, 6) of what a heading error ψ adds to the means beyond the first order.
+
+    The level part of the Earth's rate has cos ψ to the north, and sin ψ to the east. The tilt is the level
+    error of the accelerometers turned by half of ψ, in comparison with that of the wrong heading. The second
+    moments are those of 1 − cos ψ, sin ψ − ψ and 2 sin (ψ / 4), for a normal ψ.
+
+    Parameters
+    ----------
+    H, B : (6, 21), (6, m) arrays
+        Effect of states and misalignments on the means.
+    P, after : (21, 21) arrays
+        Covariance before the alignment, and after it as far as it is known.
+    omega_ie : (3,) array
+        Rotation of the Earth in n [rad/s].
+    """
+    heading = float(after[ATT.stop - 1, ATT.stop - 1])
+    unmoved = H[:2].copy()
+    unmoved[:, ATT] = 0.0
+    force = unmoved @ P @ unmoved.T + B[:2] @ B[:2].T
+    added = np.zeros((6, 6))
+    added[:2, :2] = 2 * (1 - np.exp(-heading / 8)) * (np.trace(force) * np.eye(2) - force)
+    once, twice = np.exp(-heading / 2), np.exp(-2 * heading)
+    added[3, 3] = omega_ie[0] ** 2 * (1 - 2 * once + (1 + twice) / 2)
+    added[4, 4] = omega_ie[0] ** 2 * max((1 - twice) / 2 - 2 * heading * once + heading, 0.0)
+    return added
 
 
 def _with_misalignments(P: FloatArray, misaligned: FloatArray, sizes: FloatArray) -> FloatArray:
