@@ -28,6 +28,8 @@ SENSORS = {
 }
 """Sensors that measure, by the group of their settings; the other kinds are conditions without a sensor."""
 
+QUANTITIES = tuple(f"R {name}" for name in NAMES)
+"""What the findings about the kinds of measurements are called."""
 
 _WIDE = 0.9
 """Part of the largest possible mean square of accepted innovations above which it does not tell their σ.
@@ -106,7 +108,7 @@ def judge_aids(squares: Squares) -> list[Weighed]:
             continue
         found += judge_size(
             Squares(total, number),
-            f"R {name}",
+            QUANTITIES[kind],
             f"The innovations of the {name} are {{root}} × as large as the filter says: their assumed noise "
             "is too {wrong}.",
             _advice(kind),

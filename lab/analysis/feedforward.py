@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import ecef
+from lab.analysis import aid_verdict
 from lab.analysis.finding import Change, Finding, Verdict, headline, is_right
 from lab.analysis.sums import Squares
 from lab.earth import STANDARD_GRAVITY
@@ -42,6 +43,8 @@ SUSPECTED = np.radians(0.4)
 flights over a pole with quiet gyros: from 0.5° to 0.8°, NEES is 1.1 to 5 × too large, with feedback right."""
 UNEXPLAINED = ("NEES", "NEES between fixes", "NIS")
 """Findings without a cause."""
+AIDS = aid_verdict.QUANTITIES
+"""Findings that a navigator off the truth causes too: it is then off what other sensors measure."""
 NEGLECTED = 0.5
 """Velocity error g φ² T / 2 that the linear model neglects in a correction period T, in σ of the velocity of
 a fix, up to which the filter is linear enough. Measured on los_angeles with the default sensors and T from 3
@@ -77,7 +80,7 @@ def judge(
     ):
         return verdict
     waits = navigator.correction == "feedback"
-    if not waits and all(finding.quantity in UNEXPLAINED for finding in verdict.findings):
+    if not waits and all(finding.quantity in (*UNEXPLAINED, *AIDS) for finding in verdict.findings):
         limit = min(limit, float(SUSPECTED))
     if not verdict.findings or drift <= limit:
         return verdict

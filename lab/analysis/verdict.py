@@ -91,14 +91,16 @@ def _by_innovations(evidence: Evidence) -> list[Weighed]:
 
 
 def _by_truth(evidence: Evidence) -> list[Weighed]:
-    found = _fixes_by_truth(evidence)
-    if evidence.sensors is not None:
-        found += judge_sensors(evidence.sensors)
+    found = [] if evidence.sensors is None else judge_sensors(evidence.sensors)
     assert evidence.start is not None
     # The effect of the specific force on the gyros looks like an unexpected initial bias.
     g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
     found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
-    found += judge_aids(evidence.aids)
+    aids = judge_aids(evidence.aids)
+    if any(entry.finding.direction != "too large" for entry in found):
+        # Such errors move the navigator off what other sensors rightly measure.
+        aids = [entry for entry in aids if entry.finding.direction == "too large"]
+    found += _fixes_by_truth(evidence) + aids
     if not found and evidence.fixes is None:
         found = judge_innovations(evidence)
     return found or judge_states(evidence)

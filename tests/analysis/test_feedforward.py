@@ -30,3 +30,15 @@ def test_what_is_wrong_beside_right_errors_keeps_its_name(quantity, nees, named)
     squares = None if nees is None else Squares(np.array(60 * nees), np.array(60.0))
     (found,) = judge(DRIFT, LIMIT, verdict, navigator, squares).findings
     assert found.quantity == named
+
+
+@pytest.mark.parametrize(("quantity", "named"), [("R airspeed", "feedforward"), ("R position", "R position")])
+def test_a_small_drift_is_suspected_where_only_other_sensors_disagree(quantity, named):
+    finding = Finding(quantity, "too small", 4.0, "It is wrong.", "Mend it.", "seen")
+    verdict = Verdict("It is wrong.", (finding,), "1 run, errors and innovations")
+    navigator = Experiment().navigator
+    navigator.correction = "feedforward"
+    (found,) = judge(
+        np.radians(0.5), LIMIT, verdict, navigator, Squares(np.array(240.0), np.array(60.0))
+    ).findings
+    assert found.quantity == named

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lab.analysis.pattern import BINS, binned, channel, stretch
 from lab.analysis.selection import select
 from lab.analysis.sums import Fit, Squares
+from lab.analysis.verdict import judge
 from lab.experiment import Experiment
+from lab.navigation.aids import NAMES
 from lab.sensors.cards import card
 
 RNG = np.random.default_rng(11)
@@ -42,6 +46,21 @@ def test_errors_of_the_sensors_are_named_and_never_blamed_on_the_gps(name, missi
     assert [finding.quantity for finding in result.verdict.findings] == [name]
     for finding in result.innovation_verdict.findings:
         assert not finding.quantity.startswith(("GPS latency", "GPS lever", "GPS corr", "GPS out", "R "))
+
+
+def test_errors_of_the_sensors_are_not_blamed_on_what_other_sensors_measure():
+    """Misaligned accelerometers move the navigator off the height of a right barometer; alone, R is wrong."""
+    right = Experiment(seed=4).run().evidence
+    number = np.full(len(NAMES), 200.0)
+    large = Squares(4.0 * number, number)
+    experiment = Experiment(seed=4)
+    experiment.set("navigator.q", experiment.run().belief.noise.tolist())
+    experiment.set("sensors.gyro.misalignment", [2.0, -2.0] * 3)
+    wrong = experiment.run().evidence
+    assert "R height" in [one.quantity for one in judge(replace(right, aids=large)).findings]
+    assert [one.quantity for one in judge(replace(wrong, aids=large)).findings] == ["gyro misalignment"]
+    precise = replace(wrong, aids=Squares(0.25 * number, number))
+    assert "R height" in [one.quantity for one in judge(precise).findings]
 
 
 @pytest.mark.parametrize(("rows", "name"), [(slice(6, 9), "gyro"), (slice(9, 12), "accelerometer")])
