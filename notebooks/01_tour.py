@@ -125,9 +125,9 @@ check("01.1")
 #
 # ## 5. Turn the knob
 #
-# Now change the sensor. The slider sets the density of the gyros' white noise. It only scales the same random
-# numbers, so the curves change smoothly and do not jump. A run takes a few milliseconds: the lab navigates
-# again while you drag.
+# Now change the sensor. The slider sets the density of the gyros' white noise. It only scales the same
+# random numbers, so the curves change smoothly and do not jump. A run takes less than a tenth of a second:
+# the lab navigates again as soon as you let the slider go.
 
 # %%
 noise = pn.widgets.FloatSlider(
@@ -170,7 +170,7 @@ pn.Column(belief, pn.bind(with_belief, belief.param.value_throttled))
 
 # %% [markdown]
 # **Try:** with R × 0.01 the filter assumes a tenth of the true GPS noise σ. Where are the innovations now,
-# compared with their band? And with R × 100, why do they oscillate slowly?
+# compared with their band? And with R × 100, why do they change so slowly?
 #
 # ## 7. Without GPS
 #

@@ -165,9 +165,10 @@ pn.Column(
 check("02.2")
 
 # %% [markdown]
-# **Try:** set the tilt to 0.1° and find the accelerometer error that cancels it for three hours. This is no
-# accident: a navigator levels itself with its accelerometers, and so it starts with just this tilt. When will
-# the two no longer cancel?
+# **Try:** set the tilt to 0.1° and find the accelerometer error that cancels the swing. This is no
+# accident: a navigator levels itself with its accelerometers, and so it starts with just this tilt. (Some 3
+# km are left after three hours: about tilted axes, it subtracts the rotation of the Earth wrongly.) When
+# will the two no longer cancel?
 #
 # ## 4. The height does not come back
 #
@@ -270,9 +271,10 @@ pd.DataFrame(
 ).round(5)
 
 # %% [markdown]
-# The aeroplane itself is content with 10 to 20 Hz. The vibration of its engine is not: a wobble of a tenth of
-# a degree at 20 Hz drifts by 25 °/h at 50 samples a second, more than the bias of a tactical gyro, and by 0.2
-# °/h at 200. With 40 samples a second or fewer, the vibration does not show at all. **An IMU samples fast
+# The aeroplane itself is content with 10 to 20 Hz. The vibration of its engine is not: a wobble of a tenth
+# of a degree at 20 Hz drifts by 25 °/h at 50 samples a second, more than the bias of a tactical gyro, and
+# by 0.2 °/h at 200. With 40 samples a second the gyros seem to swing to and fro along a line, and with
+# fewer the other way round, or not at all: no step can then correct the drift. **An IMU samples fast
 # because of what shakes, not because of what flies.** The tests and notebooks of the lab use low rates for
 # the same reason: their flights do not shake.
 #

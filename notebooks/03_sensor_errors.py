@@ -178,9 +178,9 @@ pd.DataFrame(
 ).T
 
 # %% [markdown]
-# The record lasts four hours. A shorter one would show N just as well, but not B: at the longest τ there are
-# only a few independent means. Here are the ends of the 95 % interval of the deviation, at some averaging
-# times.
+# The record of the gyros lasts four hours. A shorter one would show N just as well, but not B: at the
+# longest τ there are only a few independent means. Here are the ends of the 95 % interval of the deviation,
+# at some averaging times.
 
 # %%
 gyro = allan.deviation(records["gyro"].rates, records["gyro"].dt)

@@ -264,17 +264,19 @@ pd.DataFrame(
 ).T.round(2)
 
 # %% [markdown]
-# Four blocks are enough for this sensor: a gyro bias of 0.1 °/s turns some six hundred times faster than the
-# rotation of the Earth turns an attitude error of 2°. Without *velocity from tilt*, the filter cannot see an
-# attitude error at all: nothing corrects it, and σ does not say so.
+# Four blocks are enough for this sensor: a gyro bias of 0.1 °/s turns some seven hundred times faster than
+# the rotation of the Earth turns an attitude error of 2°. Without *velocity from tilt*, the filter cannot
+# see an attitude error at all: nothing corrects it. Its σ of the attitude grows too, but that of the
+# position does not say what this does to the position.
 
 # %%
 check("04.2")
 
 # %% [markdown]
 # **Try:** fly with a better sensor: import `card` from `lab`, and before the first run write
-# `card("STIM300").load(experiment)` and `experiment.navigator.states = 15`. Do four blocks still do? For how
-# long must there be no fixes until they do not?
+# `card("STIM300").load(experiment)`, `experiment.navigator.states = 15` and `experiment.navigator.alignment
+# = 0` (the card aligns the navigator before the flight, which these forty lines do not). Do four blocks
+# still do? For how long must there be no fixes until they do not?
 #
 # ## 6. Look at both
 #

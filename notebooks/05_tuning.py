@@ -13,10 +13,10 @@
 # %% [markdown]
 # # Tuning: Q, R, P₀, and what the innovations say
 #
-# A Kalman filter needs to know three things: how noisy the fixes are (R), how noisy the inertial sensors are
-# (Q), and how wrong the start may be (P₀). Nobody knows them exactly. This notebook makes each of them wrong
-# on purpose and looks at what changes. Some lies show at once, some only if the truth is known, and one does
-# not show at all.
+# A Kalman filter needs to know three things: how noisy the fixes are (R), how noisy the inertial sensors
+# are (Q), and how wrong the start may be (P₀). Nobody knows them exactly. This notebook makes each of them
+# wrong on purpose and looks at what changes. Some lies show at once, some only if the truth is known, and
+# one changes nothing but what the filter says of itself.
 #
 # You need to know what an innovation is: `01_tour.py`, section 6.
 
@@ -104,10 +104,11 @@ check("05.2")
 #
 # ## 3. Q: how much to trust the inertial sensors
 #
-# Look at the column NIS first. Q wrong by a factor of 10 in either direction hardly changes it: from one fix
-# to the next the noise of the gyros has little time to act, and R dominates S. What changes is NEES: with Q
-# too small, P shrinks below the errors and stays there. With Q too large, **nothing shows without the
-# truth**. The filter loses accuracy, and its innovations look as they should.
+# Look at the column NIS first. Q wrong by a factor of 10 in either direction hardly changes it: from one
+# fix to the next the noise of the gyros has little time to act, and R dominates S. What changes is NEES:
+# with Q too small, P shrinks below the errors and stays there. With Q ten times too large, **nothing shows
+# without the truth**. The filter loses accuracy, and its innovations look as they should. Only a factor of
+# 100 makes them alternate a little.
 
 # %%
 scan("q_scale")
@@ -186,8 +187,8 @@ pd.Series(
 ).to_frame("what the innovations say")
 
 # %% [markdown]
-# It finds what makes innovations too large or predictable, and it is silent about Q and P₀ that are too
-# large. That is not a weakness of the verdict: the information is not there.
+# It finds what makes innovations too large or predictable, and it is silent about Q and P₀ that are ten
+# times too large. That is not a weakness of the verdict: the information is not there.
 #
 # ## 7. Turn all three
 #

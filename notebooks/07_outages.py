@@ -62,10 +62,10 @@ plots.errors(outage(100, 60))
 # ## 1. How the error grows
 #
 # The outage begins at 100 s, after two turns. The table has the rms of the horizontal error over eight runs
-# with different seeds, and the σ that the filter states. They agree as well as eight runs can. From 30 to 60
-# s the error grows nearly fivefold. Three laws are at work. A wrong velocity drifts with t. A tilt resolves
-# gravity wrongly and drifts with **½ g φ t²**. The white noise of a gyro lets the tilt walk, and the position
-# with it, as **g N √(t⁵/20)**.
+# with different seeds, and the σ that the filter states. They agree as well as eight runs can. From 30 to
+# 60 s the error grows some 4.5 times. Three laws are at work. A wrong velocity drifts with t. A tilt
+# resolves gravity wrongly and drifts with **½ g φ t²**. The white noise of a gyro lets the tilt walk, and
+# the position with it, as **g N √(t⁵/20)**.
 
 # %%
 lengths = [5, 10, 20, 30, 60]
@@ -127,8 +127,8 @@ pd.Series({name: at(outage(100, 60, **settings), 160)[1] for name, settings in b
 ).to_frame("horizontal σ after 60 s [m]")
 
 # %% [markdown]
-# **Try:** look at the height: `end.share.sel(quantity="position up")`. Which bias has a share now that had
-# none above, and why is the height so much better than the horizontal position?
+# **Try:** look at the height: `end.share.sel(quantity="position up")`. Which bias has a much larger share
+# than above, and why is the height so much better than the horizontal position?
 #
 # ## 3. Observability: what brought the knowledge
 #
@@ -219,8 +219,9 @@ pd.DataFrame(
 ).round(1)
 
 # %% [markdown]
-# **Try:** a heading sensor, `outage(100, 60, sensors__heading__fitted=True)`, and on wheels an odometer with
-# `navigator__no_slip` (`docs/filters.md`). Which of the nine errors does a heading sensor not improve?
+# **Try:** a heading sensor, `outage(100, 60, sensors__heading__fitted=True)`, and on wheels an odometer
+# with `navigator__no_slip` (`docs/filters.md`). Which of the nine errors does a heading sensor improve
+# most, and which hardly?
 #
 # ## 7. Your outage
 

@@ -145,8 +145,8 @@ pd.Series(
 check("08.2")
 
 # %% [markdown]
-# The bank of this flight is right to half a degree or so, although no gyro was near. The report says so, and
-# the mission gets the tag *attitude reconstructed*.
+# The bank of this flight is right to some 0.6° rms, although no gyro was near. The report says so, and the
+# mission gets the tag *attitude reconstructed*.
 #
 # ## 5. A mission
 #
@@ -183,8 +183,8 @@ pd.DataFrame(
 ).set_index(result.summary["quantity"]).round(3)
 
 # %% [markdown]
-# Both flights give the same errors: for the question of how well a sensor navigates, even a phone's track is
-# good enough. It would not do for vibration, which no such recording has.
+# Both flights give nearly the same errors: for the question of how well a sensor navigates, even a phone's
+# track is good enough. It would not do for vibration, which no such recording has.
 #
 # **Try:** `result.verdict`, and the flight with another sensor: `card("BMI270").load(experiment)`, from
 # `lab`.

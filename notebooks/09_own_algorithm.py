@@ -15,7 +15,7 @@
 #
 # You have an idea for a navigator. The lab gives it the same sensors and the same seeds as its own filters,
 # measures it with the same plots, and judges it with the same verdict. This notebook begins with the worst
-# navigator there is, improves it in three small steps, and lets all of them race.
+# navigator there is, improves it in two small steps, and lets all of them race.
 #
 # You need to know the strapdown step: `02_strapdown.py`, section 1.
 
@@ -150,8 +150,9 @@ class FixedGains:
 plots.errors(experiment.run(algorithm=FixedGains()))
 
 # %% [markdown]
-# The tilts are now found, and the position is good between the fixes. The heading is not: nothing corrects
-# it, and the bias of the vertical gyro makes it drift.
+# The tilts no longer grow without limit: each fix takes out what the biases of the gyros have added, and
+# some degrees are left. The position is good between the fixes. The heading is not: nothing corrects it,
+# and the bias of the vertical gyro makes it drift.
 #
 # ## 4. The race
 #
@@ -221,8 +222,8 @@ honest.coverage.round(2)
 check("09.2")
 
 # %% [markdown]
-# **Try:** change S, and SIGMA, until the verdict is content. Why are these innovations never white? (Two
-# neighbours share one fix.)
+# **Try:** make S larger and smaller: from where on does the verdict name its size? And why are these
+# innovations never white, whatever S is? (Two neighbours share one fix.)
 #
 # ## 6. When it fails
 #

@@ -15,7 +15,7 @@
 #
 # One run is one draw of all random numbers. It may be lucky. Whoever says that a filter is honest, or that
 # one is better than another, has to say it of many runs. And whoever gives a number has to say how sure it
-# is. This notebook does both, with twenty flights in a second.
+# is. This notebook does both, with twenty flights in a second or two.
 #
 # You need to know what NEES and NIS are: `05_tuning.py`, section 1.
 
@@ -181,8 +181,8 @@ pd.DataFrame(
 check("10.3")
 
 # %% [markdown]
-# **Try:** `lab.compare` does this for the error models: `compare(experiment, ["phi", "psi"], seeds=20)`.
-# Which differences are larger than their error bar?
+# **Try:** `lab.compare` flies error models with the same seeds: `compare(experiment, ["phi", "invariant"],
+# seeds=20)`. Is their difference larger or smaller than the one above?
 #
 # ## 5. Watch the average settle
 #

@@ -51,7 +51,7 @@ pd.set_option("display.max_colwidth", None)
 folder = Path(tempfile.mkdtemp())
 with lab.live.open("simulated:montreal?device=vectornav&hz=100") as source:
     source.record(folder / "first.inslab")
-    while source.status.fixes < 8:  # one fix a second
+    while source.status.samples < 800:  # 8 s
         time.sleep(0.1)
     status = source.status
 

@@ -27,6 +27,7 @@ from jupyter_client.manager import KernelManager
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
+from notebook_claims import CLAIMS, HELPERS
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
@@ -61,9 +62,13 @@ def test_a_notebook_runs_in_jupyter_and_shows_something_in_most_cells(
 ) -> None:
     cells = jupytext.read(notebook, fmt="py:percent")
     cells.cells.insert(0, fresh(tmp_path))
+    claims = "\n".join(f"print(bool({claim}))" for claim in CLAIMS[notebook.stem].values())
+    cells.cells.append(new_code_cell(f"{HELPERS.get(notebook.stem, '')}\n{claims}"))
     client = NotebookClient(cells, km=kernel, timeout=SECONDS)
     client.execute()
     client.kc.stop_channels()
+    held = _texts(cells.cells.pop().outputs).split()
+    assert not [claim for claim, holds in zip(CLAIMS[notebook.stem], held, strict=True) if holds != "True"]
     code = [cell for cell in cells.cells[1:] if cell.cell_type == "code"]
     shown = [cell for cell in code if any(out.output_type != "stream" for out in cell.outputs)]
     assert len(shown) > len(code) / 2
@@ -78,6 +83,10 @@ def test_a_notebook_alternates_prose_and_code_and_asks_questions(notebook: Path)
     prose = "".join(cell.source for cell in cells if cell.cell_type == "markdown")
     assert prose.count("**Try:**") >= 3
     assert 400 < len(prose.split()) < 2000, "ten minutes of reading"
+    said = " ".join(prose.split())
+    assert not [claim for claim in CLAIMS[notebook.stem] if claim not in said], (
+        "claims of tests/notebook_claims"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -49,7 +49,7 @@ EXERCISES: dict[str, Exercise] = {
         0.548,
         0.01,
         "With two samples in a period, x = π and sin(x)/x = 0: the drift is the whole ½ sin²a Ω, 0.55 °/s or "
-        "2,000 °/h. The samples do not show the motion at all.",
+        "2,000 °/h. The samples swing along a line and do not show that the axis goes round.",
         "Use the formula with a = 1°, Ω = 2π · 10 rad/s and x = Ω/20, and turn rad/s into °/s. Or call "
         "coning_drift.",
         {
