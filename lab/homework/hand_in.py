@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import math
 import os
 import re
 import stat
@@ -19,6 +20,7 @@ from typing import Any
 from lab.experiment import Experiment
 from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.homework.sealing import SealError, TeacherKey, seal_for_teacher
+from lab.lessons.lesson import number_typed
 from lab.recordings.atomic_file import atomic_file
 from lab.settings import SettingError
 from lab.toml_file import TomlError, parse_toml, toml_text
@@ -95,6 +97,11 @@ def hand_in(
         If a setting was changed that the homework does not let a student change.
     """
     whole = (*answers, *("",) * (len(homework.questions) - len(answers)))
+    for number, (question, answer) in enumerate(zip(homework.questions, whole, strict=False), 1):
+        if answer and not question.choices and not math.isfinite(number_typed(answer)):
+            raise HandInError(
+                f"answer {number}: {answer[:40]!r} is no number; accepted is one without a unit, such as 0.5"
+            )
     return _checked(homework, HandIn(name, homework.scenario.changes(experiment), tuple(faults), whole))
 
 
@@ -193,9 +200,11 @@ def read_hand_in(path: Path) -> bytes:
 def _tables(content: bytes) -> dict[str, Any]:
     try:
         return parse_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
-    except UnicodeDecodeError as error:
-        raise HandInError("is not text in UTF-8; accepted is a hand-in as the lab wrote it") from error
-    except TomlError as error:
+    except (UnicodeDecodeError, TomlError) as error:
+        if content.startswith(_HEAD[:20].encode()):
+            raise HandInError("is damaged or cut off; accepted is the file as the lab wrote it") from error
+        if isinstance(error, UnicodeDecodeError):
+            raise HandInError("is not text in UTF-8; accepted is a hand-in as the lab wrote it") from error
         raise HandInError(f"is not a hand-in: {error}") from error
 
 
@@ -227,7 +236,12 @@ def _checked(homework: Homework, handed: HandIn) -> HandIn:
     unknown = set(handed.faults) - set(fault_titles())
     if unknown or (handed.faults and not homework.names_faults):
         shown = min(unknown)[:40] if unknown else handed.faults[0]
-        raise HandInError(f"names a fault {shown!r}, which the homework does not ask for")
+        accepted = (
+            f"any of: {', '.join(fault_titles())}" if homework.names_faults else "a hand-in without faults"
+        )
+        raise HandInError(
+            f"names a fault {shown!r}, which the homework does not ask for; accepted is {accepted}"
+        )
     if len(handed.answers) != len(homework.questions):
         raise HandInError(
             f"has {len(handed.answers)} answers; accepted are {len(homework.questions)}, one to each question"

@@ -136,8 +136,8 @@ def read_homework(path: Path) -> Homework:
     try:
         return _opened(_bounded(path))
     except (TomlError, SealError, LessonError, UnicodeDecodeError) as error:
-        message = str(error).removeprefix(f"{path.name}: ")
-        raise LessonError(f"{path.name}: {message}") from error
+        message = str(error).removeprefix(f"{_named(path)}: ")
+        raise LessonError(f"{_named(path)}: {message}") from error
 
 
 def _opened(text: str) -> Homework:
@@ -216,8 +216,8 @@ def read_key(path: Path) -> Keyed:
     try:
         return parse_key(_bounded(path))
     except (TomlError, LessonError) as error:
-        message = str(error).removeprefix(f"{path.name}: ")
-        raise LessonError(f"{path.name}: {message}") from error
+        message = str(error).removeprefix(f"{_named(path)}: ")
+        raise LessonError(f"{_named(path)}: {message}") from error
 
 
 def parse_key(text: str) -> Keyed:
@@ -254,15 +254,19 @@ def _bounded(path: Path) -> str:
     try:
         size = path.stat().st_size
     except OSError as error:
-        raise LessonError(f"{path.name}: cannot be read: {error.strerror or error}") from error
+        raise LessonError(f"{_named(path)}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # such as a name with a zero in it
-        raise LessonError(f"{path.name}: cannot be read: {error}") from error
+        raise LessonError(f"{_named(path)}: cannot be read: {error}") from error
     if size > LARGEST:
-        raise LessonError(f"{path.name}: has {size} bytes; accepted are files up to {LARGEST // 1000} kB")
+        raise LessonError(f"{_named(path)}: has {size} bytes; accepted are files up to {LARGEST // 1000} kB")
     try:
         return read_text(path)
     except TomlError as error:
-        raise LessonError(f"{path.name}: {error}") from error
+        raise LessonError(f"{_named(path)}: {error}") from error
+
+
+def _named(path: Path) -> str:
+    return path.name or str(path)  # a point has no name
 
 
 def _text_of(content: bytes) -> str:

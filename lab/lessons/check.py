@@ -93,6 +93,8 @@ def parse_check(text: str, is_setting: Callable[[str], bool]) -> Check:
         raise CheckError(f"has {len(text)} characters; accepted are up to {LONGEST}")
     parser = _Parser(_tokens(text), is_setting)
     condition = parser.whole()
+    if not (parser.quantities or parser.settings or parser.has_verdict):
+        raise CheckError("compares numbers only; accepted is a condition on the result, such as nis < 1.5")
     return Check(text, tuple(parser.quantities), tuple(parser.settings), condition)
 
 
@@ -130,6 +132,7 @@ class _Parser:
         self._is_setting = is_setting
         self.quantities: list[str] = []
         self.settings: list[str] = []
+        self.has_verdict = False
 
     def whole(self) -> Condition:
         """Return the whole check."""
@@ -157,6 +160,7 @@ class _Parser:
                 inner = self._not()
                 return lambda result: not inner(result)
             if self._accept("verdict"):
+                self.has_verdict = True
                 return self._verdict()
             if self._next == "(" and self._is_condition():
                 self._at += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,10 @@ MOST_CHOICES = 12
 """Most answers to choose from; the gallery has 10."""
 LONGEST_CHOICE = 100
 """Longest answer to choose [characters]."""
+LARGEST_NUMBER = 1e300
+"""Largest size of a number; TOML has integers that no float can hold."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""What a terminal would obey, or what would turn the direction of a line."""
 
 
 class LessonError(ValueError):
@@ -66,6 +71,10 @@ def text_of(
         raise LessonError(f"{where}{key}: {missing}; accepted is a text of up to {longest} characters")
     if len(value) > longest:
         raise LessonError(f"{where}{key}: has {len(value)} characters; accepted are up to {longest}")
+    if found := _CONTROL.search(value):
+        raise LessonError(
+            f"{where}{key}: has the control character {found[0]!r}; accepted are printable ones"
+        )
     if marked:
         try:
             text_html(value)
@@ -103,7 +112,7 @@ def number_of(table: Mapping[str, Any], key: str, where: str, least: float = -ma
     if value is None:
         return None
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or value < least:
+    if not is_number or not -LARGEST_NUMBER < value < LARGEST_NUMBER or value < least:
         bound = f" from {least:g}" if math.isfinite(least) else ""
         raise LessonError(f"{where}{key} = {str(value)[:40]}: accepted is a number{bound}")
     return float(value)
@@ -118,7 +127,7 @@ def answer_of(table: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], st
         If they do not fit together.
     """
     choices = table.get("choices", [])
-    is_list = isinstance(choices, list) and all(isinstance(one, str) and one for one in choices)
+    is_list = isinstance(choices, list) and all(isinstance(one, str) and one.strip() for one in choices)
     if not is_list or len(choices) == 1 or len(choices) > MOST_CHOICES or len(set(choices)) < len(choices):
         raise LessonError(f"{where}choices: accepted are 2 to {MOST_CHOICES} different texts")
     if any(len(one) > LONGEST_CHOICE for one in choices):

@@ -48,18 +48,19 @@ def read_lesson(path: Path) -> Lesson:
     LessonError
         If the file cannot be read, or is no lesson.
     """
+    name = path.name or str(path)  # a point has no name
     try:
         text = _bounded_text(path)
         tables = parse_toml(text)
     except OSError as error:
-        raise LessonError(f"{path.name}: cannot be read: {error.strerror or error}") from error
+        raise LessonError(f"{name}: cannot be read: {error.strerror or error}") from error
     except (TomlError, LessonError) as error:
-        raise LessonError(f"{path.name}: {error}") from error
+        raise LessonError(f"{name}: {error}") from error
     try:
         return lesson_of(path.stem, tables)
     except LessonError as error:
         message = str(error)
-        raise LessonError(f"{path.name}, line {line_of(text, message)}: {message}") from error
+        raise LessonError(f"{name}, line {line_of(text, message)}: {message}") from error
 
 
 def _bounded_text(path: Path) -> str:

@@ -42,6 +42,7 @@ def test_check_says_what_is_wrong_and_where(tmp_path: Path) -> None:
     said = "mine.toml, line ", ": step 1: solution", "r_scale", "accepted is"
     refused(ask("lesson", "check", str(path)), *said)
     refused(ask("lesson", "check", str(tmp_path / "none.toml")), "none.toml")
+    refused(ask("lesson", "check", "."), "ins-lab: .: cannot be read")
 
 
 def test_check_runs_the_solution(tmp_path: Path) -> None:

@@ -205,8 +205,12 @@ def test_what_the_student_may_not_change_cannot_be_handed_in(keyed: Keyed) -> No
             hand_in(homework, name, homework.experiment())
     with pytest.raises(HandInError, match="answer 2"):
         hand_in(homework, "Ada", homework.experiment(), answers=("", "red"))
-    with pytest.raises(HandInError, match="fault"):
+    with pytest.raises(HandInError, match=r"fault.*fixes that come late"):
         hand_in(homework, "Ada", homework.experiment(), ("the weather",))
+    for text in ("0.12 s", "nan", "1e400", "about 0.1"):
+        with pytest.raises(HandInError, match=r"answer 1: .* is no number; accepted is one without a unit"):
+            hand_in(homework, "Ada", homework.experiment(), answers=(text, ""))
+    assert hand_in(homework, "Ada", homework.experiment(), answers=("0,12", "")).answers[0] == "0,12"
 
 
 def test_grades_are_those_of_a_run_by_the_grader(keyed: Keyed, tmp_path: Path) -> None:
@@ -248,6 +252,7 @@ HOSTILE: dict[str, Callable[[Keyed], bytes]] = {
     "deep": lambda _keyed: b"a = " + b"[" * 5000,
     "dotted": lambda _keyed: b"a" + b".a" * 20000 + b" = 1",
     "large": lambda _keyed: b"#" * (LARGEST + 1),
+    "cut": lambda keyed: hand_in_text(keyed.homework, solved(keyed)).encode()[:-40],
     "truncated": lambda keyed: sealed(keyed)[:-40],
     "other": lambda keyed: sealed(keyed).replace(keyed.homework.name.encode(), b"0123456789abcdef"),
     "other-list": lambda keyed: sealed(keyed).replace(f'"{keyed.homework.name}"'.encode(), b"[1, 2]"),
@@ -305,6 +310,7 @@ def test_hostile_files_get_a_reason_and_stop_nothing(
     assert "trajectory.imu_rate" in rows["rate.handin"]["remark"]
     assert "another homework" in rows["other.handin"]["remark"]
     assert "UTF-8" in rows["latin-1.handin"]["remark"]
+    assert "damaged or cut off" in rows["cut.handin"]["remark"]
     assert "too deep" in rows["1/2/3/4"]["remark"]
     assert "ins-lab hand-in 27" in rows["version.handin"]["remark"]
 
