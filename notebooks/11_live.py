@@ -161,13 +161,14 @@ pd.DataFrame(
 
 # %%
 figures = LiveFigures()
-figures.window = 240.0
+figures.widen(120.0)
 figures.add_history(navigator.since()[1], 0.0)
 figures.add_fixes(fix)
 figures.show(state, 120.0)
 plots.follow_theme(*figures.figures)
 for figure in figures.figures:
-    figure.update(sizing_mode="fixed", width=330, height=230)
+    figure.update(sizing_mode="fixed", width=380, height=250)
+    figure.title.text_font_size = "9pt"
 pn.FlexBox(*figures.figures[2:]).servable()
 
 # %% [markdown]

@@ -28,6 +28,7 @@ from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
 from notebook_claims import CLAIMS, HELPERS
+from panel.theme.base import DarkTheme
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
@@ -109,9 +110,11 @@ def apps() -> Iterator[str]:
             server.kill()  # a server in the middle of a session may put off a polite request for ever
 
 
-def _open_on_a_phone(address: str) -> tuple[str, Document]:
+def _open_on_a_phone(address: str, query: str = "") -> tuple[str, Document]:
     """Return the page that a phone gets, and the document of its session."""
-    phone = Request(address, headers={"User-Agent": "Mozilla/5.0 (Linux; Android 14) Chrome/120 Mobile"})
+    phone = Request(
+        address + query, headers={"User-Agent": "Mozilla/5.0 (Linux; Android 14) Chrome/120 Mobile"}
+    )
     with urlopen(phone, timeout=SECONDS) as answer:
         page = answer.read().decode()
     token = re.findall(r'"token":\s*"([^"]+)"', page)[0]
@@ -131,6 +134,26 @@ def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, app
         assert {column for _, _, column, *_ in grid.children} == {0}
     fixed = [plot.width for plot in figures if plot.sizing_mode in {None, "fixed"}]
     assert max(fixed, default=0) <= 390  # the width of a usual phone [px]
+
+
+def test_an_app_is_dark_where_it_is_asked_to_be(apps: str) -> None:
+    with ThreadPoolExecutor(1) as thread:
+        _, document = thread.submit(_open_on_a_phone, f"{apps}/11_live", "?theme=dark").result()
+    grounds = {str(plot.background_fill_color) for plot in document.select({"type": Plot})}
+    assert grounds == {str(DarkTheme().bokeh_theme._json["attrs"]["Plot"]["background_fill_color"])}
+
+
+def test_an_exercise_with_a_device_that_sends_no_fixes_ends() -> None:
+    code = [c.source for c in jupytext.read(ROOT / "notebooks" / "11_live.py", fmt="py:percent").cells]
+    source = next(text for text in code if text.startswith("folder ="))
+    for old, new in (("device=vectornav", "device=text"), ("samples < 800", "samples < 100")):
+        assert old in source
+        source = source.replace(old, new)
+    names: dict[str, Any] = {}
+    imports = next(text for text in code if text.startswith("import tempfile"))
+    exec(f"{imports}\n{source}", names)
+    assert names["status"].protocol == "text"
+    assert names["status"].fixes == 0
 
 
 def test_the_filter_that_is_written_openly_is_the_compiled_one() -> None:

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 import holoviews as hv
 import numpy as np
 import panel as pn
+from bokeh.document import Document
 from bokeh.plotting import figure
 from jinja2 import Environment
+from panel.theme.base import DarkTheme
 
 from lab.views import notebook_theme
 from lab.views.envelope import envelope, limits, thin_path
@@ -64,12 +66,24 @@ APP_PAGE = Environment().from_string(
 """
 )
 """Panel's plain page with the line without which a phone shrinks a page of 980 px to its width."""
+OPEN_TAB = ".bk-tab.bk-active { color: var(--background-text-color, inherit); }"
+"""Bokeh writes the title of the open tab in black, whatever the ground."""
 
 
 def fit_phones() -> None:
-    """Have the page be as wide as a phone, when ``panel serve`` shows the notebook as an app."""
-    if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
-        pn.state.curdoc.template = APP_PAGE
+    """Have the page be as wide as a phone, when ``panel serve`` shows the notebook as an app.
+
+    The title of the open tab can be read on dark ground, too.
+    """
+    pn.Tabs.stylesheets = [OPEN_TAB]
+    if (app := _app()) is not None:
+        app.template = APP_PAGE
+
+
+def _app() -> Document | None:
+    """Return the page that ``panel serve`` makes of the notebook; None in Jupyter and in a script."""
+    page = pn.state.curdoc
+    return page if page is not None and page.session_context is not None else None
 
 
 def columns(wide: int) -> int:
@@ -78,7 +92,7 @@ def columns(wide: int) -> int:
 
 
 def follow_theme(*figures: figure) -> None:
-    """Have plots that a notebook draws itself turn dark with JupyterLab, as those here do.
+    """Have plots that a notebook draws itself turn dark with JupyterLab, or with its app, as those here do.
 
     Parameters
     ----------
@@ -87,6 +101,8 @@ def follow_theme(*figures: figure) -> None:
     """
     for drawn in figures:
         notebook_theme.follow_theme(drawn)
+    if pn.config.theme == "dark" and (app := _app()) is not None:  # such as with ?theme=dark
+        app.theme = DarkTheme().bokeh_theme
     if not figures:
         kinds = (hv.opts.Curve, hv.opts.Area, hv.opts.Scatter, hv.opts.ErrorBars, hv.opts.HeatMap)
         hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
