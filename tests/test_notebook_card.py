@@ -142,8 +142,19 @@ def test_an_ensemble_shows_its_verdict_and_its_errors(mistuned: Result) -> None:
     text = " ".join(read.texts)
     assert not read.open
     assert ensemble.verdict.findings[0].sentence in text
-    assert f"{ensemble.coverage['rms'][8]:.4g}" in text
-    assert "seeds 3 to 4" in text
+    assert f"{ensemble.coverage['rms'][8]:.3g}" in text
+    assert "Los Angeles, 2 runs, seeds 3 to 4" in text
+    assert "position east [m]" in text
+    assert "unit" in ensemble.coverage  # the table itself is as before
+    ensemble.experiment.mission = "gone"  # a flight that was removed meanwhile
+    assert "gone, 2 runs" in str(ensemble._repr_html_())
+
+
+def test_a_sweep_names_its_mission_by_its_title_and_scrolls_where_it_is_wide(mistuned: Result) -> None:
+    swept = mistuned.experiment.sweep({"navigator.r_scale": [0.1, 1.0]}, 1)
+    page = str(swept._repr_html_())
+    assert "<h4>Los Angeles, 2 combinations" in page
+    assert '<div style="overflow-x:auto"><table>' in page
 
 
 def test_a_sensor_card_shows_numbers_with_units_and_sources() -> None:

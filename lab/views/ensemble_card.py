@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from lab.ensemble import Ensemble
+from lab.views.mission_card import title_of
 from lab.views.verdict_card import verdict_html
 
 SETTLED = 20.0
@@ -18,11 +19,13 @@ def ensemble_html(ensemble: Ensemble) -> str:
     seeds = ensemble.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"{len(seeds)} runs, seeds {seeds[0]} to {seeds[-1]}"
     who = f", {ensemble.algorithm}" if ensemble.algorithm else ""
-    table = ensemble.coverage.to_html(
-        index=False, border=0, float_format=lambda value: f"{value:.4g}", na_rep="unknown"
-    )
+    shown = ensemble.coverage.copy()
+    shown["quantity"] += (
+        " [" + shown.pop("unit") + "]"
+    )  # a column less: the last one was cut beside a side bar
+    table = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="unknown")
     return (
-        f"<h4>{escape(ensemble.experiment.mission)}, {which}{escape(who)}</h4>"
+        f"<h4>{escape(title_of(ensemble.experiment.mission))}, {which}{escape(who)}</h4>"
         f"{verdict_html(ensemble.verdict)}<p>{escape(ensemble.remark)} {inside(ensemble)}</p>{table}"
         "<p>The root mean square is that of the whole flights; the other columns are those of the errors "
         "after the fixes.</p>"

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from lab.logs.sensor_log import SensorLog
+from lab.missions.catalogue import mission as find_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.recordings.mission_error import MissionError
@@ -42,6 +43,14 @@ def log_html(mission: LogMission) -> str:
     repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
     body = _body(_log_facts(log) | {"Origin": mission.origin}, picture(mission, CARD_WIDTH))
     return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
+
+
+def title_of(name: str) -> str:
+    """Return the title of a mission; its name if it has none, or cannot be found any more."""
+    try:
+        return find_mission(name).title or name
+    except MissionError:
+        return name
 
 
 def _card(mission: Mission, body: str) -> str:

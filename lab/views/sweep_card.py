@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from lab.sweep import Sweep
+from lab.views.mission_card import title_of
 from lab.views.sweep_plot import BAND, DEFAULT, Panel, labelled, panel, tests
 
 ROWS = 30
@@ -32,9 +33,9 @@ def sweep_html(sweep: Sweep) -> str:
     more = f"<p>The first {ROWS} of {np.prod(sizes)} combinations.</p>" if np.prod(sizes) > ROWS else ""
     refused = "".join(f"<li>{escape(reason)}</li>" for reason in sweep.refused)
     return (
-        f"<h4>{escape(sweep.mission)}, {np.prod(sizes):.0f} combinations of values, "
+        f"<h4>{escape(title_of(sweep.mission))}, {np.prod(sizes):.0f} combinations of values, "
         f"{data.sizes['seed']} seeds each</h4>"
-        f"<table><tr>{head}</tr>{body}</table>{more}"
+        f'<div style="overflow-x:auto"><table><tr>{head}</tr>{body}</table></div>{more}'
         "<p>The value over all seeds; in brackets, 90 % of the runs are between these.</p>"
         f"{f'<ul>{refused}</ul>' if refused else ''}"
     )
