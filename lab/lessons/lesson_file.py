@@ -82,7 +82,8 @@ def lesson_of(name: str, tables: Mapping[str, Any]) -> Lesson:
     check_keys(tables, OF_LESSON, "")
     steps = tables.get("step")
     if not isinstance(steps, list) or not steps or not all(isinstance(step, dict) for step in steps):
-        raise LessonError(f"step: there is none; accepted are 1 to {MOST_STEPS} tables [[step]]")
+        there = "it is one table, [step]" if isinstance(steps, dict) else "there is none"
+        raise LessonError(f"step: {there}; accepted are 1 to {MOST_STEPS} tables [[step]]")
     if len(steps) > MOST_STEPS:
         raise LessonError(f"step: there are {len(steps)}; accepted are 1 to {MOST_STEPS}")
     fault = text_of(tables, "fault", "", 20) if "fault" in tables else ""

@@ -236,3 +236,10 @@ def test_the_documentation_lists_the_keys_and_the_quantities() -> None:
     listed = {name: (unit.strip(), meaning) for name, unit, meaning in rows}
     assert listed == {name: (one.unit, one.meaning) for name, one in QUANTITIES.items()}
     assert all(f"`{key}`" in text or key == "step" for key in (*OF_LESSON, *OF_STEP))
+
+
+def test_a_step_in_single_brackets_is_said_to_be_one(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("title = 'Mine'\nsummary = 'It is short.'\n[step]\ntext = 'One.'\n", encoding="utf-8")
+    with pytest.raises(LessonError, match=r"line 3: step: it is one table, \[step\]; accepted are 1 to"):
+        read_lesson(path)
