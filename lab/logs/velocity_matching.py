@@ -229,13 +229,26 @@ def steps(time: FloatArray, increments: FloatArray, start: float, end: float) ->
 
 def turned(dtheta: FloatArray) -> Rotation:
     """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
-    total = Rotation.from_rotvec(np.concatenate((np.zeros((1, 3)), dtheta))).as_quat()
+    total = Rotation.from_rotvec(np.concatenate((np.zeros((1, 3)), dtheta))).as_quat().T.copy()
     reach = 1
-    while reach < len(total):  # each pass doubles how many increments are in each product
-        later = Rotation.from_quat(total[:-reach]) * Rotation.from_quat(total[reach:])
-        total = np.concatenate((total[:reach], later.as_quat()))
+    while reach < total.shape[1]:  # each pass doubles how many increments are in each product
+        total[:, reach:] = _product(total[:, :-reach], total[:, reach:])
         reach *= 2
-    return Rotation.from_quat(total)
+    return Rotation.from_quat(total.T)
+
+
+def _product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return products of quaternions (4, k), scalar last: those of `Rotation` take seven times as long."""
+    ax, ay, az, aw = one
+    bx, by, bz, bw = other
+    return np.stack(
+        (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        )
+    )
 
 
 def _total(values: FloatArray) -> FloatArray:
