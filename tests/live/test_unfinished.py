@@ -51,13 +51,15 @@ def test_a_folder_is_read_again_only_when_it_changed(tmp_path: Path, reads: list
 
 
 def test_a_recording_is_offered_when_its_last_bytes_are_old_without_a_change_of_the_folder(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now)
     kept, path = UnfinishedRecordings(), begun(tmp_path, "drive")
-    os.utime(path)
+    os.utime(path, (now, now))
     os.utime(tmp_path, (LONG_AGO, LONG_AGO))
     assert not kept.found(tmp_path)
-    os.utime(path, (time.time() - RUNS - 1,) * 2)
+    now += RUNS + 1
     assert kept.found(tmp_path) == [path]
     assert not kept.found(tmp_path, {path})
 

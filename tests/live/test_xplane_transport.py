@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from test_source import streaming, until
 from xplane_simulator import XPlaneSimulator, montreal
 
 import lab.live
 from lab.live.live_navigator import LiveNavigator
 from lab.live.recorded_log import recorded_samples
 from lab.live.source import Source
-from lab.live.source_status import LOST, STALE, STREAMING
+from lab.live.source_status import LOST, STALE
 from lab.live.transport import TransportError
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
-
-PATIENCE = 60.0
-"""Longest time to wait for what must happen [s]: build machines are slow."""
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait until something has happened."""
-    end = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.01)
 
 
 @pytest.fixture(autouse=True)
@@ -66,8 +56,7 @@ def test_samples_fixes_and_truth_come_and_a_replay_has_the_same_bits(
     source.record(path)
     with source:
         until(lambda: source.end.imu > 600 and source.end.fix > 2)
-        status = source.status
-        assert status.state == STREAMING
+        status = streaming(source)
         assert status.rate == pytest.approx(200, rel=1e-6)
         assert status.loss.missing == 0
         assert abs(status.drift) < 1e-9
@@ -117,13 +106,13 @@ def test_a_pause_is_told_and_leaves_no_gap(xplane: XPlaneSimulator) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 150)
         xplane.paused = True
-        until(lambda: "X-Plane is paused: its clock has stood still for 3 s" in said(source))
+        until(lambda: bool(re.search(r"is paused: its clock has stood still for \d+ s", said(source))))
         until(lambda: source.status.state == STALE)
         xplane.paused = False
         count = source.end.imu
         until(lambda: source.end.imu > count + 100)
         assert "paused" not in said(source)
-        assert source.status.rate == pytest.approx(100, rel=1e-6)  # by the time of the stream
+        assert streaming(source).rate == pytest.approx(100, rel=1e-6)  # by the time of the stream
         imu = source.since().imu
     assert np.diff(imu["time"]) == pytest.approx(0.01, abs=1e-6)
     assert imu["gap"].sum() == 1
@@ -134,7 +123,7 @@ def test_another_pace_is_told_and_changes_no_interval(xplane: XPlaneSimulator) -
     with opened(xplane) as source:
         until(lambda: "The simulator's clock runs 2.0 times as fast" in said(source))
         imu = source.since().imu
-        assert source.status.rate == pytest.approx(100, rel=1e-6)
+        assert streaming(source).rate == pytest.approx(100, rel=1e-6)
     assert np.diff(imu["time"]) == pytest.approx(0.01, abs=1e-6)
 
 
@@ -144,7 +133,7 @@ def test_lost_frames_are_bridged_or_break_the_flight(xplane: XPlaneSimulator) ->
         xplane.lose = 6
         until(lambda: "1 gap of up to" in said(source))
         xplane.silent = True
-        until(lambda: "has sent nothing for 3 s: is it paused, loading or closed?" in said(source))
+        until(lambda: bool(re.search(r"has sent nothing for \d+ s: is it paused", said(source))))
         assert source.status.state == STALE
         xplane.silent = False
         until(lambda: "s of the flight did not come" in events(source))

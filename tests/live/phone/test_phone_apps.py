@@ -184,7 +184,7 @@ def test_sensor_server():
         transport.open()
         decoder, parts = PhoneDecoder(), []
         while sum(len(part.imu) for part in parts) < 50:
-            chunk = transport.read(5.0)
+            chunk = transport.read(60.0)
             assert chunk.data
             parts.append(decoder.feed(chunk.data))
         assert transport.read(0.05).data == b""
@@ -198,11 +198,18 @@ def test_sensor_server():
     assert "android.sensor.gyroscope" in json.loads(parse_qs(asked.query)["types"][0])
 
 
-def test_a_sensor_server_that_goes_is_lost_and_closing_ends_a_wait():
+def test_a_sensor_server_that_goes_is_lost_and_closing_ends_a_wait(monkeypatch):
     with sensor_server([]) as (where, _):
         transport = SensorServerTransport(f"sensorserver:{where}")
         transport.open()
-        failed = threading.Event()
+        waits, failed = threading.Event(), threading.Event()
+        receive = transport._socket.recv
+
+        def receiving(timeout: float) -> str | bytes:
+            waits.set()
+            return receive(timeout)
+
+        monkeypatch.setattr(transport._socket, "recv", receiving)
 
         def wait() -> None:
             with pytest.raises(OSError, match="gone"):
@@ -211,9 +218,10 @@ def test_a_sensor_server_that_goes_is_lost_and_closing_ends_a_wait():
 
         thread = threading.Thread(target=wait)
         thread.start()
+        assert waits.wait(60)
         transport.close()
         transport.close()
-        thread.join(20)
+        thread.join(60)
         assert failed.is_set()
         with pytest.raises(OSError, match="not open"):
             transport.read(0)
