@@ -15,6 +15,7 @@ import typer
 from lab.cli.app import CommandError, Commands, plain, print_json, working
 from lab.cli.interrupt import interrupted
 from lab.cli.options import AsJson, Assignments, Card, Config, experiment
+from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
 from lab.counted import counted
 from lab.missions.mission_name import accepted_name
@@ -146,7 +147,7 @@ def record(
 
     The bytes are kept in NAME.inslab beside the mission; replay:NAME.inslab plays them again.
     """
-    from lab.live.raw_recording import SUFFIX, RecordingError  # noqa: PLC0415 - help does not need it
+    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
     from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
     from lab.missions import own_folder  # noqa: PLC0415 - help does not need it
     from lab.missions.library import add_log  # noqa: PLC0415 - help does not need it
@@ -156,16 +157,9 @@ def record(
     folder = out or own_folder()
     if (folder / name).exists():
         raise CommandError(f"{folder / name} exists; accepted is a new name")
-    path = folder / f"{name}{SUFFIX}"
-
-    def begin(opened: Source) -> None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CommandError(f"{folder}: cannot be made: {error.strerror or error}") from error
-        opened.record(path)
-
-    with _opened(source, begin) as (opened, go_on):
+    raw = RawFile(folder, name)
+    path = raw.path
+    with _opened(source, raw.begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -175,7 +169,7 @@ def record(
         opened.stop_recording()
         status = opened.status
     if not status.statistics.bytes:
-        path.unlink(missing_ok=True)  # the name is free for another attempt
+        raw.discard()  # the name is free for another attempt
     _check_came(source, status)
     _conclude(status)
     print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
@@ -277,7 +271,7 @@ def simulate(
     The settings are those of the sensors: --set sensors.heading.fitted=true sends headings too.
     """
     from lab.live.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
-    from lab.live.simulated_device import Misbehaviour, SimulatedDevice  # noqa: PLC0415
+    from lab.live.simulated_device import Misbehaviour, SimulatedDevice, unsent_readings  # noqa: PLC0415
     from lab.live.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
     from lab.live.simulated_link import link_of  # noqa: PLC0415 - help does not need it
 
@@ -293,6 +287,8 @@ def simulate(
             assignments=assignments or (),
         )  # fmt: skip
         sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
+    if unsent := unsent_readings(device, flight.reading):
+        print(f"ins-lab: --device {device}: {unsent}", file=sys.stderr)
     with interrupted() as pressed, _started(sender, to):
         print(
             f"Sending {counted(len(flight.imu), 'sample')}; open it with: "

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.decoders.decoder import Encoder
@@ -42,6 +43,33 @@ class Misbehaviour:
     corruption: float = 0.0
     jitter: float = 0.0
     drift: float = 0.0
+
+
+def unsent_readings(device: str, reading: NDArray[np.void]) -> str:
+    """Return which readings a device does not send, and which devices do, in sentences; empty if it does.
+
+    Parameters
+    ----------
+    device
+        A key of `ENCODERS`.
+    reading : (k,) array of `lab.live.samples.READING`
+        Headings and speeds.
+    """
+    sentences = []
+    for name in ("heading", "speed"):
+        rows = reading[np.isfinite(reading[name])][:1]
+        if len(rows) and not _sends(device, rows):
+            able = ", ".join(one for one in ENCODERS if _sends(one, rows))
+            sentences.append(f"This device sends no {name}s; accepted for them are {able}.")
+    return " ".join(sentences)
+
+
+def _sends(device: str, reading: NDArray[np.void]) -> bool:
+    try:
+        write = getattr(ENCODERS[device](), "encode_readings", None)
+    except ImportError:  # of a library that is not installed
+        return False
+    return write is not None and bool(write(reading))
 
 
 class SimulatedDevice:

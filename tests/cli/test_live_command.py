@@ -17,6 +17,7 @@ import pytest
 from asking import ask, refused
 
 from lab.live.recorded_log import recorded_samples
+from lab.live.simulated_device import SimulatedDevice
 from lab.missions import mission
 
 
@@ -121,8 +122,9 @@ def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path
         answer = ask("live", command, nobody, "--seconds", "0.5")
         assert answer.exit_code == 2
         assert words in answer.stderr
-    refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(tmp_path)), words)
-    assert not list(tmp_path.glob("drive*"))
+    for folder in (tmp_path, tmp_path / "new" / "drives"):
+        refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(folder)), words)
+    assert not list(tmp_path.iterdir())
 
 
 def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
@@ -171,6 +173,28 @@ def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
 )
 def test_mistakes_are_answered_with_what_is_accepted(arguments: list[str], words: list[str]) -> None:
     refused(ask("live", *arguments), *words)
+
+
+def test_a_device_that_sends_no_readings_says_so_and_who_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedDevice, "finished", True)  # it need not fly
+    fitted = ("--set", "sensors.heading.fitted=true", "--set", "sensors.odometer.fitted=true")
+
+    def told(device: str) -> str:
+        answer = ask(
+            "live", "simulate", "montreal", "--device", device, "--to", f"tcp:{free_port()}", *fitted
+        )
+        assert answer.exit_code == 0, answer.output
+        return answer.stderr
+
+    both = "sends no headings; accepted for them are vectornav, xsens, mip, ublox, nmea"
+    for device in ("memsense", "text", "phone"):
+        said = told(device)
+        assert f"--device {device}: This device {both}" in said
+        assert "sends no speeds; accepted for them are ublox" in said
+    said = told("vectornav")
+    assert "headings" not in said
+    assert "sends no speeds" in said
+    assert told("ublox") == ""
 
 
 def test_a_device_that_cannot_send_says_where_and_why() -> None:

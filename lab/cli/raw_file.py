@@ -1,0 +1,68 @@
+"""Raw file: where ``ins-lab live record`` keeps the bytes; nothing of it stays if none came."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lab.cli.app import CommandError
+
+if TYPE_CHECKING:
+    from lab.live.source import Source
+
+
+class RawFile:
+    """The raw recording of a mission.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Parameters
+    ----------
+    folder
+        Where it is kept; it is made if it is not there.
+    name
+        Name of the mission.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        from lab.live.raw_recording import SUFFIX  # noqa: PLC0415 - help does not need it
+
+        self.path = folder / f"{name}{SUFFIX}"
+        self._made: list[Path] = []
+
+    def begin(self, source: Source) -> None:
+        """Record a source into it.
+
+        Raises
+        ------
+        CommandError
+            If the folder cannot be made.
+        RecordingError
+            If the file exists, or cannot be made.
+        """
+        folder = self.path.parent
+        self._made = [one for one in (folder, *folder.parents) if not one.exists()]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandError(f"{folder}: cannot be made: {error.strerror or error}") from error
+        try:
+            source.record(self.path)
+        except OSError:
+            self._remove_folders()
+            raise
+
+    def discard(self) -> None:
+        """Delete the file, and the folders that were made for it."""
+        self.path.unlink(missing_ok=True)
+        self._remove_folders()
+
+    def _remove_folders(self) -> None:
+        for one in self._made:
+            try:
+                one.rmdir()
+            except OSError:  # another program has put something there meanwhile
+                return
