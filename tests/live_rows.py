@@ -159,7 +159,7 @@ def reading_rows(name: str, time: np.ndarray, values: np.ndarray, late: float = 
     """Return headings [rad] or speeds [m/s] at times from 0 [s], which arrive later by some time [s]."""
     rows = np.zeros(time.size, TIMED_READING)
     rows["time"], rows["arrival"] = time + HOST, time + HOST + late
-    rows["heading"] = rows["speed"] = np.nan
+    rows["heading"] = rows["speed"] = rows["heading_sigma"] = np.nan
     rows[name] = values
     return rows
 

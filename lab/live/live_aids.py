@@ -11,11 +11,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import magnetometer_of, values_of
+from lab.live.live_log import magnetometer_of
 from lab.live.rolling import Rolling
 from lab.magnetic_field import magnetic_declination
 from lab.navigation import aids
-from lab.navigation.aiding import CONDITION_PERIOD, ROUNDING, of_fields, of_one_kind, zero_velocity
+from lab.navigation.aiding import (
+    CONDITION_PERIOD,
+    ROUNDING,
+    known_variance,
+    of_fields,
+    of_one_kind,
+    zero_velocity,
+)  # fmt: skip
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
@@ -32,7 +39,9 @@ READINGS: Final = {
     "innovation": ((), np.float64),
     "variance": ((), np.float64),
 }
-"""Columns of heights by pressure, of speeds and of headings, and what came of them in the filter."""
+"""Columns of heights by pressure and of speeds, and what came of them in the filter."""
+HEADINGS: Final = READINGS | {"sigma": ((), np.float64)}
+"""Columns of headings: also their σ; NaN where the device gives none."""
 FIELDS: Final = {
     "time": ((), np.float64),
     "field": ((3,), np.float64),
@@ -43,7 +52,10 @@ FIELDS: Final = {
 
 
 class Readings(NamedTuple):
-    """Heights [m], speeds [m/s], headings [rad] with columns `READINGS`; fields with those of `FIELDS`."""
+    """Heights [m], speeds [m/s], headings [rad] and fields.
+
+    The first two have the columns `READINGS`, the others those of `HEADINGS` and `FIELDS`.
+    """
 
     height: Rolling
     speed: Rolling
@@ -102,7 +114,7 @@ class LiveAids:
         """Whether the filter uses any."""
         self.shift = np.nan
         """What is added to the heights [m]."""
-        scale = float(navigator.aiding_scale)
+        self._scale = scale = float(navigator.aiding_scale)
         self._variance = scale * float(si(sensors.barometer, "noise")) ** 2
         self._speed_variance = scale * float(si(sensors.odometer, "noise")) ** 2
         self._heading_variance = scale * float(si(sensors.heading, "noise")) ** 2
@@ -221,10 +233,11 @@ class LiveAids:
             ("speed", self.readings.speed, self._has_odometer),
             ("heading", self.readings.heading, self._has_antennas),
         ):
-            found = values_of(rows, name)
-            time = found.time - epoch
+            found = rows[np.isfinite(rows[name])]
+            time = found["time"] - epoch
             good = time > max(reach, float(kept.column("time")[-1]) if len(kept) else -np.inf)
-            _append(kept, time[good], value=found.value[good])
+            own = {"sigma": found["heading_sigma"][good]} if name == "heading" else {}
+            _append(kept, time[good], value=found[name][good], **own)
             if is_used and good.any():
                 earliest = min(earliest, float(time[good][0]))
         return earliest
@@ -279,7 +292,10 @@ class LiveAids:
             ),
             of_one_kind(_rows("time", *speed), aids.FORWARD, _rows("value", *speed), self._speed_variance),
             of_one_kind(
-                _rows("time", *heading), aids.HEADING, _rows("value", *heading), self._heading_variance
+                _rows("time", *heading),
+                aids.HEADING,
+                _rows("value", *heading),
+                known_variance(_rows("sigma", *heading), self._scale, self._heading_variance),
             ),
             of_fields(self._sensors, magnetic, _rows("field", *field)),
             *still,

@@ -58,11 +58,11 @@ def log_of(
     imu = imu[_increasing(imu["time"])]
     fixes = fixes[usable_fixes(fixes)]
     fixes = fixes[_increasing(fixes["time"])]
-    headings, odometer = (values_of(readings, name) for name in ("heading", "speed"))
+    headings, odometer = readings[np.isfinite(readings["heading"])], speeds_of(readings)
     auxiliary = AuxiliaryData(
         vehicle,
         magnetometer=magnetometer_of(imu["time"], imu["magnetic"]),
-        headings=headings_of(headings.time, headings.value),
+        headings=headings_of(headings["time"], headings["heading"], headings["heading_sigma"]),
         barometer=barometer_of(imu, fixes),
         odometer=odometer if odometer.time.size else None,
     )
@@ -127,17 +127,17 @@ def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | No
     return Magnetometer(time[rows].copy(), magnetic[rows] * MICROTESLA)
 
 
-def values_of(readings: NDArray[np.void], name: str) -> Series:
-    """Return the readings ``heading`` [rad] or ``speed`` [m/s] in the order of their times."""
-    rows = readings[np.isfinite(readings[name])]
-    return Series(rows["time"].copy(), rows[name].copy())
+def speeds_of(readings: NDArray[np.void]) -> Series:
+    """Return the speeds [m/s] in the order of their times."""
+    rows = readings[np.isfinite(readings["speed"])]
+    return Series(rows["time"].copy(), rows["speed"].copy())
 
 
-def headings_of(time: FloatArray, heading: FloatArray) -> Headings | None:
-    """Return headings (k,) [rad] at times (k,) [s] as those of a log; None if there are none."""
+def headings_of(time: FloatArray, heading: FloatArray, sigma: FloatArray) -> Headings | None:
+    """Return headings (k,) and their σ (k,) [rad] at times (k,) [s] as those of a log; None without any."""
     if not time.size:
         return None
-    return Headings(time.copy(), heading.copy(), np.full(time.size, np.nan))
+    return Headings(time.copy(), heading.copy(), sigma.copy())
 
 
 def usable_imu(imu: NDArray[np.void]) -> NDArray[np.bool_]:

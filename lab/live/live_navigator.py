@@ -297,7 +297,9 @@ class LiveNavigator:
                 repairs=self.state.remarks,
                 auxiliary=AuxiliaryData(
                     magnetometer=magnetometer,
-                    headings=headings_of(headings.column("time") - zero, headings.column("value")),
+                    headings=headings_of(
+                        headings.column("time") - zero, headings.column("value"), headings.column("sigma")
+                    ),
                     barometer=barometer,
                     odometer=odometer,
                 ),

@@ -82,7 +82,7 @@ class LiveStart:
             Heading at the first sample with a fix that the IMU alone shows, its σ [rad] and its source; None
             if it shows none.
         headings
-            Measured headings, with the columns of `lab.live.live_aids.READINGS`; None without any.
+            Measured headings, with the columns of `lab.live.live_aids.HEADINGS`; None without any.
         """
         if len(fixes) < 2:
             return Sought(
@@ -105,7 +105,7 @@ class LiveStart:
                 magnetometer=magnetometer,
                 headings=None
                 if headings is None
-                else headings_of(headings.column("time"), headings.column("value")),
+                else headings_of(*(headings.column(name) for name in ("time", "value", "sigma"))),
             ),
             self._navigator.vehicle,
             self._navigator.initial_heading,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.attitude_only import NORTH, AttitudeOnly
-from lab.live.live_aids import FIELDS, READINGS, Readings
+from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.live.rolling import Rolling
@@ -83,7 +83,7 @@ class Stream:
         self.epoch = epoch
         self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
         self.fixes = Rolling(FIXES)
-        self.readings = Readings(Rolling(READINGS), Rolling(READINGS), Rolling(READINGS), Rolling(FIELDS))
+        self.readings = Readings(Rolling(READINGS), Rolling(READINGS), Rolling(HEADINGS), Rolling(FIELDS))
         self.gaps: list[tuple[float, float]] = []
         """Start and end of the filled gaps [s]."""
         self.filter: LiveFilter | None = None

@@ -21,6 +21,9 @@ clock of the IMU [s]: receivers compute and send for 0.05 to 0.2 s. The navigato
 STALE: Final = 5.0
 """Largest difference between the times of a fix or a reading and of a sample by the same clock [s]."""
 _QUANTITIES: Final = ("heading", "speed")
+_SIGMAS: Final = (np.radians(0.01), np.radians(60.0))
+"""σ of a heading that are believed [rad]: the best receivers reach 0.03° over 10 m between their antennas;
+above 60°, a heading shows little more than which way is not ahead."""
 
 
 class ReadingTimes:
@@ -66,6 +69,9 @@ class ReadingTimes:
         made["arrival"] = arrival
         for name in (*_QUANTITIES, "end"):
             made[name] = rows[name]
+        sigma = rows["heading_sigma"]
+        believed = (sigma > _SIGMAS[0]) & (sigma < _SIGMAS[1])
+        made["heading_sigma"] = np.where(believed & np.isfinite(rows["heading"]), sigma, np.nan)
         for name in _QUANTITIES:
             there = np.flatnonzero(np.isfinite(made[name]))
             for at in there.tolist():

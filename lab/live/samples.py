@@ -73,13 +73,14 @@ READING: Final = np.dtype(
         ("utc", np.float64),
         ("heading", np.float64),
         ("speed", np.float64),
+        ("heading_sigma", np.float64),
         ("end", np.int64),
     ]
 )
 """A reading of two antennas, of a compass, or of an odometer.
 
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
-``speed`` forward [m/s].
+``speed`` forward [m/s]; σ of the heading [rad].
 """
 FIX_TYPES: Final = {
     0: "no receiver",
@@ -105,7 +106,7 @@ UNKNOWN: Final = (NAN, NAN, NAN)
 # Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
 _IMU: Final = struct.Struct("<dq3d3d3dddqq")
 _FIX: Final = struct.Struct("<dddddd3ddddqqqq")
-_READING: Final = struct.Struct("<dddddq")
+_READING: Final = struct.Struct("<ddddddq")
 assert _IMU.size == IMU.itemsize
 assert _FIX.size == FIX.itemsize
 assert _READING.size == READING.itemsize
@@ -183,7 +184,7 @@ def packed_fix(
 
 
 def packed_reading(
-    end: int, time: float, week_time: float, utc: float, heading: float, speed: float
+    end: int, time: float, week_time: float, utc: float, heading: float, speed: float, heading_sigma: float
 ) -> bytes:
     """Return the bytes of a row of `READING`."""
-    return _READING.pack(time, week_time, utc, heading, speed, end)
+    return _READING.pack(time, week_time, utc, heading, speed, heading_sigma, end)

@@ -25,6 +25,7 @@ from lab.result import Result
 from lab.sensors.cards import card
 from lab.sensors.gps import GpsErrors, GpsFixes
 from lab.sensors.readings import read, slow_error
+from lab.units import si
 
 REST = "rest"
 """Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""
@@ -190,8 +191,10 @@ def reading_rows(result: Result) -> NDArray[np.void]:
             continue
         rows = np.zeros(found.time.size, READING)
         rows["time"], rows["week_time"], rows["utc"] = (zero + found.time for zero in (0.0, _WEEK_TIME, _UTC))
-        rows["heading"] = rows["speed"] = np.nan
+        rows["heading"] = rows["speed"] = rows["heading_sigma"] = np.nan
         rows[name] = found.value
+        if name == "heading":
+            rows["heading_sigma"] = si(result.experiment.sensors.heading, "noise")
         parts.append(rows)
     made = np.concatenate(parts)
     return np.asarray(made[np.argsort(made["time"], kind="stable")])

@@ -56,10 +56,12 @@ TIMED_READING: Final = np.dtype(
         ("arrival", np.float64),
         ("heading", np.float64),
         ("speed", np.float64),
+        ("heading_sigma", np.float64),
         ("end", np.int64),
     ]
 )
 """A heading or a speed: ``time`` of validity and ``arrival`` of the host's monotonic clock [s].
 
+``heading_sigma`` is NaN also where the device gives one that is not believed.
 The other fields are those of `lab.live.samples.READING`.
 """

@@ -70,7 +70,9 @@ def aids_of(
     scale = navigator.aiding_scale
     parts = []
     for name, found in readings.items():
-        variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
+        variance: float | FloatArray = scale * float(si(sensors.groups()[name], "noise")) ** 2
+        if found.sigma.size:
+            variance = known_variance(found.sigma, scale, float(variance))
         one = fast_enough(found, float(si(sensors.airspeed, "slowest"))) if name == "airspeed" else found
         part = of_one_kind(one.time, KINDS[name], one.value, variance)
         parts.append(of_fields(sensors, part, one.field) if one.field.size else part)
@@ -100,8 +102,23 @@ def zero_velocity(time: FloatArray, navigator: NavigatorSettings) -> list[Aids]:
     return [of_one_kind(time, kind, np.zeros(time.size), variance) for kind in three]
 
 
-def of_one_kind(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
-    """Return measurements of one kind, such as `aids.HEIGHT`, at times (a,), with one variance."""
+def known_variance(sigma: FloatArray, scale: float, variance: float) -> FloatArray:
+    """Return the variances (a,) of readings: by the device's own σ (a,), a variance where it is unknown.
+
+    Parameters
+    ----------
+    sigma : (a,) array
+        σ that the device gave; NaN or 0 where it gave none.
+    scale
+        Factor on their squares.
+    variance
+        Variance of the others.
+    """
+    return np.where(sigma > 0, scale * sigma**2, variance)
+
+
+def of_one_kind(time: FloatArray, kind: int, value: FloatArray, variance: float | FloatArray) -> Aids:
+    """Return measurements of one kind, such as `aids.HEIGHT`, at times (a,), with one variance or (a,)."""
     size = time.size
     kinds, variances = np.full(size, kind, np.int64), np.full(size, variance)
     return Aids(time, kinds, value, variances, np.zeros((size, 3)), np.zeros(3))

@@ -207,6 +207,8 @@ def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
             within_log = (series.time > log.time[0]) & (series.time <= log.time[-1])
             time = series.time[within_log]
             found[name] = Readings(time, series.value[within_log], np.full(time.size, np.nan))
+            if name == "heading" and auxiliary.headings is not None:
+                found[name] = found[name]._replace(sigma=auxiliary.headings.sigma[within_log])
     if sensors.heading.fitted and sensors.heading.source == MAGNETOMETER:
         found.pop("heading", None)
         if auxiliary.magnetometer is not None:

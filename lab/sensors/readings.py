@@ -23,6 +23,9 @@ FloatArray = NDArray[np.float64]
 NO_FIELD = np.zeros((0, 3))
 """No magnetic field, read-only."""
 NO_FIELD.setflags(write=False)
+NO_SIGMA = np.zeros(0)
+"""No σ, read-only."""
+NO_SIGMA.setflags(write=False)
 
 
 class Readings(NamedTuple):
@@ -38,12 +41,15 @@ class Readings(NamedTuple):
         The slow part of its error, which a filter may estimate.
     field : (a, 3) array, or (0, 3)
         Direction of the magnetic field in b, if that is measured; the value is then the declination.
+    sigma : (a,) array, or (0,)
+        σ that the device itself gives, in units of the value; NaN or 0 where it gives none.
     """
 
     time: FloatArray
     value: FloatArray
     bias: FloatArray
     field: FloatArray = NO_FIELD
+    sigma: FloatArray = NO_SIGMA
 
 
 # Common declarations of all such sensors.

@@ -11,6 +11,7 @@ from lab.live.live_log import log_of
 from lab.live.timed import TIMED_READING
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.logs.sensor_log_writer import write_sensor_log
+from lab.navigation import aids
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
@@ -57,6 +58,8 @@ def readings(trajectory, seed: int, late: float = 0.15) -> np.ndarray:
 def test_they_equal_the_batch(sensors, seed: int, late: float, settings: dict, tmp_path) -> None:
     imu, fixes, trajectory = driven(late=late)
     rows = readings(trajectory, seed)
+    given = np.radians([np.nan, 0.4, 1.5])[np.arange(rows.size) % 3]
+    rows["heading_sigma"] = np.where(np.isfinite(rows["heading"]), given, np.nan)
     live = navigator(sensors=fitted(*sensors), **settings)
     feed(live, imu, fixes, random_pieces(seed), rows)
     log = log_of("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0), readings=rows)
@@ -65,15 +68,22 @@ def test_they_equal_the_batch(sensors, seed: int, late: float, settings: dict, t
     assert run.solution.states == 15 + len(sensors)
     assert (run.solution.aid_sample >= 0).sum() > 400 * len(sensors)
     assert_equal(live, run)
+    if "heading" in sensors:
+        variance = run.aids.variance[run.aids.kind == aids.HEADING] / settings.get("aiding_scale", 1.0)
+        sigma = log.auxiliary.headings.sigma
+        wanted = np.where(np.isnan(sigma), HEADING_SIGMA, sigma)[-variance.size :]
+        np.testing.assert_allclose(np.sqrt(variance), wanted, rtol=1e-12)
     without = navigate_log(log, suite(), whole, start=live.alignment)
     row = 8 if "heading" in sensors else 3
     assert run.solution.variance[2000:, row].mean() < 0.95 * without.solution.variance[2000:, row].mean()
     mine = live.log().auxiliary
     np.testing.assert_array_equal(mine.headings.heading, log.auxiliary.headings.heading)
+    np.testing.assert_array_equal(mine.headings.sigma, log.auxiliary.headings.sigma)
     np.testing.assert_array_equal(mine.odometer.value, log.auxiliary.odometer.value)
     write_sensor_log(tmp_path / "drive", log, title="Drive")
     again = read_sensor_log(tmp_path / "drive").auxiliary
     np.testing.assert_allclose(again.headings.heading, log.auxiliary.headings.heading, atol=1e-6)
+    np.testing.assert_allclose(again.headings.sigma, log.auxiliary.headings.sigma, rtol=1e-4)
     np.testing.assert_allclose(again.odometer.value, log.auxiliary.odometer.value, atol=1e-4)
 
 
@@ -123,6 +133,29 @@ def test_the_sigma_covers_the_error_of_the_heading_over_seeds() -> None:
         off.append(float((live.state.euler[2] - true) / live.state.euler_sigma[2]))
     assert np.abs(off).max() < 3.5
     assert np.mean(np.square(off)) < 2.51  # chi-square of 8: 99 % below 20.1
+
+
+def test_headings_of_changing_quality_are_weighted_as_the_receiver_says() -> None:
+    """Every third heading has ten times the error; the squares of the innovations show whose σ is right."""
+    mean: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(3):
+        imu, fixes, trajectory = driven(seed=seed, late=0.2)
+        rows = readings(trajectory, seed + 80)
+        rng = np.random.default_rng(seed)
+        sigma = HEADING_SIGMA * np.where(np.arange(rows.size) % 3 == 0, 10.0, 1.0)
+        rows["heading"] = trajectory.at(rows["time"] - 5000.0).euler[:, 2] + sigma * rng.normal(
+            size=rows.size
+        )
+        rows["speed"] = np.nan
+        for told, means in mean.items():
+            rows["heading_sigma"] = sigma if told else np.nan
+            live = navigator(sensors=fitted("heading"))
+            feed(live, imu, fixes, random_pieces(seed), rows)
+            kept = live._stream.readings.heading
+            squares = kept.column("innovation") ** 2 / kept.column("variance")
+            means.append(np.nanmean(squares))
+    assert np.mean(mean[True]) == pytest.approx(1.0, abs=0.15)
+    assert np.mean(mean[False]) > 5
 
 
 def test_readings_that_are_not_used_and_wanted_ones_that_are_missing_are_told() -> None:

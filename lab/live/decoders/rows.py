@@ -108,12 +108,13 @@ class Rows:
         utc: float = NAN,
         heading: float = NAN,
         speed: float = NAN,
+        heading_sigma: float = NAN,
     ) -> None:
         """Take a heading or a speed, or count it as refused; fields as of `READING`."""
         if abs(time) > _LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
             self._statistics.refused += 1
             return
-        self._reading += packed_reading(end, time, week_time, utc, heading, speed)
+        self._reading += packed_reading(end, time, week_time, utc, heading, speed, heading_sigma)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""

@@ -151,11 +151,12 @@ class Ublox(Framing):
 
 def _add_heading(payload: bytes, end: int, rows: Rows) -> bool:
     """Add the heading of a moving base, if it is one and valid; return whether this is a message of one."""
-    version, week_time, heading, _, flags = RELPOSNED.unpack(payload)
+    version, week_time, heading, sigma, flags = RELPOSNED.unpack(payload)
     if version != 1 or not flags & _MOVING_BASE:
         return False
     if flags & LINE_FORWARD == LINE_FORWARD:
-        rows.add_reading(end, week_time=1e-3 * week_time, heading=heading * HEADING_UNIT)
+        angle, spread = heading * HEADING_UNIT, sigma * HEADING_UNIT
+        rows.add_reading(end, week_time=1e-3 * week_time, heading=angle, heading_sigma=spread)
     return True
 
 

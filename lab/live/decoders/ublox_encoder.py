@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lab.live.decoders.checks import fletcher16
 from lab.live.decoders.merging import merged
-from lab.live.decoders.sending import vector
+from lab.live.decoders.sending import known, vector
 from lab.live.decoders.ublox import (
     ESF_MEAS,
     ESF_RAW,
@@ -113,7 +113,8 @@ def _reading(row: np.void) -> bytes:
     if math.isfinite(row["heading"]):
         week_time = round(1e3 * float(row["week_time"])) % _WEEK if math.isfinite(row["week_time"]) else 0
         angle = round(float(row["heading"]) % (2 * math.pi) / HEADING_UNIT)
-        messages += _message(NAV_RELPOSNED, RELPOSNED.pack(1, week_time, angle, 0, LINE_FORWARD))
+        spread = round(known(row, "heading_sigma")[0] / HEADING_UNIT)
+        messages += _message(NAV_RELPOSNED, RELPOSNED.pack(1, week_time, angle, spread, LINE_FORWARD))
     if math.isfinite(row["speed"]):
         word = SPEED << 24 | round(float(row["speed"]) / SPEED_UNIT) & 0xFFFFFF
         tag = _ticks(row["time"], MEAS_TICK, 2**32)

@@ -39,6 +39,7 @@ def relative_position(degrees: float, **flags: int) -> bytes:
 def test_the_heading_of_a_moving_base_is_that_of_pyubx2(degrees: float) -> None:
     (row,) = decoded(decoder_of("ublox"), relative_position(degrees)).reading
     assert math.degrees(row["heading"]) == pytest.approx(degrees, abs=1e-5)
+    assert math.degrees(row["heading_sigma"]) == pytest.approx(0.4, abs=1e-5)
     assert row["week_time"] == pytest.approx(345_600.2)
     assert math.isnan(row["speed"])
 
@@ -60,11 +61,13 @@ def test_the_speed_of_a_vehicle_is_that_of_pyubx2(speed: float) -> None:
 
 def test_pyubx2_reads_what_the_encoder_writes() -> None:
     sent = rows(time=[7.2, 7.4], week_time=[345_600.2, 345_600.4], heading=np.radians([359.5, -90.0]))
+    sent["heading_sigma"] = np.radians(0.35)
     for data, degrees in zip(
         (ENCODERS["ublox"]().encode_readings(row[None]) for row in sent), (359.5, 270.0), strict=True
     ):
         found = UBXReader.parse(data)
         assert found.relPosHeading == pytest.approx(degrees, abs=1e-4)
+        assert found.accHeading == pytest.approx(0.35, abs=1e-5)
         assert (found.relPosHeadingValid, found.isMoving, found.version) == (1, 1, 1)
 
 
