@@ -147,10 +147,7 @@ def record(
 
     The bytes are kept in NAME.inslab beside the mission; replay:NAME.inslab plays them again.
     """
-    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
-    from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
     from lab.missions import own_folder  # noqa: PLC0415 - help does not need it
-    from lab.missions.library import add_log  # noqa: PLC0415 - help does not need it
 
     name, arm = accepted_name(name), _three(lever_arm)
     _check_seconds(seconds)
@@ -177,12 +174,7 @@ def record(
         lacking = "samples of an IMU" if not status.samples else "fixes"
         print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
         return
-    with working(str(path)):
-        try:
-            log = log_of_recording(path, lever_arm=arm)
-            mission = add_log(log, name, title=title or f"Recorded from {source}", folder=out)
-        except (RecordingError, ValueError) as error:
-            raise CommandError(f"{error}. The recording stays in {path}") from error
+    log, mission = raw.as_mission(name, arm, title or f"Recorded from {source}", out)
     for remark in log.repairs:
         print(f"ins-lab: {remark}", file=sys.stderr)
     print(f"{mission.path}: {log.duration:.1f} s, navigate it with: ins-lab run {mission.name}")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lab.cli.app import CommandError
+from lab.cli.app import CommandError, working
 
 if TYPE_CHECKING:
     from lab.live.source import Source
+    from lab.logs.sensor_log import SensorLog
+    from lab.missions.mission import Mission
 
 
 class RawFile:
@@ -54,6 +57,43 @@ class RawFile:
         except OSError:
             self._remove_folders()
             raise
+
+    def as_mission(
+        self, name: str, lever_arm: tuple[float, float, float], title: str, folder: Path | None
+    ) -> tuple[SensorLog, Mission]:
+        """Return the recording as a log, and its mission; the recording stays whatever happens.
+
+        Parameters
+        ----------
+        name, title
+            Of the mission.
+        lever_arm
+            From the IMU to the antenna, forward, right, down [m].
+        folder
+            Where it is kept; None for the user's own missions.
+
+        Raises
+        ------
+        CommandError
+            If it cannot be made.
+        """
+        from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
+        from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
+        from lab.missions.library import add_log  # noqa: PLC0415 - help does not need it
+
+        with working(str(self.path)):
+            try:
+                log = log_of_recording(self.path, lever_arm=lever_arm)
+                return log, add_log(log, name, title=title, folder=folder)
+            except (RecordingError, ValueError) as error:
+                raise CommandError(f"{error}. The recording stays in {self.path}") from error
+            except KeyboardInterrupt:
+                again = f'ins-lab live record "replay:{self.path}?speed=max" NAME'
+                print(
+                    f"ins-lab: No mission was made. The recording stays; make one with: {again}",
+                    file=sys.stderr,
+                )
+                raise
 
     def discard(self) -> None:
         """Delete the file, and the folders that were made for it."""

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 
+from lab.live import recorded_log
 from lab.live.recorded_log import recorded_samples
 from lab.live.simulated_device import SimulatedDevice
 from lab.missions import mission
@@ -125,6 +126,27 @@ def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path
     for folder in (tmp_path, tmp_path / "new" / "drives"):
         refused(ask("live", "record", nobody, "drive", "--seconds", "0.5", "--out", str(folder)), words)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_second_interrupt_tells_how_the_recording_becomes_a_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first ends the recording; the second one ends what makes the mission."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    arguments = ("live", "record", "simulated:montreal?hz=50", "drive", "--seconds", "9", "--out")
+    with monkeypatch.context() as patched:
+        patched.setattr(recorded_log, "log_of_recording", interrupted)
+        answer = ask(*arguments, str(tmp_path))
+    assert answer.exit_code == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.inslab"]
+    found = re.search(r'No mission was made.*ins-lab live record "(replay:.*speed=max)" NAME', answer.stderr)
+    assert found is not None
+    answer = ask("live", "record", found[1], "again", "--out", str(tmp_path))
+    assert answer.exit_code == 0, answer.output
+    assert mission(str(tmp_path / "again")).log.duration > 6  # type: ignore[attr-defined]
 
 
 def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
