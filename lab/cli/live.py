@@ -163,8 +163,10 @@ def record(
                 print(f"ins-lab: {warning}", file=sys.stderr)
             if warning and not opened.recording:
                 break
-        opened.stop_recording()
+        running = opened.stop_recording()
         status = opened.status
+    if running and status.warning:
+        print(f"ins-lab: {status.warning}", file=sys.stderr)
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
     _check_came(source, status)

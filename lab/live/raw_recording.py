@@ -6,7 +6,6 @@ arrival, number of bytes, bytes. What was being written when the program ended i
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
@@ -50,6 +49,11 @@ class RecordingError(OSError):
 class RawWriter:
     """Writes a raw recording; one thread uses it.
 
+    Attributes
+    ----------
+    failure : str
+        Why its last bytes could not be written when it ended; empty if they are.
+
     Parameters
     ----------
     path
@@ -76,6 +80,7 @@ class RawWriter:
         self.path = Path(path)
         self.bytes = 0
         self.warning = ""
+        self.failure = ""
         known = {"started": time.time(), "monotonic": time.monotonic(), **header}
         try:
             self._file: BinaryIO | None = self.path.open("xb", buffering=2**16)
@@ -146,16 +151,19 @@ class RawWriter:
 
     def _fail(self, error: OSError) -> None:
         self.close()
-        raise RecordingError(
-            f"{self.path}: cannot be written any more: {error.strerror or error}; what was written stays"
-        ) from error
+        raise RecordingError(self._words(error)) from error
+
+    def _words(self, error: OSError) -> str:
+        return f"{self.path}: cannot be written any more: {error.strerror or error}; what was written stays"
 
     def close(self) -> None:
         """End the recording; may be repeated."""
         file, self._file = self._file, None
         if file is not None:
-            with contextlib.suppress(OSError):  # the disk is full: what was written before stays
+            try:
                 file.close()
+            except OSError as error:  # the disk is full, for one
+                self.failure = self._words(error)
 
 
 def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:

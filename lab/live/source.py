@@ -289,7 +289,11 @@ class Source:
         with self._lock:
             if path is not None and path != self.recording:
                 return None
-            return self._stopped()
+            writer, ended = self._writer, self._stopped()
+            if writer is not None and writer.failure:
+                self._warning = writer.failure
+                self._happened(writer.failure)
+            return ended
 
     def _stopped(self) -> Path | None:
         writer, self._writer = self._writer, None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import sys
 import threading
@@ -17,7 +18,7 @@ from live_streams import fixes, motion
 import lab.live
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import ENCODERS
-from lab.live.raw_recording import EVENT, RecordingError, records
+from lab.live.raw_recording import EVENT, RecordingError, read_header, records
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.live.samples import FIX
 from lab.live.simulated_transport import SimulatedTransport
@@ -233,6 +234,24 @@ def test_a_recording_that_fails_leaves_the_stream(tmp_path: Path) -> None:
         until(lambda: source.end.imu == 400)
         assert "No space left" in source.status.warning
         assert not source.recording
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here, which is a full disk")
+def test_a_stop_while_the_disk_is_full_is_told_and_what_was_written_stays(tmp_path: Path) -> None:
+    path = tmp_path / "full.inslab"
+    _, source = scripted(40)
+    source.record(path)
+    with source:
+        until(lambda: source.end.imu == 40)  # in the buffer, but for the first: a second has not passed
+        assert source._writer is not None
+        assert source._writer._file is not None
+        with Path("/dev/full").open("wb") as full:
+            os.dup2(full.fileno(), source._writer._file.fileno())
+        source._writer._file.write(b"\0")  # there is something to write at the end, however slow this is
+        assert source.stop_recording() == path
+        assert "No space left" in source.status.warning
+        assert "what was written stays" in source.status.events[-1].text
+    assert read_header(path)["protocol"] == "vectornav"
 
 
 def test_axes_may_change_while_it_records(tmp_path: Path) -> None:
