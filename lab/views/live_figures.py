@@ -214,6 +214,7 @@ class LiveFigures:
         )  # fmt: skip
         self._ages = parcel.number(ages)
         self._turn = 0
+        self._last_heading = np.nan  # [°]
         parcel.seal()
         self._rate.source.tags = [parcel.carrier]
         self.figures = [
@@ -228,6 +229,7 @@ class LiveFigures:
             one.clear()
         self._track.clear()
         self._attitude.show(None)
+        self._last_heading = np.nan
 
     def add_samples(self, rows: NDArray[np.void], zero: float) -> None:
         """Append thinned samples.
@@ -249,7 +251,9 @@ class LiveFigures:
         euler, sigma = np.degrees(history.euler), np.degrees(history.euler_sigma)
         unknown = history.euler_sigma[:, 2] >= _UNKNOWN
         heading = np.where(unknown, np.nan, euler[:, 2] % 360)
-        jumps = np.abs(np.diff(heading, prepend=heading[:1])) > 180
+        # Rows come one by one: the turn through north may be between the last call and this.
+        jumps = np.abs(np.diff(heading, prepend=self._last_heading)) > 180
+        self._last_heading = float(heading[-1]) if heading.size else self._last_heading
         self._tilt.add(time, euler[:, :2], self.window)
         self._heading.add(time, np.where(jumps, np.nan, heading)[:, None], self.window)
         self._sigma.add(time, np.where(sigma < np.degrees(_UNKNOWN), sigma, np.nan), self.window)

@@ -20,27 +20,40 @@ def test_no_legend_listens_to_a_stream() -> None:
     assert [one.name for one in reached if isinstance(one, ColumnDataSource) and one.name] == []
 
 
+def row(time: float, angle: float) -> LiveHistory:
+    """Return a row of a navigator at a time [s] whose angles are all alike [rad]."""
+    return LiveHistory(
+        time=np.array([time]),
+        phase=np.zeros(1, np.int64),
+        position=np.full((1, 3), np.nan),
+        velocity_n=np.full((1, 3), time),
+        euler=np.full((1, 3), angle),
+        euler_sigma=np.full((1, 3), 0.1),
+        bias=np.zeros((1, 6)),
+        sigma=np.ones((1, 15)),
+        fix_time=np.array([time]),
+        innovation=np.ones((1, 6)),
+        innovation_covariance=np.eye(6)[None],
+        rejected=np.zeros(1, np.bool_),
+    )
+
+
+def test_a_turn_through_north_is_no_line_across_the_plot() -> None:
+    """Rows come one by one; from 359° to 1°, the curve is interrupted."""
+    figures = LiveFigures()
+    for time, degrees in enumerate((358.0, 359.0, 1.0, 2.0, 3.0), 1):
+        figures.add_history(row(float(time), float(np.radians(degrees))), 0.0)
+    figures.show(LiveState(phase=WAITING, reason=""), 5.0)
+    source = slow(figures)[1]
+    np.testing.assert_allclose(source.data["heading"], [358, 359, np.nan, 2, 3], atol=1e-5)
+
+
 def test_figures_that_take_turns_lose_nothing() -> None:
     figures = LiveFigures()
     state = LiveState(phase=WAITING, reason="")
     sent: list[int] = []
     for tick in range(1, 8):
-        t = np.array([float(tick)])
-        history = LiveHistory(
-            time=t,
-            phase=np.zeros(1, np.int64),
-            position=np.full((1, 3), np.nan),
-            velocity_n=np.full((1, 3), tick),
-            euler=np.full((1, 3), 0.01 * tick),
-            euler_sigma=np.full((1, 3), 0.1),
-            bias=np.zeros((1, 6)),
-            sigma=np.ones((1, 15)),
-            fix_time=t,
-            innovation=np.ones((1, 6)),
-            innovation_covariance=np.eye(6)[None],
-            rejected=np.zeros(1, np.bool_),
-        )
-        figures.add_history(history, 0.0)
+        figures.add_history(row(float(tick), 0.01 * tick), 0.0)
         figures.show(state, float(tick), whole=False)
         sent.append(sum(len(source.data["time"]) for source in slow(figures)))
     # Five figures a tick with one new row each: those that wait bring theirs when it is their turn.
