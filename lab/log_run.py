@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
 from lab.log_result import LogResult
+from lab.logs.coverage import clock_text
 from lab.logs.log_section import piece
 from lab.logs.vehicle import vehicle_of
 from lab.memory import check_memory
@@ -237,14 +238,14 @@ def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> lis
     remarks = []
     if abs(log.epoch) > _SAME_CLOCK:
         remarks.append(
-            f"Time 0 is {log.epoch:.10g} s in the clock of the file; navigator.log_from, "
+            f"Time 0 is {clock_text(log.epoch)} s in the clock of the file; navigator.log_from, "
             "navigator.log_to and sensors.gps.outages are given in this clock."
         )
     outside = [f"{a:g} to {b:g} s" for a, b in outages if b <= log.epoch or a >= log.epoch + log.duration]
     if outside:
         remarks.append(
             f"GPS outages outside the log have no effect: {', '.join(outside)}; in the clock of the file, "
-            f"the log lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
+            f"the log lasts from {clock_text(log.epoch)} to {clock_text(log.epoch + log.duration)} s."
         )
     return remarks
 
@@ -272,8 +273,8 @@ def coasting_remarks(log: SensorLog, time: FloatArray, fixes: FloatArray, soluti
     sigma = float(np.sqrt(solution.variance[rows, POS][:, :2].max()))
     grew = "" if np.isnan(sigma) else f" The σ of its horizontal position reaches {sigma:.2g} m there."
     return [
-        f"The log has no fix for up to {end - start:.3g} s, from {log.epoch + start:.6g} s to "
-        f"{log.epoch + end:.6g} s in the clock of the file: the navigator coasts.{grew}"
+        f"The log has no fix for up to {end - start:.3g} s, from {clock_text(log.epoch + start)} s "
+        f"to {clock_text(log.epoch + end)} s in the clock of the file: the navigator coasts.{grew}"
     ]
 
 

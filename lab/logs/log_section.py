@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.logs.coverage import clock_text, span_text
 from lab.logs.sensor_log import MAX_GAP, MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
 from lab.recordings.mission_error import MissionError
 
@@ -53,8 +54,8 @@ def piece(log: SensorLog, start: float | None = None, end: float | None = None) 
     if common[best] < MIN_OVERLAP:
         raise MissionError(
             f"{log.name}: {_between(log, start, end)} IMU and GPS have no stretch of {MIN_OVERLAP:g} s in "
-            f"common without a break of the IMU; accepted are times within {_clock(log.epoch)} to "
-            f"{_clock(log.epoch + log.duration)} s of the file's clock"
+            f"common without a break of the IMU; accepted are times within {clock_text(log.epoch)} to "
+            f"{clock_text(log.epoch + log.duration)} s of the file's clock"
         )
     usable = np.flatnonzero(common >= MIN_OVERLAP)
     return _cut(log, spans[best], _remarks(log, spans, best, usable, start is not None or end is not None))
@@ -63,7 +64,7 @@ def piece(log: SensorLog, start: float | None = None, end: float | None = None) 
 def _check(log: SensorLog, start: float | None, end: float | None) -> None:
     if start is not None and end is not None and start >= end:
         raise MissionError(
-            f"{log.name}: the stretch from {_clock(start)} to {_clock(end)} s ends before it begins; "
+            f"{log.name}: the stretch from {clock_text(start)} to {clock_text(end)} s ends before it begins; "
             "accepted is an end after the start"
         )
 
@@ -115,7 +116,7 @@ def _remarks(
     log: SensorLog, spans: FloatArray, best: int, usable: NDArray[np.intp], asked: bool
 ) -> tuple[str, ...]:
     clock = spans + log.epoch
-    taken = f"{_clock(clock[best, 0])} to {_clock(clock[best, 1])} s"
+    taken = span_text(clock[best])
     if len(spans) == 1:
         return (f"The navigated part is {taken} of the file's clock, as requested.",)
     longest = float(np.diff(log.breaks, axis=1).max())
@@ -125,7 +126,9 @@ def _remarks(
         f"The IMU has {count} of more than {MAX_GAP:g} s, up to {longest:.4g} s long: only the longest "
         f"piece{asked_for} is navigated, {taken} of the file's clock."
     )
-    others = [f"{_clock(clock[i, 0])} to {_clock(clock[i, 1])} s" for i in usable.tolist() if i != best]
+    others = [
+        f"{clock_text(clock[i, 0])} to {clock_text(clock[i, 1])} s" for i in usable.tolist() if i != best
+    ]
     if others:
         more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
         text += f" Other pieces, for --from and --to: {', '.join(others[:_LISTED])}{more}."
@@ -135,8 +138,4 @@ def _remarks(
 def _between(log: SensorLog, start: float | None, end: float | None) -> str:
     first = log.epoch if start is None else start
     last = log.epoch + log.duration if end is None else end
-    return f"from {_clock(first)} to {_clock(last)} s"
-
-
-def _clock(seconds: float) -> str:
-    return f"{seconds:.3f}".rstrip("0").rstrip(".")
+    return f"from {clock_text(first)} to {clock_text(last)} s"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData, Reference
 from lab.logs.constant_axes import constant_axes_remarks
+from lab.logs.coverage import clock_text, coverage_remarks, span_text
 from lab.logs.spikes import spikes
 from lab.logs.usual_interval import UsualInterval
 from lab.recordings.mission_error import MissionError
@@ -213,6 +214,7 @@ def repaired(
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
+    repairs += coverage_remarks(stamps, gnss.time[gnss_rows] - gnss.latency)
     repairs += constant_axes_remarks(name, samples, fixes.position)
     _report_missing(fixes, repairs)
     return SensorLog(
@@ -288,8 +290,9 @@ def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:
     both = min(imu[-1], gnss[-1]) - max(imu[0], gnss[0]) if imu.size and gnss.size else 0.0
     if both < MIN_OVERLAP:
         raise MissionError(
-            f"{name}: the IMU ({_span(imu)}) and the GPS ({_span(gnss)}) have less than {MIN_OVERLAP:g} s "
-            f"in common; accepted are logs of one clock, recorded together{_clock_hint(imu, gnss)}"
+            f"{name}: the IMU ({span_text(imu)}) and the GPS ({span_text(gnss)}) have less than "
+            f"{MIN_OVERLAP:g} s in common; accepted are logs of one clock, recorded "
+            f"together{_clock_hint(imu, gnss)}"
         )
 
 
@@ -305,10 +308,6 @@ def _clock_hint(imu: FloatArray, gnss: FloatArray) -> str:
     if 0 < abs(zone) <= _MAX_ZONE and abs(apart - zone) < _SAME_START:
         return f". They start about {zone / _HOUR:+g} h apart: one of the clocks may be local time"
     return ""
-
-
-def _span(time: FloatArray) -> str:
-    return f"{time[0]:.6g} to {time[-1]:.6g} s" if time.size else "no rows"
 
 
 def _without_gaps(
@@ -336,9 +335,11 @@ def _without_gaps(
     times = np.sort(np.concatenate((time, *filled)))
     rates = np.stack([np.interp(times, time, column) for column in rates.T], axis=-1)
     count = "1 gap" if at.size == 1 else f"{at.size} gaps"
+    longest = int(at[np.argmax(dt[at])])
     repairs.append(
         f"{count} of the IMU, {dt[at].sum():.3g} s in all and up to {dt[at].max():.3g} s long, filled by "
-        "linear interpolation; the filter gets large variances there."
+        "linear interpolation; the filter gets large variances there. The longest is from "
+        f"{clock_text(time[longest])} to {clock_text(time[longest + 1])} s of the file's clock."
     )
     return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
 

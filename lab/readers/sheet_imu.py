@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
+from lab.logs.coverage import span_text
 from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
@@ -318,9 +319,9 @@ def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str
     inside = np.isfinite(both).all(axis=1)
     if not inside.any():
         raise MissionError(
-            f"{force.sheet.name}: the accelerometers were recorded from {_span(when)}, and "
-            f"the gyros of {gyro.sheet.name} from {_span(time)}; accepted are sensors of one clock, recorded "
-            "together"
+            f"{force.sheet.name}: the accelerometers were recorded from {span_text(when)}, and "
+            f"the gyros of {gyro.sheet.name} from {span_text(time)}; accepted are sensors of one clock, "
+            "recorded together"
         )
     first, last = np.flatnonzero(inside)[[0, -1]]
     remarks = [*remarks, *more, "The accelerometers are interpolated to the times of the gyros."]
@@ -339,10 +340,6 @@ def _interpolated(time: FloatArray, values: FloatArray, at: FloatArray) -> Float
     usual = float(np.median(step))
     result[step[after - 1] > _MAX_APART * usual] = np.nan
     return result
-
-
-def _span(time: FloatArray) -> str:
-    return f"{time.min():.6g} to {time.max():.6g} s" if time.size else "no time"
 
 
 def of_odd_stamps(sheets: Sequence[Sheet]) -> str:
