@@ -19,7 +19,8 @@ import numpy as np
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import SensorLog, repaired
 from lab.readers.fields import SEA_LEVEL
-from lab.readers.heading_names import IGNORED, QUANTITIES
+from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
+from lab.readers.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
@@ -149,13 +150,13 @@ def read_logs(
         return repaired(name, imu.time, samples, fixes.gnss, auxiliary=AuxiliaryData(vehicle=vehicle))
 
     try:
-        log = oriented(imu.samples, build, axes, _is_phone(imu))
+        log = oriented(imu.samples, build, axes, _is_phone(imu), _is_signed(imu))
     except MissionError as error:
         other = in_other_unit(imu)
         if other is None:
             raise MissionError(_with_report(error, imu, fixes)) from None
         try:
-            log = oriented(other.samples, build, axes, _is_phone(imu))
+            log = oriented(other.samples, build, axes, _is_phone(imu), _is_signed(imu))
         except MissionError:
             raise MissionError(_with_report(error, imu, fixes)) from None
         imu = other
@@ -186,9 +187,12 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
     """
     overrides = {heading: _override(text) for heading, text in units.items()}
     sheets: list[Sheet] = []
+    metadata = next((found for path in paths if (found := metadata_beside(path))), {})
     for path in paths:
         data = whole(path, MAX_BYTES)
         for name, text in _members(path, data):
+            if name == METADATA:
+                metadata = metadata_of(as_utf8(text))
             try:
                 sheets += read_sheets(name, as_table(as_utf8(text)), overrides)
             except MissionError as error:
@@ -200,7 +204,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
             f"{', '.join(map(str, paths))}: no header with known columns and rows of numbers below it found; "
             f"accepted are columns of {', '.join(QUANTITIES)}"
         )
-    sheets = [of_one_instance(sheet) for sheet in sheets]
+    sheets = [of_one_instance(sheet) for sheet in against_gravity(sheets, metadata)]
     return [in_time_order(sheet) for sheet in one_recording(sheets)]
 
 
@@ -283,3 +287,9 @@ def _is_phone(imu: Imu) -> bool:
     """Return whether the sensors are named as phones name them, each by itself."""
     words = imu.accelerometer.headings[0].sensor.lower()
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
+
+
+def _is_signed(imu: Imu) -> bool:
+    """Return whether it is known that the accelerations are specific force: phones differ in their sign."""
+    named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
+    return named or imu.accelerometer.sheet.signed or not _is_phone(imu)

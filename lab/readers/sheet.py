@@ -82,6 +82,8 @@ class Sheet:
         Rows before which the header is repeated.
     remarks : tuple of str
         The report on its rows.
+    signed : bool
+        Whether it is known that its accelerations are specific force, and not the negative of it.
     """
 
     name: str
@@ -92,6 +94,7 @@ class Sheet:
     odd_stamps: Mapping[str, str] = field(default_factory=dict)
     restarts: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
+    signed: bool = False
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0

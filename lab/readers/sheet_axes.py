@@ -26,6 +26,11 @@ _IF_REVERSED = (
     "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], "
     "and y and z alike"
 )
+_OR_REVERSED = (
+    " This holds if the accelerations are written against gravity, as most programs do. If this one writes "
+    "them along gravity, as some do on iPhones, {}: the motion does not show which. Then state it: --column "
+    "HEADING=-force_x[m/s²], and y and z alike."
+)
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -56,6 +61,7 @@ def oriented(
     build: Callable[[FloatArray], SensorLog],
     given: Sequence[str] = (),
     phone: bool = False,
+    signed: bool = True,
 ) -> SensorLog:
     """Return a log in forward, right, down.
 
@@ -69,6 +75,8 @@ def oriented(
         The axes that point forward, right and down, if a person gives them.
     phone
         Whether the IMU is that of a phone, whose y axis points to its top.
+    signed
+        Whether it is known that the accelerations are specific force, and not the negative of it.
 
     Raises
     ------
@@ -80,8 +88,8 @@ def oriented(
         check_log(log)
         return _reported(log, f"Axes: {_words(given)}, as given.")
     passed, refused = _tried(samples, build, phone)
+    reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
-        reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
         agreeing = any(is_explained(log) for _, log in _tried(reversed_, build, phone)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
@@ -91,7 +99,9 @@ def oriented(
         if len(passed) == 1
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
-    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.")
+    others = [] if signed else _tried(reversed_, build, phone)[0]
+    doubt = _OR_REVERSED.format(_words(others[0][0])) if others else ""
+    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}")
 
 
 def _tried(

@@ -14,7 +14,7 @@ from lab.logs.sensor_log import GnssLog, believed_sigma
 from lab.readers.heading_names import SCALARS
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
-from lab.readers.sheet_imu import in_order, of_odd_stamps
+from lab.readers.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
@@ -147,7 +147,7 @@ def _of_local_positions(sheets: Sequence[Sheet]) -> str:
 def _preference(sheet: Sheet) -> tuple[float, ...]:
     rank = sheet.all_of("latitude")[0][0].rank + 5 * ("network" in sheet.name.lower())
     motion = any(sheet.all_of(name) for name in ("speed", "north"))
-    return (not sheet.all_of("height"), rank, not motion, -len(sheet))
+    return (is_of_another_device(sheet), not sheet.all_of("height"), rank, not motion, -len(sheet))
 
 
 def _fixes(sheet: Sheet, clock: Clock) -> Fixes:

@@ -53,6 +53,8 @@ _MAX_APART = 2.5
 _TOGETHER = 0.5
 """Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
 _NUMBERS = re.compile(r"\d+")
+_ANOTHER_DEVICE = re.compile(r"(?i)wrist|watch|headphone|airpods")
+"""Names of tables that an app of a phone writes of another device with an IMU or receiver of its own."""
 _JITTERS = 0.01
 """Part of the rows that are out of order from which the stamps jitter, unless sorting makes them regular."""
 _MAX_BACK = 2.0
@@ -190,7 +192,19 @@ def _triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
             values = np.column_stack([_in_unit(*axes[axis], unit) for axis in "xyz"])
             if np.isfinite(values).all(axis=1).any():
                 found.append(Triad(sheet, clock, values, headings, unit, NAMED))
-    return sorted(found, key=lambda one: (one.headings[0].rank, -np.isfinite(one.values[:, 0]).sum()))
+    return sorted(
+        found,
+        key=lambda one: (
+            is_of_another_device(one.sheet),
+            one.headings[0].rank,
+            -np.isfinite(one.values[:, 0]).sum(),
+        ),
+    )
+
+
+def is_of_another_device(sheet: Sheet) -> bool:
+    """Return whether a table is of what is worn beside the phone that recorded it."""
+    return _ANOTHER_DEVICE.search(sheet.name) is not None
 
 
 def _in_unit(heading: Heading, values: FloatArray, unit: str) -> FloatArray:
@@ -226,12 +240,13 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
                 return _scaled(triad, unit, source), []
     bare = forces[0]
     size, unit = _length(bare), bare.unit or "m/s²"
-    if gravity and (factor := _gravity_factor(gravity[0])):
+    beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
+    if beside is not None and (factor := _gravity_factor(beside)):
         total = _scaled(bare, unit, NAMED if bare.unit else "assumed")
-        added = _interpolated(gravity[0].clock.time, gravity[0].values * factor, bare.clock.time)
+        added = _interpolated(beside.clock.time, beside.values * factor, bare.clock.time)
         return total._replace(values=total.values + added), [
-            f"These accelerations are without gravity; {gravity[0].headings[0].text} to "
-            f"{gravity[0].headings[2].text} of {gravity[0].sheet.name} was added."
+            f"These accelerations are without gravity; {beside.headings[0].text} to "
+            f"{beside.headings[2].text} of {beside.sheet.name} was added."
         ]
     counts = min(_COUNTS, key=lambda one: abs(np.log(size / one)))
     if bare.headings[0].sensor in _COUNTED and abs(np.log(size / counts)) < _LIKE_COUNTS:
