@@ -2,7 +2,8 @@
 
 The velocity comes from the extended Kalman filter (XKF1, earlier NKF1 and EKF1), the position from POS,
 the attitude from the filter's quaternions (XKQ, NKQ) or from ATT. Logs of 2012 to 2014, before the filter,
-have the velocity of the GPS. The first of several instances or cores is used.
+have the velocity of the GPS. The first core is used, and of several IMUs or receivers the first that has
+about as many samples or fixes as any.
 
 References
 ----------
@@ -59,10 +60,15 @@ _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitc
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
 _FIXED_IN_2012 = 2
 """Status of a fix in logs from before a 3-D fix had a status of its own."""
+_ABOUT_AS_MANY = 0.8
+"""Part of the samples or fixes of the best IMU or receiver that an earlier one has, which is then used: the
+autopilot prefers the first, whose own first fix may come later."""
 _MAX_GPA_AGE = 0.25
 """Time between a fix and the message with its accuracy [s]: receivers of 5 Hz send both within 0.2 s."""
 _HEAD = 2**16
 """Bytes at the start of a file in which its kind shows: a log as text describes its messages first."""
+_COUNTED = {"IMU": "IMU", "GPS": "GPS", "GPA": "GPS"}
+"""Messages whose instance is chosen by how many messages, of this name, it has; of others it is the first."""
 _WITHOUT_CLIMB = "GPS velocity and climb"
 
 
@@ -91,12 +97,11 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
     climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
     attitude = _attitude(times)
-    remarks = [_clock_remark(times)]
+    remarks = [_clock_remark(times), *_instance_remarks(times)]
     remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
     if climb:
         remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
-    if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
+    remarks += _lost_remarks(log)
     try:
         flight = flight_of(
             path,
@@ -133,16 +138,22 @@ def read_log(path: Path) -> SensorLog:
     names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
     values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
     parameters = dict(zip(names, values.tolist(), strict=False))
-    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters)
+    instances = int(_counts(times, "IMU")[0]), int(_counts(times, "GPS")[0])
+    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters, instances)
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
     auxiliary = AuxiliaryData(_vehicle(log), compass, headings)
     made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     check_log(made)
-    if not times.unstamped:
-        return made
-    return replace(made, repairs=(*made.repairs, _clock_remark(times)))
+    remarks = [*_instance_remarks(times), *_lost_remarks(log)]
+    remarks += [_clock_remark(times)] if times.unstamped else []
+    return replace(made, repairs=(*made.repairs, *remarks))
+
+
+def _lost_remarks(log: Log) -> list[str]:
+    lost = log.lost_bytes
+    return [f"{lost} bytes of the file could not be decoded and are left out."] if lost else []
 
 
 def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
@@ -182,15 +193,45 @@ def _no_fix(gps: Messages) -> str:
 
 
 def _messages(times: MessageTimes, name: str) -> Messages | None:
-    """Return the messages of a name that have a time, of the lowest instance, or core, there is."""
+    """Return the messages of a name that have a time, of one instance, or of the lowest core there is."""
     messages = times.of(name)
     if messages is None:
         return None
-    for key in ("I", "C"):
-        if key in messages:
-            rows = messages[key] == messages[key].min()
-            return {name: values[rows] for name, values in messages.items()}
-    return messages
+    if "I" in messages:
+        counted = _COUNTED.get(name)
+        used = messages["I"].min() if counted is None else _counts(times, counted)[0]
+        return _of_instance(messages, "I", used)
+    return _of_instance(messages, "C", messages["C"].min()) if "C" in messages else messages
+
+
+def _of_instance(messages: Messages, key: str, number: float) -> Messages | None:
+    rows = messages[key] == number
+    return {name: values[rows] for name, values in messages.items()} if rows.any() else None
+
+
+def _counts(times: MessageTimes, name: str) -> tuple[float, dict[float, int]]:
+    """Return the instance that is used of an IMU or receiver, and how many samples or fixes each has."""
+    messages = times.of(name)
+    if messages is None or "I" not in messages:
+        return 0.0, {}
+    fine = _fixed(messages) if name == "GPS" else np.ones(len(messages[TIME]), dtype=bool)
+    fine = fine & np.isfinite(messages[TIME])
+    counts = {float(one): int(fine[messages["I"] == one].sum()) for one in np.unique(messages["I"])}
+    most = max(counts.values(), default=0)
+    return next((one for one, count in counts.items() if count >= _ABOUT_AS_MANY * most), 0.0), counts
+
+
+def _instance_remarks(times: MessageTimes) -> list[str]:
+    """Return remarks on an IMU or a receiver that is used although it is not the first."""
+    remarks = []
+    for name, what, seen in (("IMU", "IMU", "samples"), ("GPS", "receiver", "fixes")):
+        used, counts = _counts(times, name)
+        if counts and used != min(counts):
+            others = ", ".join(f"{one:.0f} has {count}" for one, count in counts.items() if one != used)
+            remarks.append(
+                f"The {what} of instance {used:.0f} is used, which has {counts[used]} {seen}: {others}."
+            )
+    return remarks
 
 
 def _values(messages: Messages | None, *names: str) -> FloatArray | None:
@@ -281,7 +322,11 @@ def _attitude(times: MessageTimes) -> Stream | None:
 
 
 def _gnss(
-    gps: Messages, accuracy: Messages | None, geoid: float | None, parameters: Mapping[str, float]
+    gps: Messages,
+    accuracy: Messages | None,
+    geoid: float | None,
+    parameters: Mapping[str, float],
+    instances: tuple[int, int],
 ) -> GnssLog:
     count = len(gps[TIME])
     unknown = np.full((count, 3), np.nan)
@@ -295,7 +340,9 @@ def _gnss(
     if "TimeUS" not in gps:
         # A fix that was logged twice has the time of the week of the first.
         fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
-    late = max(parameters.get("GPS1_DELAY_MS", 0.0), parameters.get("GPS_DELAY_MS", 0.0))
+    number = instances[1] + 1
+    names = f"GPS{number}_DELAY_MS", "GPS_DELAY_MS" if number == 1 else f"GPS_DELAY_MS{number}"
+    late = max(parameters.get(name, 0.0) for name in names)
     late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
     return GnssLog(
         time=time[fine],
@@ -303,7 +350,7 @@ def _gnss(
         velocity_n=(unknown if velocity is None else velocity)[fine],
         position_sigma=np.column_stack((level, level, vertical))[fine],
         velocity_sigma=np.column_stack((speed, speed, speed))[fine],
-        lever_arm=_lever_arm(parameters),
+        lever_arm=_lever_arm(parameters, *instances),
         latency=gps_delay(1e-3 * late),
     )
 
@@ -320,11 +367,11 @@ def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArr
     return np.where(np.abs(at[nearest] - time) <= _MAX_GPA_AGE, values[nearest], np.nan)
 
 
-def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
-    """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
+def _lever_arm(parameters: Mapping[str, float], imu: int, gps: int) -> FloatArray:
+    """Return the lever arm from an IMU to the antenna of a receiver that the parameters give [m]."""
     arm = [
-        parameters.get(f"GPS1_POS_{axis}", parameters.get(f"GPS_POS1_{axis}", 0.0))
-        - parameters.get(f"INS_POS1_{axis}", 0.0)
+        parameters.get(f"GPS{gps + 1}_POS_{axis}", parameters.get(f"GPS_POS{gps + 1}_{axis}", 0.0))
+        - parameters.get(f"INS_POS{imu + 1}_{axis}", 0.0)
         for axis in "XYZ"
     ]
     return believed_lever_arm(arm)

@@ -11,6 +11,7 @@ PX4 Guide, *uORB Message Reference*, https://docs.px4.io/main/en/msg_docs/
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +133,7 @@ def read_log(path: Path) -> SensorLog:
     except MissionError as error:
         raise MissionError(f"{error}{_no_fix(gps, gnss)}") from None
     check_log(made)
-    return made
+    return replace(made, repairs=(*made.repairs, *_losses(log)))
 
 
 def _log(path: Path, wanted: Sequence[str]) -> ULogFile:
@@ -416,7 +417,11 @@ def _vehicle(log: ULogFile) -> str:
 
 
 def _remarks(log: ULogFile) -> tuple[str, ...]:
-    remarks = ["Time counts from when the autopilot was switched on."]
+    return ("Time counts from when the autopilot was switched on.", *_losses(log))
+
+
+def _losses(log: ULogFile) -> tuple[str, ...]:
+    remarks = []
     if log.dropouts:
         remarks.append(
             f"The logger could not keep up {log.dropouts} times, for {log.dropped_seconds:.3g} s in all."
