@@ -14,6 +14,7 @@ from lab.readers.sheet_stamps import spread
 from lab.readers.stamps import (
     IS_AMBIGUOUS,
     date_and_clock,
+    has_zone,
     is_of_hour,
     onwards,
     over_leap_second,
@@ -149,6 +150,8 @@ def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
     if not dates or not of_day:
         # Cells are read in parts, of which each begins at its own midnight.
         time = onwards(values.copy(), DAY) if of_day else values
+        if has_zone(text):  # in UTC it may be of the day before or after
+            time = time - DAY * np.floor(time[np.isfinite(time)][0] / DAY)
         return _leaping(Clock(time, heading.text, f"text{order}", False), of_day)
     date, day = dates[0]
     changes = np.ptp(day[np.isfinite(day)]) > 0

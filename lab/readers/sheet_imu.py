@@ -19,7 +19,7 @@ from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
 from lab.readers.sheet_stamps import is_regular, smooth
-from lab.readers.stamps import ACCEPTED
+from lab.readers.stamps import ACCEPTED, ZONES
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.units import DEGREE
@@ -360,7 +360,9 @@ def _interpolated(time: FloatArray, values: FloatArray, at: FloatArray) -> Float
 def of_odd_stamps(sheets: Sequence[Sheet]) -> str:
     """Return a sentence on time stamps that are not understood; empty if there are none."""
     odd = [f"{text!r} in the column {name}" for one in sheets for name, text in one.odd_stamps.items()]
-    return f" Time stamps are not understood: {', '.join(odd)}; accepted are {ACCEPTED}." if odd else ""
+    return (
+        f" Time stamps are not understood: {', '.join(odd)}; accepted are {ACCEPTED}, {ZONES}." if odd else ""
+    )
 
 
 def _what_is_missing(sheets: Sequence[Sheet], gyros: bool, forces: bool) -> str:

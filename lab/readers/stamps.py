@@ -12,11 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.readers.time_zones import PATTERN, offset_of
 from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 
-_ZONE = r"\s?(?:Z|([+-])(\d{2}):?(\d{2})?|[A-Z]{3,5})?(?:\[[\w/+-]{1,40}\])?"
+_ZONE = rf"\s?({PATTERN})?(?:\[[\w/+-]{{1,40}}\])?"
 _HALF = r"(?:\s?([AaPp])\.?[Mm]\.?)?"
 _CLOCK = re.compile(
     rf"(?:[A-Z][a-z]{{2}} )?(\d{{1,3}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?{_HALF}{_ZONE}"
@@ -47,8 +48,10 @@ _LAST_MONTH = 12
 IS_AMBIGUOUS = re.compile(r"\s*(\d\d?)[-/.](\d\d?)[-/.]\d{2,4}\b")
 """A date with day and month as numbers; the day is taken to be first where both are possible."""
 ACCEPTED = "2023-11-14T22:13:20.5Z, 14.11.2023 22:13:20,5, 11/14/2023 10:13:20.5 PM or 22:13:20.5"
-"""Examples of stamps, for messages."""
-_ZONE_WORD = re.compile(r"(?: GMT)?([+-]\d{2}:?\d{2})(?= \d{4}$)| [A-Z]{3,4}(?= \d{4}$)")
+ZONES = "with a zone such as +01:00, UTC, CET or PST, or without"
+"""Examples of stamps, and zones of them, for messages."""
+_ZONE_WORD = re.compile(rf" ({PATTERN})(?= \d{{4}}$)")
+"""A zone before the year, as Unix and Java write it."""
 _HUNDRED, _SIXTY, _HOURS, _HOUR = 100.0, 60.0, 24.0, 3600.0
 """Between the digits of hours, minutes and seconds in hhmmss; how many there are of each; an hour [s]."""
 _CENTURY = 2000
@@ -62,8 +65,8 @@ _LEAP_MONTHS = (1, 7)
 def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
     """Return time stamps as seconds since 1970, or since midnight for times of day; NaN for what is none.
 
-    A stamp without a zone counts as UTC. A time of day that jumps back has passed midnight. Minutes and
-    seconds without an hour count from the hour.
+    A stamp without a zone counts as UTC, one with a zone that is not known is none. A time of day that
+    jumps back has passed midnight. Minutes and seconds without an hour count from the hour.
     """
     sample = next((text for text in texts if text), "")
     if _CLOCK.fullmatch(sample):
@@ -167,7 +170,13 @@ def _clock(text: str) -> float:
     found = _CLOCK.fullmatch(text)
     if found is None:
         return np.nan
-    return _seconds(found[1], found[2], found[3], found[4], found[5])
+    return _seconds(found[1], found[2], found[3], found[4], found[5]) - offset_of(found[6])
+
+
+def has_zone(text: str) -> bool:
+    """Return whether a time of day names a zone."""
+    found = _CLOCK.fullmatch(text)
+    return found is not None and bool(found[6])
 
 
 def _seconds(
@@ -212,13 +221,7 @@ def _dated(found: Sequence[re.Match[str] | None], month_first: bool) -> FloatArr
         if one is not None and date is not None:
             time = midnights[date]
             if one[4]:
-                sign, hours, minutes = one.group(9, 10, 11)
-                zone = (
-                    (int(hours) * _HOUR + int(minutes or 0) * _SIXTY) * (-1 if sign == "-" else 1)
-                    if sign
-                    else 0.0
-                )
-                time += _seconds(*one.group(4, 5, 6, 7, 8)) - zone
+                time += _seconds(*one.group(4, 5, 6, 7, 8)) - offset_of(one[9])
             times[row] = time
     return times
 
@@ -247,11 +250,12 @@ def _dates(texts: Sequence[str]) -> FloatArray:
     best = np.full(len(texts), np.nan)
     written = sum(map(bool, texts))
     plain = pd.Series([_ZONE_WORD.sub("", text) for text in texts])
+    zones = np.array([offset_of(one[1]) if (one := _ZONE_WORD.search(text)) else 0.0 for text in texts])
     for form in ("ISO8601", *_FORMATS):
         with np.errstate(all="ignore"):
             times = pd.to_datetime(plain, format=form, utc=True, errors="coerce")
         values = times.to_numpy(dtype="datetime64[ns]")
-        seconds = np.where(np.isnat(values), np.nan, values.astype(np.int64) * 1e-9)
+        seconds = np.where(np.isnat(values), np.nan, values.astype(np.int64) * 1e-9) - zones
         if np.isfinite(seconds).sum() > np.isfinite(best).sum():
             best = seconds
         if np.isfinite(best).sum() == written:
