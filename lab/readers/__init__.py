@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import gzip
 import os
 import re
@@ -33,6 +32,7 @@ from lab.readers import (
     ulog,
     xplane_data,
 )
+from lab.readers.sheet_fixes import LatitudeError
 from lab.recordings.mission_error import MissionError
 from lab.recordings.text_blocks import check_file
 from lab.repair.raw_flight import RawFlight
@@ -231,8 +231,12 @@ def read_raw(
         if readers[0].name != jsbsim_csv.NAME or any(_UNMISTAKABLE.search(_head(path)) for path in files):
             raise
         # JSBSim's headings time, latitude and vn are those of any receiver, too.
-        with contextlib.suppress(MissionError):
+        try:
             return READERS[-1].read(files, units or {})
+        except LatitudeError as error:
+            raise error from None
+        except MissionError:
+            pass
         raise
 
 

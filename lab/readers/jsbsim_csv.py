@@ -108,7 +108,7 @@ ANYBODYS = frozenset(
     plain(name)
     for name in (
         "Latitude (deg)", "Longitude (deg)", "Latitude", "Longitude", "Altitude", "Altitude (ft)", "Alpha",
-        "Beta", "Alpha (deg)", "Beta (deg)", "P", "Q", "R",
+        "Beta", "Alpha (deg)", "Beta (deg)", "P", "Q", "R", "Vn", "Ve", "Vd",
     )
 )  # fmt: skip
 """Headings that other programs write too: a file with no others is none of JSBSim's."""

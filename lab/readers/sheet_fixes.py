@@ -61,6 +61,10 @@ _UNIT_TOLERANCE = 0.1
 """Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
 
 
+class LatitudeError(MissionError):
+    """Latitudes are beyond the poles: the columns are swapped, or their unit is another one."""
+
+
 class Fixes(NamedTuple):
     """Fixes of a receiver.
 
@@ -209,7 +213,7 @@ def _on_the_earth(sheet: Sheet, latitude: _Column, longitude: _Column) -> tuple[
 
     Raises
     ------
-    MissionError
+    LatitudeError
         If most latitudes are none.
     """
     pole, turn = (1 + _ROUNDING) * np.pi / 2, (1 + _ROUNDING) * 2 * np.pi
@@ -217,7 +221,7 @@ def _on_the_earth(sheet: Sheet, latitude: _Column, longitude: _Column) -> tuple[
     if np.median(np.abs(latitude.values[np.isfinite(latitude.values)])) > pole:
         is_other = np.median(np.abs(longitude.values[np.isfinite(longitude.values)])) <= pole
         swapped = ", and the longitudes are not: the two columns look swapped" if is_other else ""
-        raise MissionError(
+        raise LatitudeError(
             f"{sheet.name}: the latitudes ({latitude.name}) are beyond ±90°{swapped}; accepted are latitudes "
             "and longitudes in °, rad, 1e-7° or 1e-6°: --unit COLUMN=UNIT, or --column HEADING=latitude[°]"
         )

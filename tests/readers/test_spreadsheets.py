@@ -206,6 +206,27 @@ def test_another_receiver_in_the_table_is_named(made):
     assert any("not used: gps2_lat" in remark for remark in found.remarks)
 
 
+@pytest.mark.parametrize(
+    "header",
+    ["time,lat,lon,alt,vn,ve,vd", "time,latitude,longitude,altitude,vn,ve", "time,lat,lon,alt,vn,ve,phi"],
+)
+def test_swapped_coordinates_under_headings_of_a_simulator_are_named(tmp_path, header):
+    """The message was that of JSBSim's reader, or none, with the heights in feet."""
+    time = np.arange(60.0)
+    rows = np.column_stack((time, 151.2 + 1e-4 * time, 0 * time - 33.8, 0 * time + 100))
+    rows = np.column_stack((rows, np.tile((0.0, 9.2, 0.0), (60, 1))))[:, : header.count(",") + 1]
+    with pytest.raises(MissionError, match=r"latitudes .* are beyond ±90°.*two columns look swapped"):
+        read_raw(table(tmp_path / "b.csv", header, rows))
+
+
+def test_heights_and_velocities_of_a_receiver_are_not_in_the_feet_of_a_simulator(tmp_path, made):
+    """Time, latitude, longitude, altitude, vn and ve were read as JSBSim's, in feet and radians."""
+    rows = made[1][:, :6]
+    flight = read_raw(table(tmp_path / "b.csv", "time,latitude,longitude,altitude,vn,ve", rows))
+    np.testing.assert_allclose(np.degrees(flight.latitude), rows[:, 1])
+    np.testing.assert_allclose(flight.height, rows[:, 3])
+
+
 def test_fixes_under_headings_of_a_simulator_are_a_flight(tmp_path, made):
     """JSBSim has these headings too, but its velocity has three components."""
     rows = made[1][:, :6]
