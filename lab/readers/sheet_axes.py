@@ -99,9 +99,22 @@ def oriented(
         if len(passed) == 1
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
-    others = [] if signed else _tried(reversed_, build, phone)[0]
-    doubt = _OR_REVERSED.format(_words(others[0][0])) if others else ""
+    other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
+    doubtful = not signed and _passes(build(_turned(reversed_, other)))
+    doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
     return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}")
+
+
+def _passes(log: SensorLog) -> bool:
+    try:
+        check_log(log)
+    except MissionError:
+        return False
+    return True
+
+
+def _opposite(axis: str) -> str:
+    return axis[1:] if axis.startswith("-") else f"-{axis}"
 
 
 def _tried(
