@@ -287,9 +287,10 @@ def test_a_device_that_is_open_in_another_way_is_not_watched_unasked(
     assert second.page._station is not None
     assert second.page._station.status.protocol == "mip"
     second.page._fields._source.value = other
-    second.page._fields._protocol.value = "xsens"
-    with pytest.raises(ValueError, match="this server opens it with protocol = mip"):
-        second.page._fields.chosen()
+    second.page._fields._protocol.value = "xsens"  # a hand-made message: only mip is offered
+    found = second.page._fields.chosen().wanted
+    assert found is not None
+    assert found.address.options["protocol"] == "mip"
 
 
 def test_x_plane_is_watched_with_the_sensors_of_the_settings(
@@ -427,6 +428,39 @@ def test_the_columns_of_text_lines_are_shown_and_corrected(
     assert "is no quantity" in one.page._job._after.text
     fields._protocol.value = "vectornav"
     assert not fields._columns.visible
+
+
+def test_what_the_address_gives_is_not_offered_as_found_out(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    place = "tcp:127.0.0.1:1"
+    allow_devices([place, f"{place}?protocol=ublox", f"{place}?protocol=text&columns=t[s]&axes=y,x,-z"])
+    one = opened()
+    fields = one.page._fields
+    fields.refresh()
+
+    def shown(source: str) -> tuple[list[str], bool, str, bool, bool]:
+        fields._source.value = source
+        told = "columns of text lines" in fields._note.object
+        found = list(fields._protocol.options), fields._columns.visible, fields._columns.placeholder
+        return *found, told, fields._axes.visible
+
+    everything, *rest = shown(place)
+    assert everything[0] == "found out"
+    assert len(everything) > 5
+    assert rest == [True, "found out", True, True]
+    assert shown(f"{place}?protocol=ublox") == (["ublox"], False, "found out", False, True)
+    assert shown(f"{place}?protocol=text&columns=t[s]&axes=y,x,-z") == (["text"], True, "t[s]", True, False)
+    fields._columns.value = "t[s],rate_x[rad/s],force_x[m/s^2]"
+    with pytest.raises(ValueError):
+        fields.chosen()
+    fields._columns.value = ""
+    fields.chosen()
+    assert [*shown(place)] == [everything, *rest]
+    fields._protocol.value = "mip"
+    assert not fields._columns.visible
+    assert "text lines" not in fields._note.object
 
 
 def test_a_server_has_a_bound_on_sources() -> None:

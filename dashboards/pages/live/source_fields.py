@@ -47,6 +47,8 @@ FAULTS: dict[str, dict[str, Any]] = {
     "turned by 90°": {"axes": "y,-x,z"},
 }
 """What a simulated device can be told to do wrong."""
+_PROTOCOLS = {"found out": "", **{name: name for name in DECODERS}}
+"""What is offered for a device whose address names no protocol."""
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
 _AS_SMALL = """
 .MuiInputLabel-root[data-shrink="false"] { transform: translate(14px, 9px) }
@@ -66,9 +68,10 @@ _OF_XPLANE = (
     "address. The navigator assumes the sensors of the settings. X-Plane must accept incoming connections "
     "(Settings, Network)."
 )
-_OF_OTHERS = (
-    "The navigator assumes the sensors of the settings: choose the card of this sensor there. The columns of "
-    "text lines are found out and shown; to correct them, write them as they are shown, and connect again."
+_OF_OTHERS = "The navigator assumes the sensors of the settings: choose the card of this sensor there."
+_OF_TEXT = (
+    " The columns of text lines are found out and shown; to correct them, write them as they are shown, and "
+    "connect again."
 )
 _OF_WATCHED = (
     "Another page has opened this source. Its protocol, its axes and what the navigator assumes are as that "
@@ -131,10 +134,7 @@ class SourceFields:
             margin=(8, 4),
             **size | {"stylesheets": [*size["stylesheets"], _AS_SMALL]},
         )
-        self._protocol = pmui.Select(
-            label="Protocol", options={"found out": "", **{name: name for name in DECODERS}}, value="",
-            **_FIELD, **sized(140),
-        )  # fmt: skip
+        self._protocol = pmui.Select(label="Protocol", options=_PROTOCOLS, value="", **_FIELD, **sized(140))
         self._axes = pmui.TextInput(
             label="Axes forward, right, down", value="x,y,z", placeholder="x,y,z", **_FIELD, **sized(170)
         )
@@ -184,12 +184,26 @@ class SourceFields:
             field.visible = simulated
         phone = self._source.value == PHONE
         self._protocol.visible = not (simulated or watched or phone or xplane)
+        given = self._given() if self._protocol.visible else {}
+        self._offer_protocols(given.get("protocol", ""))
         self._columns.visible = self._protocol.visible and self._protocol.value in ("", TextLines.name)
-        self._axes.visible = not (watched or phone or xplane)
+        self._columns.placeholder = given.get("columns", "found out")
+        self._axes.visible = not (watched or phone or xplane or "axes" in given)
         self._heading.visible = not watched
         kinds = {_OF_SIMULATED: simulated, _OF_PHONES: phone, _OF_XPLANE: xplane, _OF_WATCHED: watched}
         note = next((words for words, chosen in kinds.items() if chosen), _OF_OTHERS)
-        self._note.object = f"<p>{note}</p>"
+        self._note.object = f"<p>{note}{_OF_TEXT if self._columns.visible else ''}</p>"
+
+    def _given(self) -> dict[str, str]:
+        """Return the options with which this server opens the chosen device."""
+        source = str(self._source.value)
+        return Address.of(source).options if source in allowed_devices().values() else {}
+
+    def _offer_protocols(self, given: str) -> None:
+        """Offer the protocol that the address gives, or all if it gives none."""
+        offers = {given: given} if given else _PROTOCOLS
+        if self._protocol.options != offers:
+            self._protocol.param.update(options=offers, value=given)
 
     def chosen(self) -> Chosen:
         """Return the chosen source.
@@ -214,7 +228,7 @@ class SourceFields:
         address = Address.of(source)
         if address.kind == XPLANE.removesuffix(":"):
             return self._xplane(address, experiment)
-        options = {"axes": str(axes)} if not axes.is_identity else {}
+        options = {"axes": str(axes)} if self._axes.visible and not axes.is_identity else {}
         if self._protocol.value in DECODERS:
             options["protocol"] = str(self._protocol.value)
         columns = str(self._columns.value_input or self._columns.value or "").strip()
