@@ -128,15 +128,15 @@ class AttitudeFigure:
             text_font_size="12px",
         )  # fmt: skip
 
-    def show(self, euler: FloatArray | None, words: str = "", *, title: bool = True) -> None:
+    def show(self, euler: FloatArray | None, *, is_relative: bool = False, title: bool = True) -> None:
         """Draw an attitude.
 
         Parameters
         ----------
         euler : (3,) array or None
             Roll, pitch, heading [rad]; None if unknown.
-        words
-            Behind the numbers of the title.
+        is_relative
+            Whether the heading is only relative, of which the title gives no number.
         title
             Whether the title is renewed, with which a browser paints the whole figure.
         """
@@ -146,8 +146,9 @@ class AttitudeFigure:
             return
         if title:
             roll, pitch, heading = np.degrees(euler)
-            numbers = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°"
-            self._parcel.set(self._title_number, text=f"{numbers}{words}")
+            known = "heading relative" if is_relative else f"heading {heading % 360:.1f}°"
+            numbers = f"Roll {roll:z.1f}°, pitch {pitch:z.1f}°".replace("-", "\u2212")
+            self._parcel.set(self._title_number, text=f"{numbers}, {known}")
         self._parcel.set(self._face_number, data=drawn(SHAPES[self._shape], euler))
 
 

@@ -37,6 +37,8 @@ INNOVATIONS = tuple(f"{what} {axis}" for what in ("position", "velocity") for ax
 _MEASURED = {"position": INNOVATIONS[:3], "velocity": INNOVATIONS[3:]}
 _TURNS = 3
 """Groups of figures that take turns."""
+_TRACK_RATE = 10.0
+"""Points of the ground track per second [Hz]: 3 m apart at 30 m/s."""
 _TRACK_POINTS = 3000
 """Most points of the ground track: five minutes at 10 Hz."""
 _UNKNOWN = np.pi
@@ -84,6 +86,7 @@ class LiveTrack:
         here = self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6, level="overlay")
         add_still_legend(self.figure, {"estimate": [path], "fixes": [fixes], "now with 3σ": [here, ellipse]})
         self._origin: FloatArray | None = None
+        self._drawn = False  # whether the path ends with a position
         self._shown = (10.0, -10.0, -10.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
         self._numbers = [
@@ -93,7 +96,7 @@ class LiveTrack:
 
     def clear(self) -> None:
         """Forget the path."""
-        self._origin, self._shown = None, (0.0, 0.0, 0.0)
+        self._origin, self._drawn, self._shown = None, False, (0.0, 0.0, 0.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
         for number in self._numbers[:2]:
             self._parcel.stream(number, {"east": [], "north": []}, None)
@@ -107,9 +110,10 @@ class LiveTrack:
 
     def add(self, position: FloatArray, fixes: FloatArray) -> None:
         """Append positions and fixes, (n, 2 or 3) and (m, 2 or 3): latitude, longitude [rad]."""
-        position = position[np.isfinite(position).all(axis=1)]
+        position = self._with_breaks(position)
         if self._origin is None:
-            first = next((rows[0] for rows in (position, fixes) if len(rows)), None)
+            known = (rows[np.isfinite(rows).all(axis=1)] for rows in (position, fixes))
+            first = next((rows[0] for rows in known if len(rows)), None)
             if first is None:
                 return
             self._origin = np.array(first[:2])
@@ -118,6 +122,9 @@ class LiveTrack:
                 east, north = self._metres(rows)
                 self._parcel.stream(number, {"east": east, "north": north}, _TRACK_POINTS)
                 points = np.stack((east, north), axis=-1)
+                points = points[np.isfinite(points).all(axis=1)]
+                if not len(points):
+                    continue
                 self._extent = np.stack(
                     (
                         np.minimum(self._extent[0], points.min(axis=0)),
@@ -125,6 +132,15 @@ class LiveTrack:
                     )
                 )
                 self._fit()
+
+    def _with_breaks(self, position: FloatArray) -> FloatArray:
+        """Return positions with one row of NaN for each time without: the path is interrupted there."""
+        if not len(position):
+            return position
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(position).all(axis=1))
+        before = np.append(self._drawn, known[:-1])
+        self._drawn = bool(known[-1])
+        return np.asarray(position[known | before])
 
     def show(self, position: FloatArray, sigma: FloatArray, *, words: bool) -> None:
         """Draw where it is now.
@@ -146,7 +162,8 @@ class LiveTrack:
         size = {"width": [6 * sigma[1]], "height": [6 * sigma[0]]}
         self._parcel.stream(now, {"east": east, "north": north, **size}, None)
         if words:
-            numbers = f"σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
+            sigma_now = float(f"{max(sigma[0], sigma[1]):.2g}")  # two digits, without an exponent
+            numbers = f"σ {sigma_now:g} m, height {position[2]:.0f} m".replace("-", "\u2212")
             self._parcel.set(title, text=f"Ground track: {numbers}")
 
     def _metres(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -215,6 +232,7 @@ class LiveFigures:
         self._ages = parcel.number(ages)
         self._turn = 0
         self._last_heading = np.nan  # [°]
+        self._last_step = -np.inf  # of the ground track, 1 / `_TRACK_RATE`
         parcel.seal()
         self._rate.source.tags = [parcel.carrier]
         self.figures = [
@@ -229,7 +247,7 @@ class LiveFigures:
             one.clear()
         self._track.clear()
         self._attitude.show(None)
-        self._last_heading = np.nan
+        self._last_heading, self._last_step = np.nan, -np.inf
 
     def add_samples(self, rows: NDArray[np.void], zero: float) -> None:
         """Append thinned samples.
@@ -260,7 +278,10 @@ class LiveFigures:
         self._velocity.add(time, history.velocity_n, self.window)
         spread = np.sqrt(np.diagonal(history.innovation_covariance, axis1=1, axis2=2))
         self._innovation.add(history.fix_time - zero, history.innovation / spread, self.window)
-        self._track.add(history.position[:: max(1, len(time) // 4)], np.empty((0, 3)))
+        step = np.floor(history.time * _TRACK_RATE)
+        drawn = np.diff(step, prepend=self._last_step) > 0
+        self._last_step = float(step[-1]) if step.size else self._last_step
+        self._track.add(history.position[drawn][-_TRACK_POINTS:], np.empty((0, 3)))
 
     def add_fixes(self, fix: NDArray[np.void]) -> None:
         """Append fixes to the ground track, rows of `lab.live.timed.TIMED_FIX`."""
@@ -282,7 +303,7 @@ class LiveFigures:
             Whether the titles with numbers are renewed, with which a browser paints the whole figure.
         """
         relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
-        self._attitude.show(state.euler, " (relative)" if relative else "", title=words)
+        self._attitude.show(state.euler, is_relative=bool(relative), title=words)
         self._track.show(state.position, state.position_sigma, words=words)
         for one in self._all:
             one.move(now, self.window)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bokeh.models.sources import ColumnDataSource
 
 from lab.live.live_state import WAITING, LiveHistory, LiveState
@@ -105,6 +106,57 @@ def test_a_plot_without_values_says_so() -> None:
     figures.clear()
     figures.show(LiveState(phase=WAITING, reason=""), 2.0)
     assert figures.figures[0].title.text == "Angular rate [°/s]: none yet"
+
+
+def flown(seconds: float, unknown: tuple[float, float]) -> LiveHistory:
+    """Return a circle of 100 m in a minute at 20 Hz; the position is unknown between two times [s]."""
+    time = np.arange(1, round(20 * seconds) + 1) / 20
+    angle = 2 * np.pi * time / 60
+    position = np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=-1) * (100 / 6.37e6)
+    position[(time > unknown[0]) & (time < unknown[1])] = np.nan
+    of_fixes = ("fix_time", "innovation", "innovation_covariance", "rejected")
+    one = row(1.0, 0.0)._asdict()
+    many = {name: np.repeat(value, 1 if name in of_fixes else len(time), 0) for name, value in one.items()}
+    return LiveHistory(**many)._replace(time=time, position=position)
+
+
+@pytest.mark.parametrize("parts", [1, 1200])
+def test_the_ground_track_has_no_straight_lines_across_a_flight(parts: int) -> None:
+    """A page that comes later gets all at once, others row by row; both draw the circle that was flown."""
+    figures = LiveFigures()
+    whole = flown(60.0, (20.0, 30.0))
+    for time, position in zip(
+        np.array_split(whole.time, parts), np.array_split(whole.position, parts), strict=True
+    ):
+        part = flown(len(time) / 20, (0.0, 0.0))._replace(time=time, position=position)
+        figures.add_history(part, 0.0)
+    figures.show(LiveState(phase=WAITING, reason=""), 60.0)
+    data = figures.figures[8].select_one({"name": "live:track"}).data
+    east, north = np.asarray(data["east"]), np.asarray(data["north"])
+    steps = np.hypot(np.diff(east), np.diff(north))
+    assert np.isnan(east).sum() == 1  # one interruption, of 10 s
+    assert np.nanmax(steps) < 1.5 * 2 * np.pi * 100 / 60 / 10
+    assert 480 < len(east) < 520
+
+
+def test_titles_with_numbers_fit_above_their_plots() -> None:
+    """Above a plot of 268 px, three in a row at 1440 px, are 46 characters of the title's 5.7 px."""
+    figures = LiveFigures()
+    figures.add_history(flown(1.0, (0.0, 0.0)), 0.0)
+    for sigma, height, heading_sigma in ((0.46, 13.97, 0.1), (123.0, -12345.6, 0.1), (7.0, 999.9, 4.0)):
+        state = LiveState(
+            phase=WAITING,
+            reason="",
+            position=np.array([0.0, 0.0, height]),
+            position_sigma=np.full(3, sigma),
+            euler=np.radians([-179.96, -0.01, 233.33]),
+            euler_sigma=np.array([0.1, 0.1, heading_sigma]),
+        )
+        figures.show(state, 1.0)
+        titles = [figures.figures[k].title.text for k in (2, 8)]
+        assert all(len(title) <= 46 and "e+" not in title for title in titles), titles
+        assert ("relative" in titles[0]) == (heading_sigma > np.pi)
+    assert titles == ["Roll −180.0°, pitch 0.0°, heading relative", "Ground track: σ 7 m, height 1000 m"]
 
 
 def slow(figures: LiveFigures) -> list[ColumnDataSource]:
