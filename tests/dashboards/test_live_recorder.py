@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import pytest
 
@@ -205,3 +207,46 @@ def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Op
     station.source.close()
     one.until(lambda: "in the library" in said(one))
     assert recorder(one)._button.label == "Record"
+
+
+@pytest.mark.parametrize("ends_by_itself", [False, True])
+def test_what_a_full_disk_lost_is_told_with_the_mission(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch, *, ends_by_itself: bool
+) -> None:
+    """The last bytes cannot be written: with Stop, or while it records."""
+    one = opened()
+    station = one.page._station
+    assert station is not None
+    clicked(one)
+    begun = station.source.end
+    one.until(lambda: station.source.end.fix > begun.fix + 3)
+    writer = station.source._writer
+    assert writer is not None
+    if ends_by_itself:
+        monkeypatch.setattr("lab.live.raw_recording.SPARE", 1 << 62)  # no disk has so much
+        one.until(lambda: "in the library" in said(one))
+        assert "are free on the disk" in said(one)
+    else:
+        file = writer._file
+        assert file is not None
+        monkeypatch.setattr(writer, "_file", FullAtTheEnd(file))
+        clicked(one)
+        one.until(lambda: "in the library" in said(one))
+        assert "cannot be written any more: No space left on device" in said(one)
+    assert recorder(one)._job._after.view.severity == "warning"
+    assert "what was written stays" in station.recorded
+
+
+class FullAtTheEnd:
+    """A file of a disk that is full once the file is closed."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def close(self) -> None:
+        """Close it, and fail."""
+        self._file.close()
+        raise OSError(errno.ENOSPC, "No space left on device")

@@ -32,6 +32,7 @@ class _Stopped(NamedTuple):
     name: str
     title: str
     station: Station | None  # whose watchers learn what became of it
+    warning: str = ""  # what was not written, as of a full disk
 
 
 class Recorder:
@@ -152,7 +153,9 @@ class Recorder:
         if not station.claim(path):
             self._job.say("The recording was ended on another page.", "info")
             return
-        self._stopped.append(_Stopped(path, name_of(path), f"Recorded from {station.name}", station))
+        warning = station.source.status.warning
+        title = f"Recorded from {station.name}"
+        self._stopped.append(_Stopped(path, name_of(path), title, station, warning))
         self._job.start("Making a mission of the recording", self._make, self._made)
 
     def _finish(self, path: Path, name: str) -> None:
@@ -160,17 +163,17 @@ class Recorder:
         self._stopped.append(_Stopped(path, accepted_name(name), "Recorded, and finished later", None))
         self._job.start("Making a mission of the recording", self._make, self._made)
 
-    def _make(self, _progress: Progress) -> tuple[list[str], list[str]]:
+    def _make(self, _progress: Progress) -> tuple[list[str], list[str], list[str]]:
         """Make missions of all recordings that were stopped, also while it works; in a thread.
 
         Returns
         -------
         tuple
-            The names of the missions, and why others were not made.
+            The names of the missions, what of them was not written, and why others were not made.
         """
-        made, problems = [], []
+        made, warnings, problems = [], [], []
         while self._stopped:
-            path, name, title, station = self._stopped.popleft()
+            path, name, title, station, warning = self._stopped.popleft()
             try:
                 made.append(add_log(log_of_recording(path), free_name(name), title=title).name)
                 outcome = f"{made[-1]} is in the library now: choose under Missions."
@@ -178,18 +181,22 @@ class Recorder:
                 outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
                 problems.append(outcome)
             unmark(path)
+            if warning:
+                warnings.append(warning)
+                outcome = f"{warning}\n{outcome}"
             if station is not None:
                 station.recorded = outcome
-        return made, problems
+        return made, warnings, problems
 
-    def _made(self, outcome: tuple[list[str], list[str]]) -> None:
-        made, problems = outcome
+    def _made(self, outcome: tuple[list[str], list[str], list[str]]) -> None:
+        made, warnings, problems = outcome
         are = "is" if len(made) == 1 else "are"
         known = [f"{', '.join(made)} {are} in the library now: choose under Missions."] if made else []
         if known or problems:  # else the job before made these missions too
             if self._station is not None:
                 self._heard = self._station.recorded  # the last of them, told here with the others
-            self._job.say("\n".join([*known, *problems]), "error" if problems else "success")
+            severity = "error" if problems else "warning" if warnings else "success"
+            self._job.say("\n".join([*warnings, *known, *problems]), severity)
 
 
 def _new_file(folder: Path, stem: str) -> Path:
