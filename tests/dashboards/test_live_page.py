@@ -212,6 +212,9 @@ def test_unplugging_is_shown(opened: Callable[[], Opened], monkeypatch: pytest.M
     one.until(lambda: station.status.state == LOST)
     one.page._tell()
     assert "lost" in one.page._status.view.object
+    # No sample comes: what the navigator said of the last one does not hold now.
+    assert "Before: " in one.page._status.view.object
+    assert "with the last samples" in one.page._status.view.object
     device.plug()
     reached = station.source.end.imu
     one.until(lambda: station.source.end.imu > reached)

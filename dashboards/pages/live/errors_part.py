@@ -118,5 +118,5 @@ class ErrorsPart:
             f"{', '.join(parts)}. Over many runs, a filter whose σ is true has 1."
         )
         if not self._of_position.visible:
-            sentence += f" Errors of position and velocity follow. {as_seen(state.reason)}"
+            sentence += " Errors of position and velocity follow with the first position."
         self._words.object = f"<p>{escape(sentence)}</p>"

@@ -9,7 +9,7 @@ import numpy as np
 import panel as pn
 
 from dashboards.seen_names import as_seen
-from lab.live.live_state import LiveState
+from lab.live.live_state import WAITING, LiveState
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 
 COLOURS = {
@@ -58,7 +58,7 @@ class StatusLine:
         lines = [
             f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',
             f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status, state))}</div>',
-            f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>",
+            _phase(status, state),
         ]
         if status.clock:
             lines.append(f'<p class="dim">{escape(status.clock)}</p>')
@@ -77,6 +77,14 @@ def _without(state: str, sentence: str) -> str:
         return sentence
     more = more.strip()
     return more[:1].upper() + more[1:]
+
+
+def _phase(status: Status, state: LiveState) -> str:
+    """Return what the navigator does; of a source that is lost, what it did with the last samples."""
+    if status.state == LOST and state.phase != WAITING:
+        words = f"{state.phase} with the last samples. {as_seen(state.reason)}"
+        return f'<p class="dim">Before: {escape(words)}</p>'
+    return f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>"
 
 
 def _numbers(status: Status, state: LiveState) -> list[str]:
@@ -111,7 +119,8 @@ def _drift(status: Status) -> str:
     """Return the drift of the device's clock with its σ, once it says something."""
     if not status.drift_sigma <= LARGEST_SIGMA:
         return "—"
-    return f"{1e6 * status.drift:+.1f} ± {1e6 * status.drift_sigma:.1f} ppm"
+    drift = f"{1e6 * status.drift:+.1f}".replace("-", "\u2212")
+    return f"{drift} ± {1e6 * status.drift_sigma:.1f} ppm"
 
 
 def _named(name: str, value: str, *, bad: bool = False) -> str:
