@@ -61,11 +61,15 @@ class Recorder:
             label="Name of the recording", value="recording", size="small", variant="outlined", margin=(8, 4),
             **sized(190),
         )  # fmt: skip
-        self._button = pmui.Button(
+        # Two buttons: who presses Record while another page begins must not stop what that one records.
+        self._record = pmui.Button(
             label="Record", icon="fiber_manual_record", color="error", disabled=True, margin=(10, 4)
         )
-        self._button.on_click(lambda _event: self._toggle())
-        self.widgets: list[pn.viewable.Viewable] = [self._field, self._button] if may_edit() else []
+        self._record.on_click(lambda _event: self._begin())
+        self._stop = pmui.Button(label="Stop", icon="stop", color="default", visible=False, margin=(10, 4))
+        self._stop.on_click(lambda _event: self._end())
+        fields = [self._field, self._record, self._stop]
+        self.widgets: list[pn.viewable.Viewable] = fields if may_edit() else []
 
     def watch(self, station: Station | None) -> None:
         """Record from another station; a recording that this page began on the one before is ended."""
@@ -75,7 +79,7 @@ class Recorder:
         self._show_idle()
         self._station = station
         self._heard = "" if station is None else station.recorded
-        self._button.disabled = station is None
+        self._record.disabled = station is None
         self.offer.refresh()
 
     def tell(self, status: Status) -> None:
@@ -104,11 +108,8 @@ class Recorder:
         """Leave a recording to those who still watch; it ends with the last, and is offered as unfinished."""
         self._job.close()
 
-    def _toggle(self) -> None:
-        if self._path is not None:
-            self._end()
-            return
-        if self._station is None or not may_edit():
+    def _begin(self) -> None:
+        if self._station is None or self._path is not None or not may_edit():
             return
         try:
             name = accepted_name(str(self._field.value_input or self._field.value).strip())
@@ -138,10 +139,10 @@ class Recorder:
 
     def _show_running(self, path: Path, *, own: bool) -> None:
         self._path, self._own = path, own
-        self._button.param.update(label="Stop", icon="stop", color="default")
+        self._record.visible, self._stop.visible = False, True
 
     def _show_idle(self) -> None:
-        self._button.param.update(label="Record", icon="fiber_manual_record", color="error")
+        self._record.visible, self._stop.visible = True, False
 
     def _end(self) -> None:
         path, self._path = self._path, None
