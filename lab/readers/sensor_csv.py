@@ -17,9 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from lab.logs.auxiliary_data import AuxiliaryData
-from lab.logs.sensor_log import SensorLog, repaired
+from lab.logs.log_check import is_explained
+from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
+from lab.readers.leap_offset import end_together, offset_that_agrees, remark_on_ends
 from lab.readers.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
@@ -146,22 +148,32 @@ def read_logs(
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
 
-    def build(samples: np.ndarray) -> SensorLog:
-        return repaired(name, imu.time, samples, fixes.gnss, auxiliary=AuxiliaryData(vehicle=vehicle))
+    def checked(imu: Imu, gnss: GnssLog) -> SensorLog:
+        def build(samples: np.ndarray) -> SensorLog:
+            return repaired(name, imu.time, samples, gnss, auxiliary=AuxiliaryData(vehicle=vehicle))
+
+        return oriented(imu.samples, build, axes, _is_phone(imu), _is_signed(imu))
+
+    def leap_seconds(imu: Imu) -> str:
+        return offset_that_agrees(imu.time, fixes.gnss, lambda gnss: checked(imu, gnss))
 
     try:
-        log = oriented(imu.samples, build, axes, _is_phone(imu), _is_signed(imu))
+        log = checked(imu, fixes.gnss)
     except MissionError as error:
         other = in_other_unit(imu)
-        if other is None:
-            raise MissionError(_with_report(error, imu, fixes)) from None
         try:
-            log = oriented(other.samples, build, axes, _is_phone(imu), _is_signed(imu))
+            if other is None:
+                raise
+            log = checked(other, fixes.gnss)
         except MissionError:
-            raise MissionError(_with_report(error, imu, fixes)) from None
+            raise MissionError(_with_report(error, imu, fixes, leap_seconds(imu))) from None
         imu = other
+    ends_apart = end_together(imu.time, fixes.gnss)
+    if ends_apart and not is_explained(log) and (found := leap_seconds(imu)):
+        raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
     unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
     remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks]
+    remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []
     if unread:
         remarks.append(f"Columns not read: {', '.join(unread)}.")
     return replace(log, repairs=(*remarks, *log.repairs))
@@ -171,9 +183,10 @@ def _of_rows(sheets: Sequence[Sheet]) -> list[str]:
     return [remark for sheet in sheets for remark in sheet.remarks]
 
 
-def _with_report(error: MissionError, imu: Imu, fixes: Fixes) -> str:
+def _with_report(error: MissionError, imu: Imu, fixes: Fixes, hint: str) -> str:
     """Return a message with what the columns were taken for, since a wrong guess may be the cause."""
-    cause, report = str(error).removesuffix("."), " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
+    cause = ". ".join(filter(None, (str(error).removesuffix("."), hint)))
+    report = " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
     return f"{cause}. The columns were read so: {report}"
 
 
