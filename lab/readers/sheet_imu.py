@@ -18,6 +18,7 @@ from lab.logs.coverage import span_text
 from lab.readers.heading_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
+from lab.readers.sheet_force import refuse_cm_per_s2
 from lab.readers.sheet_stamps import is_regular, smooth
 from lab.readers.stamps import ACCEPTED, ZONES
 from lab.readers.unit_names import UNITS
@@ -137,6 +138,8 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     force, remarks = _with_gravity(forces, _triads(sheets, "gravity"))
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
+    if force.unit == "mg" and force.source != NAMED:
+        refuse_cm_per_s2(time, samples, force.place)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet

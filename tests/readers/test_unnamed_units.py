@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sensor_logs import tables
 
 from lab.missions import MissionError
 from lab.readers.heading_names import heading_of
@@ -132,3 +133,19 @@ def test_rare_units_in_headings(rate, per_rad, force, per_metre):
 def test_millidegrees_beside_mg_are_found_by_their_size():
     found = imu("time,gx,gy,gz,ax,ay,az", (1000 * 180 / np.pi, 1000 / 9.80665))
     assert found.gyro.unit == "m°/s" and found.gyro.source.startswith("guessed")
+
+
+@pytest.mark.parametrize("start", [0, 30, 60, 90, 130])
+def test_cm_per_s2_are_not_read_as_milli_g(start):
+    rows = tables(start, start + 60).imu
+    header = "time,gx,gy,gz,ax,ay,az"
+
+    def found(per_metre, units=None):
+        lines = (",".join(f"{x:.9g}" for x in row) for row in rows * ([1.0] * 4 + [per_metre] * 3))
+        return imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
+
+    with pytest.raises(MissionError, match=r"in cm/s² \(981\) or in mg .*--unit HEADING=cm/s²"):
+        found(100)
+    named = found(100, dict.fromkeys(("ax", "ay", "az"), "[cm/s²]"))
+    np.testing.assert_allclose(named.samples[:, 3:], rows[:, 4:], rtol=1e-6, atol=1e-6)
+    assert found(1000 / 9.80665).accelerometer.unit == "mg"
