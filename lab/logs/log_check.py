@@ -149,7 +149,7 @@ def check_log(log: SensorLog) -> None:
     log = piece(log)
     _check_force(log)
     _check_tumbling(log)
-    windows = _windows(log)
+    windows = windows_of(log)
     matches = [match(window, lags=(0.0,)) for window in windows[:_MIN_WINDOWS]]
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.follows_nose:
@@ -168,7 +168,7 @@ def check_log(log: SensorLog) -> None:
 
 def is_explained(log: SensorLog) -> bool:
     """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
-    return are_explained(_windows(piece(log)))
+    return are_explained(windows_of(piece(log)))
 
 
 def _check_leap_seconds(log: SensorLog) -> None:
@@ -347,7 +347,8 @@ def _check_forward(log: SensorLog, motion: Motion) -> None:
         )
 
 
-def _windows(log: SensorLog) -> list[Window]:
+def windows_of(log: SensorLog) -> list[Window]:
+    """Return the windows of a log without a break in which its velocity changes most."""
     gnss = log.gnss
     sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
     arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)

@@ -21,13 +21,14 @@ from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
+from lab.readers.height_unit import unit_that_agrees
 from lab.readers.leap_offset import end_together, offset_that_agrees, remark_on_ends
 from lab.readers.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
-from lab.readers.sheet_fixes import Fixes, fixes_of
+from lab.readers.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit
 from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
 from lab.readers.sheet_sources import (
     KITTI_FRAME,
@@ -171,6 +172,12 @@ def read_logs(
     ends_apart = end_together(imu.time, fixes.gnss)
     if ends_apart and not is_explained(log) and (found := leap_seconds(imu)):
         raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
+    height = fixes.units[2]
+    if height.source in DOUBTFUL:
+        unit, factor = unit_that_agrees(log, height.unit)
+        if unit != height.unit:
+            fixes = in_height_unit(fixes, unit, factor)
+            log = checked(imu, fixes.gnss)
     unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
     remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks]
     remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,11 @@ _MIN_LEGS = 10
 """Fewest legs that show it."""
 _UNIT_TOLERANCE = 0.1
 """Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
+
+
+BY_SIZE = "guessed by its size"
+DOUBTFUL = ("assumed", BY_SIZE)
+"""Sources of a unit that the motion may contradict."""
 
 
 class LatitudeError(MissionError):
@@ -186,6 +192,27 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more))
 
 
+def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
+    """Return fixes whose heights are in another unit than that in which they were read.
+
+    Parameters
+    ----------
+    fixes
+        The fixes.
+    unit
+        The unit of their heights.
+    factor
+        How much the numbers change per metre.
+    """
+    column, taken = fixes.units[2].column, fixes.units[2].unit
+    position = fixes.gnss.position * np.array([1.0, 1.0, UNITS["length"][unit] / UNITS["length"][taken]])
+    source = f"guessed: the numbers change {factor:.3g} times as much as metres by the accelerometers"
+    before = f"Heights: {column}, in "
+    remarks = [f"{before}{unit} ({source})." if one.startswith(before) else one for one in fixes.remarks]
+    units = (*fixes.units[:2], ColumnUnit(column, unit, source), *fixes.units[3:])
+    return fixes._replace(gnss=replace(fixes.gnss, position=position), units=units, remarks=tuple(remarks))
+
+
 def _column(sheet: Sheet, quantity: str) -> _Column | None:
     """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
     found = sheet.all_of(quantity)
@@ -237,12 +264,12 @@ def _of_nmea(column: _Column) -> _Column:
     """Return a coordinate that is written as the number ddmm.mmmm."""
     degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
     values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
-    return column._replace(values=values, unit="ddmm.mmmm", source="guessed by its size")
+    return column._replace(values=values, unit="ddmm.mmmm", source=BY_SIZE)
 
 
 def _degrees(column: _Column) -> _Column:
     if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
-        return column._replace(values=column.values * 1e-7, unit="1e-7°", source="guessed by its size")
+        return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
     return column
 
 
@@ -260,9 +287,9 @@ def _metres(height: _Column, latitude: _Column) -> _Column:
         and whole
         and np.nanmax(height.values) > _MAX_METRES
     ):
-        return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
     if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
-        return height._replace(values=height.values * 1e-3, unit="mm", source="guessed by its size")
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
     return height
 
 
@@ -372,7 +399,7 @@ def _course_unit(course: _Column, rows: NDArray[np.intp], time: FloatArray, posi
         return course
     for unit, (first, last, factor) in _COURSES.items():
         if first < np.abs(known).max() <= last:
-            return course._replace(values=course.values * factor, unit=unit, source="guessed by its size")
+            return course._replace(values=course.values * factor, unit=unit, source=BY_SIZE)
     if np.abs(known).max() > 2 * np.pi:
         return course
     per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
