@@ -17,6 +17,8 @@ DEGREE = math.radians(1)
 """[rad]."""
 DAY = 86_400.0
 """[s]."""
+LEAP_SECONDS = 18.0
+"""GPS time minus UTC since 2017 [s]."""
 FOOT = 0.3048
 """International foot [m]; exact by definition, as are the mile and the nautical mile."""
 STATUTE_MILE = 1609.344

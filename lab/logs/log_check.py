@@ -24,6 +24,7 @@ from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.logs.velocity_matching import Match, Window, liveliest, match, turned
 from lab.recordings.mission_error import MissionError
 from lab.rotation import wrap
+from lab.units import LEAP_SECONDS
 
 FloatArray = NDArray[np.float64]
 
@@ -71,8 +72,6 @@ _MIN_LAG = 0.4
 navigator is told or finds."""
 _LAG_STEP = 0.1
 """Step of the clock offsets tried with each axis [s]: a tenth of a leg."""
-_LEAP_SECONDS = 18.0
-"""GPS time minus UTC since 2017 [s]."""
 _AROUND_LEAP = 1.5
 """Offsets around it that are tried [s]: the receiver's latency and the recorder's delay add to it."""
 _MAX_UNLIKE = 0.5
@@ -174,7 +173,7 @@ def is_explained(log: SensorLog) -> bool:
 def _check_leap_seconds(log: SensorLog) -> None:
     """Compare the turns by the GPS with the gyros at the offset between GPS time and UTC, and near zero."""
     motion = motion_of(log)
-    margin = _LEAP_SECONDS + _AROUND_LEAP
+    margin = LEAP_SECONDS + _AROUND_LEAP
     inside = (motion.start >= margin) & (motion.end <= log.duration - margin) & np.isfinite(motion.turn)
     motion = Motion(*(column[inside] for column in motion))
     if motion.turn.size < 2 * _MIN_LEGS or np.std(motion.turn) < _LIVELY_TURN:
@@ -183,7 +182,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
     around = np.arange(-_AROUND_LEAP, _AROUND_LEAP + _LAG_STEP / 2, _LAG_STEP)
     rows = [
         max((abs(_correlation(log, log.dtheta[:, axis], motion, motion.turn, lag)[0]), lag) for lag in lags)
-        for lags in (near, np.concatenate((around - _LEAP_SECONDS, around + _LEAP_SECONDS)))
+        for lags in (near, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
         for axis in range(3)
     ]
     at_zero, at_leap = max(rows[:3]), max(rows[3:])
@@ -192,7 +191,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
         raise MissionError(
             f"{log.name}: the stamps of the GPS are about {abs(at_leap[1]):.1f} s {side} relative to the "
             f"IMU's (correlation of the turns {at_leap[0]:.2f}, with equal stamps {at_zero[0]:.2f}): one "
-            f"clock is likely to be GPS time and the other UTC, {_LEAP_SECONDS:g} leap seconds apart; "
+            f"clock is likely to be GPS time and the other UTC, {LEAP_SECONDS:g} leap seconds apart; "
             "accepted are stamps of one clock"
         )
 

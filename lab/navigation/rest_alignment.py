@@ -40,8 +40,8 @@ ROUNDS = 30
 """Most iterations of the update about its own result. Three are usual; a heading that is uncertain by 80°,
 and of which gyros of 100 °/h show a little, needs up to fifteen."""
 SETTLED = 0.01
-"""The iterations end when a step is below this part of the σ that remains, and so is the change of its
-square."""
+"""The iterations end when each estimate has moved by less than this part of its σ, and the variance of the
+heading by less than this part of itself."""
 LEAST_FORCE, LEAST_RATE = 1e-6, 5e-9
 """Smallest σ of a mean at rest, 0.1 µg [m/s²] and 0.001 °/h [rad/s]: sensors without noise would give a
 singular covariance."""
@@ -202,9 +202,9 @@ def _beyond_first_order(
 ) -> FloatArray:
     """Return the covariance (6, 6) of what a heading error ψ adds to the means beyond the first order.
 
-    The level part of the Earth's rate has cos ψ to the north, and sin ψ to the east. The tilt is the level
-    error of the accelerometers turned by half of ψ, in comparison with that of the wrong heading. The second
-    moments are those of 1 − cos ψ, sin ψ − ψ and 2 sin (ψ / 4), for a normal ψ.
+    The level part of the Earth's rate is seen with cos ψ to the north, and with sin ψ to the east. The tilt
+    follows the level error of the accelerometers; the wrong heading turns what is expected of it by ψ / 2.
+    The variances are the second moments of 1 − cos ψ, sin ψ − ψ and 2 sin (ψ / 4), for a normal ψ.
 
     Parameters
     ----------

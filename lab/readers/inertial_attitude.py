@@ -16,15 +16,11 @@ observations and the singular value decomposition*, J. Astronautical Sciences 36
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth, ecef
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
 
@@ -77,16 +73,14 @@ def inertial_attitude(
         ω_ib,b [rad/s] and f_b [m/s²] at these times.
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only this needs it
-    from scipy.spatial.transform import Rotation, Slerp  # noqa: PLC0415
+    from scipy.spatial.transform import Slerp  # noqa: PLC0415
+
+    from lab.logs.velocity_matching import turned  # noqa: PLC0415 - likewise
 
     if time[-1] - time[0] < _MIN_INTERVALS * _INTERVAL:
         return None
     # Attitude against that of the first instant, by the midpoint rule (Groves 5.3, without coning).
-    step = np.diff(imu_time)[:, None]
-    turn = Rotation.concatenate(
-        [Rotation.identity(), Rotation.from_rotvec(step * (rate[1:] + rate[:-1]) / 2)]
-    )
-    attitude = _running_product(turn)
+    attitude = turned(np.diff(imu_time)[:, None] * (rate[1:] + rate[:-1]) / 2)
     integral = CubicSpline(imu_time, attitude.apply(force)).antiderivative()
     # The same in inertial axes that are those of the Earth at the first time (Wu 2011, eq. 8).
     C_in = _inertial_axes(time - time[0], place)
@@ -109,17 +103,6 @@ def inertial_attitude(
     at_times = Slerp(imu_time, attitude)(time).as_matrix()
     C_nb = np.einsum("nji,jk,nkl->nil", C_in, C_ib0, at_times)
     return InertialAttitude(C_nb, residual, float(uncertainty))
-
-
-def _running_product(turns: Rotation) -> Rotation:
-    """Return the products of all rotations up to each, by doubling the stretches that are multiplied."""
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415
-
-    reach = 1
-    while reach < len(turns):
-        turns = Rotation.concatenate([turns[:reach], turns[:-reach] * turns[reach:]])
-        reach *= 2
-    return turns
 
 
 def _inertial_axes(time: FloatArray, place: FloatArray) -> FloatArray:

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.recordings.mission_error import MissionError
+from lab.units import LEAP_SECONDS
 
 FloatArray = NDArray[np.float64]
 
-_LEAP_SECONDS = 18.0
-"""GPS time minus UTC since 2017 [s]."""
 _NEARLY = 1.0
 """Largest deviation of a begin and an end from that offset [s]: fixes are up to a second apart."""
 
@@ -40,7 +39,7 @@ def offset_that_agrees(imu: FloatArray, gnss: GnssLog, read: Callable[[GnssLog],
     read
         Returns the checked log with given fixes, or raises a MissionError.
     """
-    shift = -float(np.copysign(_LEAP_SECONDS, np.sum(_ends(imu, gnss))))
+    shift = -float(np.copysign(LEAP_SECONDS, np.sum(_ends(imu, gnss))))
     try:
         agrees = is_explained(read(replace(gnss, time=gnss.time + shift)))
     except MissionError:
@@ -51,14 +50,14 @@ def offset_that_agrees(imu: FloatArray, gnss: GnssLog, read: Callable[[GnssLog],
     return (
         f"With the fixes {abs(shift):g} s {how} the log agrees: the stamps of the GPS are {abs(shift):g} s "
         f"{side} relative to the IMU's. One clock is likely to be GPS time and the other UTC, "
-        f"{_LEAP_SECONDS:g} leap seconds apart; accepted are stamps of one clock"
+        f"{LEAP_SECONDS:g} leap seconds apart; accepted are stamps of one clock"
     )
 
 
 def end_together(imu: FloatArray, gnss: GnssLog) -> bool:
     """Return whether the fixes begin and end 18 s after the IMU, or both before it."""
     begin, end = _ends(imu, gnss)
-    return bool(max(abs(abs(one) - _LEAP_SECONDS) for one in (begin, end)) < _NEARLY and begin * end > 0)
+    return bool(max(abs(abs(one) - LEAP_SECONDS) for one in (begin, end)) < _NEARLY and begin * end > 0)
 
 
 def remark_on_ends(imu: FloatArray, gnss: GnssLog) -> str:
@@ -67,7 +66,7 @@ def remark_on_ends(imu: FloatArray, gnss: GnssLog) -> str:
     side = "after" if begin > 0 else "before"
     return (
         f"The fixes begin {abs(begin):.1f} s and end {abs(end):.1f} s {side} the IMU. If both were recorded "
-        f"together, one clock is GPS time and the other UTC, {_LEAP_SECONDS:g} leap seconds apart: the "
+        f"together, one clock is GPS time and the other UTC, {LEAP_SECONDS:g} leap seconds apart: the "
         "motion does not show it. The stamps are used as they are."
     )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.units import DAY
+from lab.units import DAY, LEAP_SECONDS
 
 _VBO = b"[column names]"
 _VBO_UNITS = {
@@ -27,8 +27,6 @@ _VBO_SPEED = re.compile(rb"(?im)^(vertical )?velocity (kmh|km/h|knots|kts|mph|m/
 
 _GPS_EPOCH = 315_964_800.0
 """Start of GPS time, since 1970 [s]."""
-_LEAP_SECONDS = 18.0
-"""GPS time minus UTC since 2017 [s]."""
 
 _NUMBER = r"[+-]?\d{1,10}(?:\.\d{0,20})?(?:[eE][+-]?\d{1,2})?"
 _BEGIN = re.compile(rf"{_NUMBER}(?=,)")
@@ -99,7 +97,7 @@ def _utc_of_clock(lines: Sequence[str]) -> tuple[float, float] | None:
     if not found:
         return None
     clock, of_week, week = np.array(found).T
-    offset = week * 7 * DAY + of_week + _GPS_EPOCH - _LEAP_SECONDS - clock
+    offset = week * 7 * DAY + of_week + _GPS_EPOCH - LEAP_SECONDS - clock
     # Before the receiver knows the time a stamp may be far off.
     near = np.abs(offset - np.sort(offset)[offset.size // 2]) < _MAX_STAMP_ERROR
     clock, offset = clock[near], offset[near]

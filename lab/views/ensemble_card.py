@@ -20,9 +20,8 @@ def ensemble_html(ensemble: Ensemble) -> str:
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"{len(seeds)} runs, seeds {seeds[0]} to {seeds[-1]}"
     who = f", {ensemble.algorithm}" if ensemble.algorithm else ""
     shown = ensemble.coverage.copy()
-    shown["quantity"] += (
-        " [" + shown.pop("unit") + "]"
-    )  # a column less: the last one was cut beside a side bar
+    # A column for the units made the table wider than a notebook beside a side bar.
+    shown["quantity"] += " [" + shown.pop("unit") + "]"
     table = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="unknown")
     return (
         f"<h4>{escape(title_of(ensemble.experiment.mission))}, {which}{escape(who)}</h4>"

@@ -17,6 +17,7 @@ from lab.live import unfinished
 from lab.live.raw_recording import SUFFIX
 from lab.live.recorded_log import recorded_samples
 from lab.live.source_status import LOST
+from lab.live.station import Station
 from lab.logs import sensor_log
 from lab.missions import mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
@@ -151,15 +152,21 @@ def test_a_page_that_leaves_does_not_end_what_others_watch(opened: Callable[[], 
     assert second.page._station.source.recording == running
 
 
-def begun_and_left(opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch) -> Recorder:
-    """Return the recorder of a page that was opened after the only one had gone amid a recording."""
-    monkeypatch.setattr(unfinished, "RUNS", 0.0)
-    one = opened()
+def recording(one: Opened) -> Station:
+    """Press Record, wait for a few fixes, and return what is recorded."""
     station = one.page._station
     assert station is not None
     clicked(one)
     begun = station.source.end
     one.until(lambda: station.source.end.fix > begun.fix + 3)
+    return station
+
+
+def begun_and_left(opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch) -> Recorder:
+    """Return the recorder of a page that was opened after the only one had gone amid a recording."""
+    monkeypatch.setattr(unfinished, "RUNS", 0.0)
+    one = opened()
+    recording(one)
     one.close()
     wait_until_nothing_is_left()
     again = opened()
@@ -225,11 +232,7 @@ def test_a_device_that_is_unplugged_is_recorded_when_it_comes_back(
 
 def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Opened]) -> None:
     one = opened()
-    station = one.page._station
-    assert station is not None
-    clicked(one)
-    begun = station.source.end
-    one.until(lambda: station.source.end.fix > begun.fix + 3)
+    station = recording(one)
     station.source.close()
     one.until(lambda: "in the library" in said(one))
     assert not records(one)
@@ -241,11 +244,7 @@ def test_what_a_full_disk_lost_is_told_with_the_mission(
 ) -> None:
     """The last bytes cannot be written: with Stop, or while it records."""
     one = opened()
-    station = one.page._station
-    assert station is not None
-    clicked(one)
-    begun = station.source.end
-    one.until(lambda: station.source.end.fix > begun.fix + 3)
+    station = recording(one)
     writer = station.source._writer
     assert writer is not None
     if ends_by_itself:
