@@ -1,5 +1,5 @@
-// Private parts of Bokeh in the browser that the laboratory replaces: an opening computed all styles of the page
-// two thousand times, and laid all of it out 140 times. This script runs before the page is made.
+// Private parts of Bokeh and Panel in the browser that the laboratory replaces: an opening computed all styles of
+// the page two thousand times, and laid all of it out 140 times. This script runs before the page is made.
 {
   const {InlineStyleSheet} = Bokeh.require("core/dom");
   const {VisualProperties} = Bokeh.require("core/visuals/visual");
@@ -74,5 +74,22 @@
         if (root.el.isConnected) { root.compute_layout(); }
       });
     }
+  };
+
+  // A component writes what the server tells it back a moment later. In a slow browser a newer value may have come
+  // meanwhile: it was undone, and with it the position of a slider. A component writes what it sets itself.
+  const ReactComponent = Bokeh.Models.get("panel.models.esm.ReactComponent");
+  const code_of = original(ReactComponent, "_render_code");
+  const replace = (code, old, by) => {
+    if (!code.includes(old)) { throw new Error(`this version of Panel has no ${old}`); }
+    return code.replace(old, () => by);
+  };
+  ReactComponent.prototype._render_code = function() {
+    const marking = `React.useCallback((given) => {
+      initialized.current = !Object.is(given, targetModel.attributes[resolvedProp])
+      setValue(given)
+    }, [])`;
+    const code = replace(code_of.call(this), "else { initialized.current = true }", "initialized.current = false");
+    return replace(code, "return [value, setValue]", `return [value, ${marking}]`);
   };
 }

@@ -12,8 +12,8 @@ Each part is tested against the installed version, which `pyproject.toml` pins
   sessions: ``panel#3259``.
 - Events without the lock of their document: no upstream issue is known. They carry the mark of
   `panel.io.with_lock`.
-- Panel's repeated copies, lookups and searches for each component, and access control in viser: no upstream
-  issue is known.
+- Panel's repeated copies, lookups and searches for each component, values of the server that its components
+  send back, and access control in viser: no upstream issue is known.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_id
 DATA = "Bokeh.documents[0].get_model_by_name('time:position_east')?.data"
 CURVE = f"String([...({DATA}?.time ?? []), ...({DATA}?.position_east ?? [])])"
 """Times and values of the first curve of the page, as one text."""
-RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis').end"
+RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis')?.end"
 DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
 
 

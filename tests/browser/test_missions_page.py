@@ -212,7 +212,7 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     expect(chooser(page)).to_have_text("Flight of our flight.csv")
     assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
     # A browser keeps the models of the preview for half a minute: they have names of their own.
-    assert page.evaluate(RANGE_END) > 0
+    wait_for(page, f"{RANGE_END} > 0")
 
 
 def test_x_plane_is_recorded(mine: Path, shared_page: Page) -> None:

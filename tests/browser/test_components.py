@@ -1,0 +1,70 @@
+"""What components of a page tell the server: what a person did, and nothing that the server told them."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import IDLE, wait_for
+
+pytestmark = pytest.mark.browser
+
+TOLD_TWICE = """
+async () => {
+  const page = Bokeh.documents[0], pause = () => new Promise((done) => setTimeout(done, 50));
+  const {set, get} = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "defaultValue");
+  const slowly = {configurable: true, get, set(value) {
+    for (const begun = performance.now(); performance.now() - begun < 30;);
+    set.call(this, value);
+  }};
+  const kept = [];
+  const all = [...page._all_models.values()];
+  for (const {id, data} of all.filter((one) => one.data?.attributes?.value_input)) {
+    const input = Bokeh.index.find_one_by_id(id)?.shadow_el?.querySelector("input");
+    if (!input?.checkVisibility()) { continue; }
+    const before = data.value, tell = (value) => page.apply_json_patch({events: ["value", "value_input"].map(
+      (attr) => ({kind: "ModelChanged", model: {id: data.id}, attr, new: value}))});
+    Object.defineProperty(input, "defaultValue", slowly);
+    const turns = new MessageChannel(), replaced = new Promise((done) => {
+      turns.port1.onmessage = () => {
+        if (input.value === "first") { tell("second"); done(); } else { turns.port2.postMessage(0); }
+      };
+    });
+    turns.port2.postMessage(0);
+    tell("first");
+    await replaced;
+    delete input.defaultValue;
+    await pause();
+    kept.push(data.value);
+    tell(before);
+    await pause();
+  }
+  return kept;
+}
+"""
+"""Tells each box a text, and another one when it shows the first; showing it takes the browser 30 ms."""
+
+
+def test_a_text_that_the_server_replaced_is_not_sent_back(shared_page: Page) -> None:
+    """It undid later steps of the slider to which the box belongs, where the browser was slow."""
+    page = shared_page
+    kept = page.evaluate(TOLD_TWICE)
+    assert len(kept) >= 10
+    assert kept == ["second"] * len(kept)
+    wait_for(page, IDLE)
+    assert page.evaluate("location.search") == ""
+
+
+def test_what_a_person_enters_is_sent(shared_page: Page) -> None:
+    """Also where it is what the box had told before, and where the server refuses it."""
+    page = shared_page
+    box = page.get_by_role("textbox", name="Seed").first
+    for seed in ("7", "8", "7"):
+        box.fill(seed)
+        box.press("Enter")
+        wait_for(page, f"location.search.includes('seed={seed}')")
+    for _ in range(2):
+        box.fill("seven")
+        box.press("Enter")
+        expect(page.get_by_role("alert")).to_contain_text("seed")
+        expect(box).to_have_value("7")
