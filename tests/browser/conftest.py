@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -76,6 +77,14 @@ def new_context(chromium: Browser, **options: Any) -> BrowserContext:
 def wait_for(page: Page | Frame, expression: str, arg: Any = None, timeout: float | None = None) -> None:
     """Wait until an expression in JavaScript is true on a page, and leave it the processor meanwhile."""
     page.wait_for_function(expression, arg=arg, timeout=timeout, polling=LOOK)
+
+
+def eventually(page: Page, what: Callable[[], bool]) -> None:
+    """Wait until something that one expression in JavaScript cannot ask is true of a page, as a layout."""
+    end = time.monotonic() + PATIENCE / 1000
+    while not what():
+        assert time.monotonic() < end, "it did not become true"
+        page.wait_for_timeout(LOOK)
 
 
 def remember(page: Page, name: str, expression: str) -> None:

@@ -34,7 +34,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
     advice = page.get_by_text("Set “Navigator and filter: Latency the filter assumes” to 0.20")
     expect(advice).to_be_visible()
     expect(advice).to_contain_text("Tried: NIS per degree of freedom")
-    assert page.get_by_role("cell", name="position north").count() == 2
+    expect(page.get_by_role("cell", name="position north")).to_have_count(2)
     nees = "Bokeh.documents[0].get_model_by_name('time_gps:nees').data"
     wait_for(page, f"{nees}.nees.length > 100 && {nees}.nees_band_high[5] > 27")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from shutil import rmtree
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 from sensor_logs import tables, write
 
 from tests.browser.conftest import wait_for
@@ -31,7 +31,7 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     page = open_page("?mission=blind", drawn=False)
     page.get_by_text("has no reference, so its errors are unknown").wait_for()
     page.get_by_text("nothing is simulated").wait_for()
-    assert not page.get_by_text("Temperature", exact=True).first.is_visible()
+    expect(page.get_by_text("Temperature", exact=True).first).to_be_hidden()
     page.get_by_role("tab", name="Innovations").click()
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
     wait_for(page, f"{source}?.data.time?.length > 20")
@@ -50,5 +50,7 @@ def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(open_page: Open, ow
     shaded = "Bokeh.documents[0].get_model_by_name('time without GPS').data"
     wait_for(page, f"{shaded}.start?.length === 1")
     assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
-    written = page.get_by_role("textbox", name="Outages").input_value()
+    outages = page.get_by_role("textbox", name="Outages")
+    expect(outages).not_to_have_value("")
+    written = outages.input_value()
     assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)

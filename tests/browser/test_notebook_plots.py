@@ -19,7 +19,7 @@ from lab.result import Result
 from lab.views.explorer import ROW, Explorer
 from lab.views.notebook_theme import follow_theme
 from lab.views.plots import errors, ground_track, innovations
-from tests.browser.conftest import ROOT, new_context
+from tests.browser.conftest import ROOT, eventually, new_context
 
 pytestmark = pytest.mark.browser
 
@@ -105,7 +105,8 @@ def test_the_explorer_is_as_high_as_its_figures(chromium: Browser, tmp_path: Pat
     expect(figures.last).to_be_visible()
     tabs = page.locator("[class*='Tabs']").first
     bottom = "(part) => part.getBoundingClientRect().bottom"
-    assert figures.last.evaluate(bottom) <= tabs.evaluate(bottom) + 1
+    # The figures are visible before the last layout.
+    eventually(page, lambda: figures.last.evaluate(bottom) <= tabs.evaluate(bottom) + 1)
     assert tabs.evaluate("(part) => part.getBoundingClientRect().height") > 3 * ROW
     page.context.close()
 

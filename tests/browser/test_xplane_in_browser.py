@@ -16,10 +16,15 @@ SMALL: ViewportSize = {"width": 900, "height": 600}
 REST = 14.0
 """Time on the runway before the flight [s]: the navigator levels over ten."""
 
+FLOWN = 204.0
+"""Time that is flown [s]: at its end the clock stands still, and a slow computer takes two minutes to it."""
+
 
 @pytest.fixture
 def xplane() -> Iterator[XPlaneSimulator]:
-    with XPlaneSimulator(standing_first(montreal(120.0), REST)) as simulator:
+    """Return a stand-in for X-Plane that is paused until a page is there to see its flight."""
+    with XPlaneSimulator(standing_first(montreal(FLOWN), REST)) as simulator:
+        simulator.paused = True
         yield simulator
 
 
@@ -54,6 +59,7 @@ def connect(page: Page, address: str) -> None:
 @pytest.mark.browser
 def test_x_plane_is_navigated_compared_and_paused(visited: Page, xplane: XPlaneSimulator) -> None:
     page = visited
+    xplane.paused = False
     connect(page, address_of(xplane))
     expect(page.get_by_text("streaming", exact=True)).to_be_visible()
     page.get_by_role("button", name="Errors", exact=True).click()
