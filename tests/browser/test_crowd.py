@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlparse
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.browser.conftest import DRAWN, ROOT, complaint, new_context, remember, wait_for
+from tests.browser.conftest import DRAWN, ROOT, complaint, eventually, new_context, remember, wait_for
 
 pytestmark = pytest.mark.browser
 
-Open = Callable[..., Page]
-
 PAGES = 3
 HEIGHT = 900
-"""Height of the windows [px], which is that of `open_page` too."""
+"""Height of the windows [px], which is that of `shared_page` too."""
 PLOTS = "Array.from(Bokeh.index.query((view) => view.model.type === 'Figure')).length"
 DATA = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
 FILES = "[...Bokeh.documents[0].all_models].map((model) => model.data?.filename).filter(Boolean).sort()"
@@ -61,14 +60,20 @@ def written(address: str) -> str:
     return Path(ROOT / ".pytest_cache" / f"simulator{urlparse(address).port}.log").read_text()
 
 
+def same_place(one: Locator, other: Locator) -> bool:
+    """Say whether two parts have the same place and size."""
+    return one.bounding_box() == other.bounding_box()
+
+
 def test_pages_opened_at_once_arrive_whole_and_work(
-    open_page: Open, chromium: Browser, address: str, complaints: list[str]
+    shared_page: Page, chromium: Browser, address: str, complaints: list[str]
 ) -> None:
     """The first page is alone: the server has what a first visitor needs compiled."""
-    alone = open_page()
+    alone = shared_page
     names = settings(alone)
     wait_for(alone, f"{FILES}.includes('montreal_1.nc')")  # the buttons for files come last
-    files, time_bar = alone.evaluate(FILES), alone.get_by_role("slider", name="Time").bounding_box()
+    files, own_bar = alone.evaluate(FILES), alone.get_by_role("slider", name="Time")
+    time_bar = own_bar.bounding_box()
     assert time_bar is not None
     assert time_bar["y"] < HEIGHT, "the time bar is below the window"
     before = len(written(address))
@@ -77,10 +82,10 @@ def test_pages_opened_at_once_arrive_whole_and_work(
             wait_for(page, DRAWN)
             expect(page.get_by_role("slider")).to_have_count(len(names))
             assert settings(page) == names
-            assert page.evaluate(PLOTS) == 9
+            wait_for(page, f"{PLOTS} === 9")
             wait_for(page, f"{FILES}.length === {len(files)}")
             assert page.evaluate(FILES) == files
-            assert page.get_by_role("slider", name="Time").bounding_box() == time_bar
+            eventually(page, partial(same_place, page.get_by_role("slider", name="Time"), own_bar))
             expect(page.get_by_role("alert")).to_have_count(0)
         assert 0 in [page.evaluate("window.plots_at_first") for page in pages], "no page came in steps"
         for page in pages:
@@ -90,6 +95,7 @@ def test_pages_opened_at_once_arrive_whole_and_work(
             wait_for(page, f"{DATA} !== window.before")
             expect(page.get_by_role("alert")).to_have_count(0)
             wait_for(page, "location.search.includes('sensors.gyro.noise_density=0.5')")
+    assert complaints == []
     assert "Traceback" not in written(address)[before:]
 
 
