@@ -43,6 +43,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         wait_for(teacher, DRAWN)
         teacher.get_by_role("button", name="Start a class").click()
         code = teacher.get_by_role("img", name="QR code of the link for students")
+        expect(code).to_be_visible()
         box = code.bounding_box()
         assert box is not None
         assert box["width"] == pytest.approx(box["height"], abs=1)
@@ -69,7 +70,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         phone.get_by_role("button", name="Return to the teacher").click()
         wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
-        assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+        wait_for(phone, "document.documentElement.scrollWidth <= 390")
         size = teacher.evaluate(TITLE_SIZE)
         teacher.get_by_role("button", name="Projector").click()
         wait_for(teacher, f"({TITLE_SIZE}) > {1.4 * size}")
