@@ -115,14 +115,14 @@ def test_closed_pages_with_a_stream_leave_no_thread_and_no_port(chromium: Browse
     address, server, _ = served
 
     def visit(pages: int) -> None:
-        contexts = [new_context(chromium, viewport=SMALL) for _ in range(pages)]
-        for context in contexts:
-            page = context.new_page()
+        opened = [new_context(chromium, viewport=SMALL).new_page() for _ in range(pages)]
+        for page in opened:
             page.goto(address)
             wait_for(page, IDLE)
+        for page in opened:  # a stream takes the processor that a page needs to open
             connect(page)
-        for context in contexts:
-            context.close()
+        for page in opened:
+            page.context.close()
 
     visit(1)
     first = settled(server)
