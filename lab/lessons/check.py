@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
+from lab.analysis.finding_names import FINDING_NAMES
 from lab.lessons.quantities import QUANTITIES, setting_value
 from lab.result import Result
 
@@ -179,6 +180,8 @@ class _Parser:
         if self._kind != "text":
             raise self._unexpected('a quantity in quotes, such as "GPS latency"')
         named = self._tokens[self._at].text[1:-1]
+        if named not in FINDING_NAMES:
+            raise self._unknown("finding", named, FINDING_NAMES, "")
         self._at += 1
         return lambda result: any(named == finding.quantity for finding in result.verdict.findings)
 
@@ -241,11 +244,17 @@ class _Parser:
             self._at += 1
             self.settings.append(name)
             return lambda result: setting_value(result, name)
-        close = difflib.get_close_matches(name, QUANTITIES, n=1)
+        raise self._unknown(
+            "quantity", name, QUANTITIES, ", and numeric settings by their path, such as navigator.r_scale"
+        )
+
+    def _unknown(self, kind: str, name: str, accepted: Iterable[str], others: str) -> CheckError:
+        """Return the refusal of a name that does not exist; `others` is what else is accepted."""
+        close = difflib.get_close_matches(name, list(accepted), n=1)
         hint = f"; did you mean {close[0]}?" if close else "."
-        raise CheckError(
-            f"character {self._tokens[self._at].place}: there is no quantity {name[:40]}{hint} Accepted are "
-            f"{', '.join(QUANTITIES)}, and numeric settings by their path, such as navigator.r_scale"
+        return CheckError(
+            f"character {self._tokens[self._at].place}: there is no {kind} {name[:40]}{hint} Accepted are "
+            f"{', '.join(accepted)}{others}"
         )
 
     def _is_condition(self) -> bool:

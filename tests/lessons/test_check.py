@@ -61,7 +61,7 @@ def test_what_is_true_is_accepted_and_its_contrary_refused(text: str) -> None:
 def test_the_verdict_is_named_by_its_whole_quantity() -> None:
     found = fake(False, "GPS latency", "R position")
     assert accepts('verdict names "GPS latency" and verdict names "R position"', found)
-    assert not accepts('verdict names "GPS"', found)
+    assert not accepts('verdict names "R"', found)
     assert accepts("verdict consistent", fake(True))
 
 
@@ -78,6 +78,12 @@ def test_the_verdict_is_named_by_its_whole_quantity() -> None:
         ("(nis < 1", "ends where ) is expected"),
         ("verdict < 1", 'names "…" or consistent'),
         ("verdict names latency", "in quotes"),
+        (
+            'nis < 1 and verdict names "GPS latncy"',
+            "character 27: there is no finding GPS latncy; did you mean GPS latency?",
+        ),
+        ('verdict names "typo"', "Accepted are R, R position, R velocity, "),
+        ('not verdict names ""', "there is no finding"),
         ("nis < and", "character 7: and"),
         ("__import__('os').system('true') < 1", "is not accepted"),
         ("nis.__class__ < 1", "no quantity nis.__class__"),

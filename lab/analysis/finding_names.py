@@ -1,0 +1,32 @@
+"""Finding names: every quantity that a finding of a verdict may have, for whoever asks for one by its name."""
+
+from __future__ import annotations
+
+from lab.analysis import aid_verdict, feedforward
+from lab.analysis.evidence import BLOCKS
+from lab.analysis.imu_causes import CAUSES
+from lab.analysis.innovation_verdict import EITHER
+from lab.analysis.pattern import AXES
+
+_FIXES = ("position", "velocity")
+
+FINDING_NAMES: tuple[str, ...] = tuple(
+    dict.fromkeys(
+        (
+            *("R", *(f"R {what}" for what in _FIXES)),
+            *(f"R {what} {axis}" for what in _FIXES for axis in AXES),
+            *aid_verdict.QUANTITIES,
+            *("Q", *(f"Q {sensor}{what}" for sensor in ("gyro", "accelerometer") for what in ("", " bias"))),
+            *("P0", *(f"P0 {block}" for block in BLOCKS)),
+            *(f"GPS {what}" for what in ("latency", "lever arm", "correlation", "outliers")),
+            EITHER,
+            *CAUSES,
+            *(f"gyro {what}" for what in ("temperature", "range")),
+            *(f"accelerometer {what}" for what in ("temperature", "g-sensitivity", "range")),
+            *("feedforward", "correction period", "gate", "gain"),
+            *feedforward.UNEXPLAINED,
+            *("covariance", "innovation covariance"),
+        )
+    )
+)
+"""The quantities of findings: of the lab's filter, and at the end those of a user's algorithm."""
