@@ -1,4 +1,4 @@
-"""Finding names: every quantity that a finding of a verdict may have, for whoever asks for one by its name."""
+"""Finding names: every quantity that a finding of a verdict may have, for checks that name one."""
 
 from __future__ import annotations
 

@@ -174,6 +174,11 @@ def hand_in(
 
     check_out(out, force, SUFFIX, "a hand-in", "--out")
     found = _open(file)
+    if any(text.partition("=")[0].strip() == "seed" for text in assignments or ()):
+        raise CommandError(
+            "--set seed: the seed is not handed in, because the grader takes that of the homework; `ins-lab "
+            "homework run` accepts another one"
+        )
     chosen = _experiment(found, config, assignments)
     try:
         handed = made(found, name, chosen, tuple(faults or ()), _answers(found, answers or ()))
@@ -183,6 +188,8 @@ def hand_in(
     print(f"{out}: {handed.name}, {found.title}")
     changed = ", ".join(f"{path}={value}" for path, value in handed.changes.items())
     print(f"settings: {changed or 'as in the homework'}")
+    if chosen.seed != found.scenario.shown.seed:
+        print(f"The seed {chosen.seed} of {config} is not handed in: the grader takes that of the homework.")
     if found.names_faults:
         print(f"faults: {', '.join(handed.faults) or 'none'}")
     for number, answer in enumerate(handed.answers, 1):

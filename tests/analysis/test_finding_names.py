@@ -24,7 +24,8 @@ def texts(argument: ast.expr) -> list[str]:
     if isinstance(argument, ast.JoinedStr):
         return [
             "".join(
-                re.escape(part.value) if isinstance(part, ast.Constant) else ".+" for part in argument.values
+                re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".+"
+                for part in argument.values
             )
         ]
     return []

@@ -77,10 +77,20 @@ def test_what_is_wrong_is_said_and_nothing_is_replaced(folder: Path) -> None:
     refused(ask(*hand_in, ""), "name")
     refused(ask(*hand_in, "Ada", "--answer", "3=1"), "from 1 to 2")
     refused(ask(*hand_in, "Ada", "--fault", "none"), "'none'")
+    refused(ask(*hand_in, "Ada", "--set", "seed=3"), "seed is not handed in", "homework run")
     refused(ask("grade", ".", "--key", "receiver.homework"), "is not the key")
     refused(ask("grade", "none", "--key", "receiver.key"), "none")
     refused(ask("serve", "--homework", "none"), "--homework none", "accepted")
     assert not (folder / "a.handin").exists()
+
+
+def test_the_seed_of_saved_settings_is_not_handed_in_and_the_command_says_so(folder: Path) -> None:
+    (folder / "mine.toml").write_text("seed = 5\n[navigator]\nlatency = 0.1\n", encoding="utf-8")
+    hand_in = ("homework", "hand-in", "receiver.homework", "--out", "a.handin", "--name", "Ada")
+    said = ask(*hand_in, "--config", "mine.toml").stdout
+    assert "settings: navigator.latency=0.1" in said
+    assert "The seed 5 of mine.toml is not handed in" in said
+    assert "seed" not in ask(*hand_in, "--set", "navigator.latency=0.1", "--force").stdout
 
 
 def test_a_missing_package_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
