@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
+from lab.notebook_card import NotebookCard
 from lab.seeds import run_ensemble
 from lab.settings import SettingError
 
@@ -53,6 +55,12 @@ class Compared:
     refusal: str = ""
 
 
+class Comparison(NotebookCard, tuple[Compared, ...]):
+    """What was compared, in order: a tuple that shows itself as a table in a notebook."""
+
+    CARD: ClassVar[str] = "comparison"
+
+
 def models() -> tuple[str, ...]:
     """Return the names of the error models."""
     return tuple(Experiment().navigator.param["model"].objects)
@@ -65,7 +73,7 @@ def compare(
     progress: Progress | None = None,
     *,
     algorithms: Mapping[str, Algorithm] | None = None,
-) -> tuple[Compared, ...]:
+) -> Comparison:
     """Run an experiment with several error models: same flight, same sensors, same draws.
 
     Parameters
@@ -113,7 +121,7 @@ def compare(
             found.append(Compared(name, refusal=str(error)))
     if all(row.refusal for row in found):
         raise SettingError("; ".join(dict.fromkeys(row.refusal for row in found)))
-    return tuple(found)
+    return Comparison(found)
 
 
 def _warm_up(experiment: Experiment) -> float:

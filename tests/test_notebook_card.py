@@ -7,9 +7,11 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from lab import card, registry
+from lab.comparison import Compared, Comparison
 from lab.experiment import Experiment
 from lab.notebook_card import NotebookCard
 from lab.registry import find, names, register
@@ -134,6 +136,29 @@ def test_a_verdict_shows_each_finding_with_its_advice_once(mistuned: Result) -> 
         assert text.count(finding.sentence) == 1
         assert finding.evidence in text
     assert "✗" in text
+
+
+def test_a_comparison_is_a_tuple_and_shows_its_rows_and_refusals() -> None:
+    rows = Comparison(
+        (
+            Compared("phi", position=1.25, nees=16.2, degrees=15, nis=np.nan, verdict="Consistent."),
+            Compared("<b>mine", refusal="steps > 3 s"),
+        )
+    )
+    first, last = rows
+    assert (first.model, last.refusal) == ("phi", "steps > 3 s")
+    read = Reader(str(rows._repr_html_()))
+    assert not read.open
+    for text in (
+        "phi",
+        "1.250",
+        "16.2 / 15",
+        "unknown",
+        "Consistent.",
+        "<b>mine",
+        "Does not run: steps > 3 s",
+    ):
+        assert text in read.texts
 
 
 def test_an_ensemble_shows_its_verdict_and_its_errors(mistuned: Result) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from html import escape
 from typing import Self
 
-import numpy as np
 import panel as pn
 
 from dashboards.algorithms import served_algorithms
@@ -15,6 +14,7 @@ from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
 from lab.comparison import Compared, compare
 from lab.result import Result
+from lab.views.comparison_card import models_html
 from lab.views.figures import TimeAxis
 
 
@@ -92,32 +92,3 @@ def _are_of_one_run(one: Result, other: Result) -> bool:
         and one.experiment.to_dict() == other.experiment.to_dict()
         and one.experiment.hidden == other.experiment.hidden
     )
-
-
-def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
-    """Return compared models as an HTML table, with the selected one in bold."""
-    head = "".join(
-        f"<th>{name}</th>"
-        for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")
-    )
-    return (
-        f'<table><tr><th>model</th>{head}<th class="words">verdict</th></tr>'
-        f"{''.join(_row(row, row.model == chosen) for row in rows)}</table>"
-    )
-
-
-def _row(row: Compared, is_chosen: bool) -> str:
-    name = f"<b>{escape(row.model)}</b>" if is_chosen else escape(row.model)
-    if row.refusal:
-        return f'<tr><td>{name}</td>{"<td>–</td>" * 6}<td class="words">{escape(row.refusal)}</td></tr>'
-    figures = (
-        *(
-            f"{error:.3f}" if np.isfinite(error) else "–"
-            for error in (row.position, row.velocity, row.heading)
-        ),
-        f"{row.nees:.1f} / {row.degrees}" if np.isfinite(row.nees) else "unknown",
-        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "unknown",
-        f"{1e3 * row.seconds:.0f}",
-    )
-    cells = "".join(f"<td>{figure}</td>" for figure in figures)
-    return f'<tr><td>{name}</td>{cells}<td class="words">{escape(row.verdict)}</td></tr>'

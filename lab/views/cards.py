@@ -14,6 +14,7 @@ CARDS = {
     "log": "lab.views.mission_card:log_html",
     "outcome": "lab.views.outcome_card:outcome_html",
     "verdict": "lab.views.verdict_card:verdict_html",
+    "comparison": "lab.views.comparison_card:comparison_html",
     "ensemble": "lab.views.ensemble_card:ensemble_html",
     "sensor card": "lab.views.sensor_card:sensor_html",
     "sweep": "lab.views.sweep_card:sweep_html",
