@@ -57,7 +57,8 @@ class AllanFigures:
     def __init__(self, dashed: str = "as set") -> None:
         self._curves = {
             triad: PairedCurves(
-                f"{TITLES[triad]}: Allan deviation [{unit}], dashed: {dashed}",
+                f"{TITLES[triad]}, dashed: {dashed}",
+                "Allan deviation",
                 "averaging time τ [s]",
                 ("τ", "s"),
                 unit,

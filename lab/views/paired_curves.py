@@ -25,13 +25,15 @@ class PairedCurves:
     Parameters
     ----------
     title
-        Title, with the unit of the ordinate.
+        Title; it fits a phone with up to 40 characters.
+    ordinate
+        What is drawn, without its unit.
     abscissa
         Label of the abscissa, with its unit.
     short
         Symbol and unit of the abscissa for the tooltip, such as ("τ", "s").
     unit
-        Unit of the ordinate for the tooltip.
+        Unit of the ordinate.
 
     Attributes
     ----------
@@ -39,12 +41,13 @@ class PairedCurves:
         The figure.
     """
 
-    def __init__(self, title: str, abscissa: str, short: tuple[str, str], unit: str) -> None:
+    def __init__(self, title: str, ordinate: str, abscissa: str, short: tuple[str, str], unit: str) -> None:
         names = [f"{axis}{suffix}" for axis in BODY for suffix in ("", "_dashed")]
         self._source = ColumnDataSource({name: np.zeros(0) for name in ("at", *names)})
         self.figure: figure = plain_figure(
             title,
             abscissa,
+            f"{ordinate} [{unit}]",
             x_axis_type="log",
             y_axis_type="log",
             x_range=Range1d(start=1, end=1e4),

@@ -26,7 +26,7 @@ class TwinFigures:
     def __init__(self) -> None:
         self._spectra = {
             triad: PairedCurves(
-                f"{TITLES[triad]}: spectrum [{unit}], dashed: simulated", "frequency [Hz]", ("f", "Hz"), unit
+                f"{TITLES[triad]}, dashed: simulated", "spectrum", "frequency [Hz]", ("f", "Hz"), unit
             )
             for triad, unit in DENSITIES.items()
         }

@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, expect
 
 from lab import Experiment
 from lab.result import Result
+from lab.views.allan import AllanFigures
 from lab.views.explorer import ROW, Explorer
 from lab.views.notebook_theme import follow_theme
 from lab.views.plots import errors, ground_track, innovations
@@ -42,6 +43,32 @@ def test_a_figure_has_the_theme_of_jupyterlab_and_follows_it(chromium: Browser, 
             expect(shown).to_have_css("filter", INVERTED)
         else:
             expect(shown).not_to_have_css("filter", INVERTED)
+    page.context.close()
+
+
+ROOM = """
+() => {
+  const view = Bokeh.index.roots.findLast((one) => one.frame);
+  const title = view.model.title;
+  const pen = document.createElement("canvas").getContext("2d");
+  pen.font = `${title.text_font_style} ${title.text_font_size} ${title.text_font}`;
+  return [pen.measureText(title.text).width, view.frame.bbox.width];
+}
+"""
+"""Returns the width of a figure's title, and of the room above the curves [px]."""
+
+
+@pytest.mark.parametrize("dashed", ["as set", "simulated"])
+def test_the_titles_of_allan_figures_fit_a_phone(chromium: Browser, dashed: str) -> None:
+    page = new_context(chromium).new_page()
+    for drawn in AllanFigures(dashed).figures:
+        drawn.update(width=360, height=320)
+        page.set_content(file_html(drawn, INLINE))
+        page.wait_for_function(
+            f"() => Bokeh.index.roots.some((one) => one.model.id === '{drawn.id}' && one.frame)"
+        )
+        title, room = page.evaluate(ROOM)
+        assert 50 < title < room
     page.context.close()
 
 

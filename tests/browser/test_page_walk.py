@@ -20,7 +20,7 @@ FIRST = {
     "Innovations": "Position innovation, east [m]",
     "Consistency": "NEES: errors of all states, normalised",
     "Sensor errors": "Gyro bias, x [°/s]",
-    "Allan": "Gyros: Allan deviation [°/h], dashed: as set",
+    "Allan": "Gyros, dashed: as set",
     "Ground track": "Ground track, UTM zone 11 north",
     "Height": "Height above the ellipsoid [m]",
     "Live": "Angular rate [°/s]: none yet",
