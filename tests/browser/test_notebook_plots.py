@@ -61,8 +61,8 @@ ROOM = """
 @pytest.mark.parametrize("dashed", ["as set", "simulated"])
 def test_the_titles_of_allan_figures_fit_a_phone(chromium: Browser, dashed: str) -> None:
     page = new_context(chromium).new_page()
+    page.set_viewport_size({"width": 380, "height": 400})
     for drawn in AllanFigures(dashed).figures:
-        drawn.update(width=360, height=320)
         page.set_content(file_html(drawn, INLINE))
         page.wait_for_function(
             f"() => Bokeh.index.roots.some((one) => one.model.id === '{drawn.id}' && one.frame)"
