@@ -153,6 +153,7 @@ def check_log(log: SensorLog) -> None:
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.follows_nose:
         _check_leap_seconds(log)
+        _check_gyro_unit(log, motion_of(log))
     if vehicle.follows_nose and not _axes_are_right(windows, matches, vehicle):
         motion = motion_of(log)
         try:
@@ -275,35 +276,50 @@ def _check_tumbling(log: SensorLog) -> None:
         )
 
 
-def _check_turn(log: SensorLog, motion: Motion) -> None:
-    """Compare the course's rate with the gyros, each axis at its best time."""
+def _likeness(log: SensorLog, motion: Motion) -> FloatArray | None:
+    """Return correlation, factor and lag of each gyro with the course's rate; None if it shows too little."""
     rows = np.isfinite(motion.turn)
     if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
-        return
-    likeness = np.array(
+        return None
+    return np.array(
         [_largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)]
     )
+
+
+def _check_gyro_unit(log: SensorLog, motion: Motion) -> None:
+    """Compare the size of the turns with the course's, about the axis that follows it best.
+
+    Velocities at 1 Hz do not show it: gyros that hardly turn, and a bias of 2 °/s, explain a turn of 20 s.
+    """
+    likeness = _likeness(log, motion)
+    if likeness is None:
+        return
+    correlation, factor, _ = max(likeness, key=lambda one: abs(one[0]))
+    if abs(correlation) < _MIN_CORRELATION:
+        return
+    degree = 180 / np.pi
+    for scale, numbers in ((degree, "degrees where radians"), (1 / degree, "radians where degrees")):
+        if _SAME_FACTOR[0] < abs(factor) / scale < _SAME_FACTOR[1]:
+            raise MissionError(
+                f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
+                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
+            )
+
+
+def _check_turn(log: SensorLog, motion: Motion) -> None:
+    """Compare the course's rate with the gyros, each axis at its best time."""
+    likeness = _likeness(log, motion)
+    if likeness is None:
+        return
     best = int(np.argmax(np.abs(likeness[:, 0])))
-    correlation, factor = likeness[2, :2]
+    correlation = likeness[2, 0]
     if abs(correlation) < _MIN_CORRELATION and best != 2 and abs(likeness[best, 0]) > _MIN_CORRELATION:
         raise MissionError(
             f"{log.name}: the turns that the GPS shows are about the axis called "
             f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
             f"{correlation:.2f}): swapped axes of the gyros are likely"
         )
-    if abs(correlation) < _MIN_CORRELATION:
-        return
-    degree = 180 / np.pi
-    for scale, numbers in (
-        (degree, "degrees where radians"),
-        (1 / degree, "radians where degrees"),
-    ):
-        if _SAME_FACTOR[0] < abs(factor) / scale < _SAME_FACTOR[1]:
-            raise MissionError(
-                f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
-                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
-            )
-    if correlation < 0:
+    if correlation < -_MIN_CORRELATION:
         raise MissionError(
             f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
             "swapped axes or signs of the gyros are likely"

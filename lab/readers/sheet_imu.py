@@ -43,6 +43,10 @@ _SLOW_DEGREES = 0.15
 """Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
 _RESTLESS = 0.2
 """σ of the size of the specific force from which a vehicle moves or shakes [m/s²]; at rest it is noise."""
+_OF_SENSOR_LOGGER = {"time", "seconds_elapsed"}
+"""Time stamps in each table of Sensor Logger, whose gyros are in rad/s on every phone (its UNITS.md)."""
+_OF_PHYSICS_TOOLBOX = "gFxgFygFzwxwywz"
+"""Headings of accelerometers and gyros of Physics Toolbox, one after the other."""
 _COUNTED = {"acc smooth", "acc adc"}
 """Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
 _COUNTS = (256, 512, 1024, 2048, 4096)
@@ -298,12 +302,22 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
         return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
+    if app := _app_of(gyro, force):
+        return _scaled(gyro, "rad/s", f"as {app} writes")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
     if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
         return _scaled(gyro, "rad/s", f"guessed: {size:.2g} (rms) is too slow for °/s in motion")
     if force.unit in ("g", "mg"):
         return _scaled(gyro, "°/s", f"guessed, because the accelerometers are in {force.unit}")
     return _scaled(gyro, "rad/s", "guessed, because the accelerometers are in m/s²")
+
+
+def _app_of(gyro: Triad, force: Triad) -> str:
+    """Return the app that writes rad/s even beside accelerations in g; empty for another one."""
+    if {one.text for one in gyro.sheet.headings} >= _OF_SENSOR_LOGGER:
+        return "Sensor Logger"
+    names = "".join(one.text for triad in (force, gyro) for one in triad.headings)
+    return "Physics Toolbox" if names == _OF_PHYSICS_TOOLBOX else ""
 
 
 def in_other_unit(imu: Imu) -> Imu | None:

@@ -149,13 +149,13 @@ def test_a_table_that_a_simulator_could_have_written_goes_with_an_imu(tmp_path, 
 
 def test_rates_without_a_unit_beside_g_may_be_radians(tmp_path, made, expected):
     imu, _ = made
-    header = "time,gFx,gFy,gFz,wx,wy,wz,Latitude,Longitude,Altitude,Speed (m/s),Bearing"
+    header = "time,acc_x_g,acc_y_g,acc_z_g,wx,wy,wz,Latitude,Longitude,Altitude,Speed (m/s),Bearing"
     rows = rows_of(
         made, phone(imu[:, 4:]) / STANDARD_GRAVITY, phone(imu[:, 1:4]),
         fix=lambda lat, lon, h, vn, ve, vd, speed, course: (lat, lon, h, speed, course),
     )  # fmt: skip
     # The turns of a copter do not show the unit, since it moves where it likes.
-    log = read_log([table(tmp_path / "toolbox.csv", header, rows)], axes=("y", "x", "-z"), vehicle="copter")
+    log = read_log([table(tmp_path / "logger.csv", header, rows)], axes=("y", "x", "-z"), vehicle="copter")
     close(log, expected)
     assert any("rad/s (guessed" in remark for remark in log.repairs)
 
