@@ -45,10 +45,12 @@ class Drive(NamedTuple):
 
     @property
     def speed(self) -> np.ndarray:
+        """Speed of the fixes [m/s]."""
         return np.hypot(*self.velocity.T)
 
     @property
     def course(self) -> np.ndarray:
+        """Course of the fixes [°]."""
         return np.degrees(np.arctan2(self.velocity[:, 1], self.velocity[:, 0])) % 360
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from lab.readers.heading_translations import in_english
 from lab.readers.unit_names import UNITS, unit_name
 from lab.recordings.mission_error import MissionError
 
@@ -148,7 +149,8 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     file
         Name of the file, which names the sensor where headings are x, y and z.
     """
-    stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", text.strip()))
+    file = in_english(file)
+    stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
     words = _words(stem)
     given = set(words)
     rank = sum(_WORSE.get(word, 0) for word in given)

@@ -305,11 +305,12 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
     if app := _app_of(gyro, force):
         return _scaled(gyro, "rad/s", f"as {app} writes")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
+    unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
     if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
-        return _scaled(gyro, "rad/s", f"guessed: {size:.2g} (rms) is too slow for °/s in motion")
-    if force.unit in ("g", "mg"):
-        return _scaled(gyro, "°/s", f"guessed, because the accelerometers are in {force.unit}")
-    return _scaled(gyro, "rad/s", "guessed, because the accelerometers are in m/s²")
+        why = f"guessed: {size:.2g} (rms) is too slow for °/s in motion"
+    elif force.unit in ("g", "mg"):
+        unit, why = "°/s", f"guessed, because the accelerometers are in {force.unit}"
+    return _scaled(gyro, unit, why)
 
 
 def _app_of(gyro: Triad, force: Triad) -> str:
