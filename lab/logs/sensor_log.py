@@ -364,9 +364,16 @@ def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
         repairs.append("The GPS has no vertical velocity: the filter uses the two horizontal ones.")
     _report_some(repairs, unknown, "no velocity, or not all of it: the filter uses the rest")
     missing = []
-    for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma)):
-        if np.isnan(sigma).all(axis=0).any():
-            missing.append(word)
+    measured = ~unknown.all(axis=0)
+    for word, vertical, sigma, known in (
+        ("position", "height", gnss.position_sigma, np.ones(3, dtype=bool)),
+        ("velocity", "vertical velocity", gnss.velocity_sigma, measured),
+    ):
+        lacking = known & np.isnan(sigma).all(axis=0)
+        if lacking[:2].any():
+            missing.append(word if lacking[2] or not known[2] else f"horizontal {word}")
+        elif lacking[2]:
+            missing.append(vertical)
         _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings is used")
     if missing:
         repairs.append(

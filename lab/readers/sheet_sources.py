@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.readers.gnss_logger import is_gnss_logger, tables_of
 from lab.units import DAY, LEAP_SECONDS
 
 _VBO = b"[column names]"
@@ -56,6 +57,8 @@ def as_table(data: bytes) -> bytes:
     """Return the text of a file as a csv with a header; any other text as it is."""
     if data.startswith(b"$FLYS"):
         return _of_flysight(data)
+    if is_gnss_logger(data):
+        return tables_of(data)
     place = data[: 2**16].lower().find(_VBO)
     return data if place < 0 else _of_vbo(data, place)
 

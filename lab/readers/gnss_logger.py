@@ -1,0 +1,97 @@
+"""GnssLogger: the text file of Google's app of that name, whose rows begin with their kind, as tables.
+
+Comment lines name the columns: ``# Fix,Provider,LatitudeDegrees,…``, ``# UncalGyro,utcTimeMillis,…``. Of the
+sensors the uncalibrated rows are read, whose biases stay in them as the filter expects, and of the fixes
+those of the receiver before those that Android fuses. Raw measurements of satellites are not read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+_HEAD = 2**16
+"""First bytes in which a comment shows the format."""
+_COMMENT = re.compile(
+    rb"(?m)^#\s*(?:Fix,Provider|Uncal(?:Accel|Gyro),|Raw,(?:utcTimeMillis|ElapsedRealtimeMillis))"
+)
+_SENSORS = {
+    "gyro_{}[rad/s]": ("UncalGyro", "Gyro"),
+    "accel_{}[m/s^2]": ("UncalAccel", "Accel"),
+}
+"""Heading of the axes of each sensor, and the kinds of its rows, the better first."""
+_FIX = (
+    ("latitude[°]", "latitude"), ("longitude[°]", "longitude"), ("altitude[m]", "altitude"),
+    ("speed[m/s]", "speed"), ("speed[m/s]", "speedmps"), ("bearing[°]", "bearing"),
+    ("accuracy[m]", "accuracy"), ("vertical accuracy[m]", "verticalaccuracy"),
+    ("speed accuracy[m/s]", "speedaccuracy"),
+)  # fmt: skip
+"""Heading of each column of the fixes, and its name in the file without its unit."""
+_UNIT_WORDS = re.compile(r"(degrees|meters|mps|millis|nanos|\(utc\)|inms)$")
+_BOOT = "elapsedrealtime"
+"""Name of the clock since the phone started, which sensors and fixes share to the nanosecond."""
+_SINCE_1970 = ("unixtime", "utctime", "time", "(utc)time")
+"""Names of the other clock, in ms."""
+_RECEIVERS = ("gps", "flp", "fused", "nlp", "network")
+"""Providers of fixes, in lower case."""
+
+
+def is_gnss_logger(data: bytes) -> bool:
+    """Return whether a text is of this app."""
+    return data.startswith(b"#") and _COMMENT.search(data[:_HEAD]) is not None
+
+
+def tables_of(data: bytes) -> bytes:
+    """Return the sensors and fixes in a text of this app as csv tables, one below the other."""
+    lines = data.decode("utf-8", "replace").splitlines()
+    names = {
+        cells[0]: [_UNIT_WORDS.sub("", cell.strip().lower()) for cell in cells[1:]]
+        for line in lines[:500]
+        if line.startswith("#") and len(cells := line.lstrip("# ").split(",")) > 2
+    }
+    kinds = {kind for pair in _SENSORS.values() for kind in pair} | {"Fix"}
+    rows: dict[str, list[list[str]]] = {kind: [] for kind in kinds}
+    for line in lines:
+        kind, _, rest = line.partition(",")
+        if kind in rows:
+            rows[kind].append(rest.split(","))
+    since_boot = _has_boot_clock(rows["Fix"], names.get("Fix", ()))
+    made = []
+    for heading, pair in _SENSORS.items():
+        kind = next((one for one in pair if rows[one]), pair[0])
+        time = "time[ns]" if since_boot else "time[ms]"
+        first = 1 if since_boot else 0
+        made.append(",".join((time, *(heading.format(axis) for axis in "xyz"))))
+        made += [",".join((row[first], *row[2:5])) for row in rows[kind] if len(row) > 4]
+    return "\n".join((*made, *_fixes(rows["Fix"], names.get("Fix", ()), since_boot), "")).encode()
+
+
+def _has_boot_clock(fixes: Sequence[Sequence[str]], names: Sequence[str]) -> bool:
+    """Return whether fixes have the clock since the start of the phone; older versions leave it out."""
+    if _BOOT not in names:
+        return False
+    place = names.index(_BOOT)
+    return bool(fixes) and all(len(row) > place and row[place].strip() for row in fixes)
+
+
+def _fixes(fixes: Sequence[Sequence[str]], names: Sequence[str], since_boot: bool) -> list[str]:
+    """Return a table for each provider of fixes, under its own headings."""
+    clocks = (_BOOT,) if since_boot else _SINCE_1970
+    time = next((names.index(one) for one in clocks if one in names), -1)
+    columns = [(heading, names.index(name)) for heading, name in _FIX if name in names]
+    if time < 0 or not columns:
+        return []
+    last = max(time, *(place for _, place in columns))
+    by_provider: dict[str, list[str]] = {"gps": []}
+    for row in fixes:
+        provider = row[0].strip().lower()
+        if len(row) > last and provider in _RECEIVERS:
+            cells = [row[place] for _, place in columns]
+            by_provider.setdefault(provider, []).append(",".join((row[time], *cells)))
+    made = []
+    for provider, table in by_provider.items():
+        word = {"gps": "GPS", "nlp": "network"}.get(provider, provider)
+        unit = "ns" if since_boot else "ms"
+        head = (f"time[{unit}]", *(f"{word} {heading}" for heading, _ in columns))
+        made += [",".join(head), *table]
+    return made
