@@ -364,12 +364,12 @@ def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
         repairs.append("The GPS has no vertical velocity: the filter uses the two horizontal ones.")
     _report_some(repairs, unknown, "no velocity, or not all of it: the filter uses the rest")
     missing = []
-    measured = ~unknown.all(axis=0)
+    measured = np.asarray(~unknown.all(axis=0), dtype=bool)
     for word, vertical, sigma, known in (
         ("position", "height", gnss.position_sigma, np.ones(3, dtype=bool)),
         ("velocity", "vertical velocity", gnss.velocity_sigma, measured),
     ):
-        lacking = known & np.isnan(sigma).all(axis=0)
+        lacking = np.asarray(known & np.isnan(sigma).all(axis=0), dtype=bool)
         if lacking[:2].any():
             missing.append(word if lacking[2] or not known[2] else f"horizontal {word}")
         elif lacking[2]:

@@ -209,7 +209,10 @@ def read_log(
     readers = [find(file, units) for file in files]
     reader = next((one for one in readers if one.read_logs is None), readers[0])
     if reader.read_logs is not None:
-        return reader.read_logs(files, units or {}, axes, vehicle)
+        try:
+            return reader.read_logs(files, units or {}, axes, vehicle)
+        except MissionError as error:
+            raise MissionError(f"{error}{_without_columns(paths, files)}") from error
     if len(files) != 1:
         raise MissionError(
             f"{len(files)} files, and {files[readers.index(reader)]} is {reader.name}; a log of an IMU and a "
@@ -224,6 +227,17 @@ def read_log(
     return replace(
         log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, files[0], log.epoch))
     )
+
+
+def _without_columns(paths: Sequence[Path], files: Sequence[Path]) -> str:
+    """Return a sentence on csv files in folders of which nothing is read; empty if there are none."""
+    inside = [one for path in paths if path.is_dir() for one in sorted(path.glob("*.csv"))[:_MAX_IN_FOLDER]]
+    found = [
+        f"{one.name} {'has no header with known columns' if one.stat().st_size else 'is empty'}"
+        for one in inside
+        if one not in files
+    ]
+    return f". Not read: {', '.join(found)}" if found else ""
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:

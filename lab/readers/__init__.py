@@ -32,6 +32,7 @@ from lab.readers import (
     ulog,
     xplane_data,
 )
+from lab.readers.damaged_head import as_plain_text, what_is_damaged
 from lab.readers.sheet_fixes import LatitudeError
 from lab.recordings.mission_error import MissionError
 from lab.recordings.text_blocks import check_file
@@ -170,7 +171,13 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
             return reader
     if units and any(sensor_csv.names_quantity(text) for text in units.values()):
         return READERS[-1]
-    hint = next((f" {advice}" for mark, advice in _NOT_READ if mark.match(head)), "")
+    if not head:
+        raise MissionError(f"{path}: the file is empty")
+    advice = next((advice for mark, advice in _NOT_READ if mark.match(head)), "")
+    if (plain := as_plain_text(head)) and (found := [one.name for one in READERS if one.recognises(plain)]):
+        advice = f"It is {found[0]} in UTF-16, as Windows PowerShell writes it: save it as UTF-8 or ASCII."
+    advice = what_is_damaged(path, head) or advice
+    hint = f" {advice}" if advice else ""
     raise MissionError(
         f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"
     )

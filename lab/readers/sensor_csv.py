@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ import numpy as np
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.readers.along_track import along_track
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
 from lab.readers.height_unit import unit_that_agrees
@@ -28,8 +29,8 @@ from lab.readers.sheet import Sheet, as_utf8, layout_of
 from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
-from lab.readers.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit
-from lab.readers.sheet_imu import Imu, imu_of, in_other_unit
+from lab.readers.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
+from lab.readers.sheet_imu import Imu, app_of, imu_of, in_other_unit
 from lab.readers.sheet_sources import (
     KITTI_FRAME,
     KITTI_STAMP,
@@ -149,11 +150,16 @@ def read_logs(
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
 
-    def checked(imu: Imu, gnss: GnssLog) -> SensorLog:
-        def build(samples: np.ndarray) -> SensorLog:
-            return repaired(name, imu.time, samples, gnss, auxiliary=AuxiliaryData(vehicle=vehicle))
+    pace = pace_of(fixes)
 
-        return oriented(imu.samples, build, axes, _is_phone(imu), _is_signed(imu))
+    def checked(imu: Imu, gnss: GnssLog) -> SensorLog:
+        def with_fixes(gnss: GnssLog) -> Callable[[np.ndarray], SensorLog]:
+            auxiliary = AuxiliaryData(vehicle=vehicle)
+            return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
+
+        along = along_track(gnss, pace)
+        shown = None if along is None else with_fixes(along)
+        return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
 
     def leap_seconds(imu: Imu) -> str:
         return offset_that_agrees(imu.time, fixes.gnss, lambda gnss: checked(imu, gnss))
@@ -306,6 +312,8 @@ def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
 def _is_phone(imu: Imu) -> bool:
     """Return whether the sensors are named as phones name them, each by itself."""
     words = imu.accelerometer.headings[0].sensor.lower()
+    if app_of(imu.gyro, imu.accelerometer):
+        return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
 
 

@@ -62,6 +62,7 @@ def oriented(
     given: Sequence[str] = (),
     phone: bool = False,
     signed: bool = True,
+    shown: Callable[[FloatArray], SensorLog] | None = None,
 ) -> SensorLog:
     """Return a log in forward, right, down.
 
@@ -77,6 +78,8 @@ def oriented(
         Whether the IMU is that of a phone, whose y axis points to its top.
     signed
         Whether it is known that the accelerations are specific force, and not the negative of it.
+    shown
+        As `build`, with velocities by which the axes are judged in place of those that the filter gets.
 
     Raises
     ------
@@ -87,10 +90,11 @@ def oriented(
         log = build(_turned(samples, given))
         check_log(log)
         return _reported(log, f"Axes: {_words(given)}, as given.")
-    passed, refused = _tried(samples, build, phone)
+    judged = shown or build
+    passed, refused = _tried(samples, judged, phone)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
-        agreeing = any(is_explained(log) for _, log in _tried(reversed_, build, phone)[0][:1])
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
@@ -99,8 +103,9 @@ def oriented(
         if len(passed) == 1
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
+    log = log if shown is None else build(_turned(samples, axes))
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
-    doubtful = not signed and _passes(build(_turned(reversed_, other)))
+    doubtful = not signed and _passes(judged(_turned(reversed_, other)))
     doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
     return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}")
 

@@ -86,6 +86,8 @@ class Fixes(NamedTuple):
         The columns that were used.
     remarks : tuple of str
         The report.
+    rows : (m,) array
+        Rows of the sheet.
     """
 
     sheet: Sheet
@@ -94,6 +96,7 @@ class Fixes(NamedTuple):
     course: FloatArray
     units: tuple[ColumnUnit, ...]
     remarks: tuple[str, ...]
+    rows: NDArray[np.intp]
 
 
 class _Column(NamedTuple):
@@ -189,7 +192,7 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     sigmas, more = _sigmas(sheet, rows)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
-    return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more))
+    return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more), rows)
 
 
 def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
@@ -211,6 +214,14 @@ def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
     remarks = [f"{before}{unit} ({source})." if one.startswith(before) else one for one in fixes.remarks]
     units = (*fixes.units[:2], ColumnUnit(column, unit, source), *fixes.units[3:])
     return fixes._replace(gnss=replace(fixes.gnss, position=position), units=units, remarks=tuple(remarks))
+
+
+def pace_of(fixes: Fixes) -> FloatArray:
+    """Return the speeds of fixes [m/s], even without a course beside; NaN where unknown."""
+    speed = _column(fixes.sheet, "speed")
+    if speed is None:
+        return fixes.speed
+    return _speed_unit(speed, fixes.rows, fixes.gnss.time, fixes.gnss.position).values[fixes.rows]
 
 
 def _column(sheet: Sheet, quantity: str) -> _Column | None:

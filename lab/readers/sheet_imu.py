@@ -302,7 +302,7 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
         return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
-    if app := _app_of(gyro, force):
+    if app := app_of(gyro, force):
         return _scaled(gyro, "rad/s", f"as {app} writes")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
     unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
@@ -313,7 +313,7 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
     return _scaled(gyro, unit, why)
 
 
-def _app_of(gyro: Triad, force: Triad) -> str:
+def app_of(gyro: Triad, force: Triad) -> str:
     """Return the app that writes rad/s even beside accelerations in g; empty for another one."""
     if {one.text for one in gyro.sheet.headings} >= _OF_SENSOR_LOGGER:
         return "Sensor Logger"

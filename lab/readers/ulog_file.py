@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 MAGIC = b"ULog\x01\x12\x35"
 """First bytes of every file."""
 
-_SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+"""Content of the messages after which a reader finds its way again."""
 _HEADER = 16
 """Bytes of the header."""
 _HEAD = 3
@@ -194,9 +195,9 @@ class ULogFile:
     def _next(self, start: int) -> int:
         """Return where the next messages that make sense begin; the end of the file if nowhere."""
         data, end = self._data, len(self._data)
-        sync = data.find(_SYNC, start) if self._has_sync else -1
+        sync = data.find(SYNC, start) if self._has_sync else -1
         if sync >= 0:
-            return sync + len(_SYNC)
+            return sync + len(SYNC)
         self._has_sync = False
         for first in range(start, end - 2):
             at = first

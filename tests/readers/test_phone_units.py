@@ -57,8 +57,9 @@ def test_sensor_logger_writes_gyros_in_radians_beside_accelerations_in_g(tmp_pat
     assert "in rad/s (as Sensor Logger writes)" in " ".join(log.repairs)
 
 
-def test_physics_toolbox_writes_gyros_in_radians_beside_accelerations_in_g(tmp_path):
-    one = drive()
+def toolbox(path, seed=1):
+    """Write a table of Physics Toolbox, which has a speed and no course."""
+    one = drive(seed)
     latest = np.clip(np.searchsorted(one.at, one.time, side="right") - 1, 0, None)
     rows = [
         [t, *f, *w, *one.position[k], one.speed[k]]
@@ -67,6 +68,19 @@ def test_physics_toolbox_writes_gyros_in_radians_beside_accelerations_in_g(tmp_p
         )
     ]  # fmt: skip
     header = "time,gFx,gFy,gFz,wx,wy,wz,Latitude,Longitude,Altitude (m),Speed (m/s)"
-    log = read_log([table(tmp_path / "toolbox.csv", header, rows)], vehicle="car")
+    return table(path, header, rows)
+
+
+def test_physics_toolbox_writes_gyros_in_radians_beside_accelerations_in_g(tmp_path):
+    log = read_log([toolbox(tmp_path / "toolbox.csv")], vehicle="car")
     assert "in rad/s (as Physics Toolbox writes)" in " ".join(log.repairs)
     same_rates(log)
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_a_speed_without_a_course_shows_the_axes_and_is_no_velocity(tmp_path, seed):
+    """The speed changes as the phone's y says; x, which is first for other loggers, would be 90° off."""
+    log = read_log([toolbox(tmp_path / "toolbox.csv", seed)], vehicle="car")
+    said = " ".join(log.repairs)
+    assert "forward is y, right is x, down is -z of the IMU: gravity and the motion show them" in said
+    assert "The GPS has no velocity" in said and not np.isfinite(log.gnss.velocity_n).any()

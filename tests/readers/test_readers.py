@@ -15,7 +15,7 @@ from lab.readers import MAX_FILES, READERS, read_raw, reader_of
     ("content", "words"),
     [
         (None, "there is no such file"),
-        (b"", "its format is unknown. Accepted: "),
+        (b"", "the file is empty"),
         (b"Dear diary,\ntoday we flew.\n", "its format is unknown. Accepted: "),
         (b"PK\x03\x04 what a zip archive begins with", "It is a zip archive: unpack it first"),
         (gzip.compress(b"nothing of use", mtime=0)[:-6], "cannot be read"),

@@ -1,0 +1,44 @@
+"""Along track: velocities of fixes that have a speed without a course, to judge the axes of an IMU by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.displacement import metres_per_radian
+from lab.logs.sensor_log import GnssLog
+
+FloatArray = NDArray[np.float64]
+
+_POSITION_SIGMA = 3.0
+"""σ of a position whose receiver does not give one [m]: phones in the open."""
+_MIN_FIXES = 3
+"""Fewest fixes that show a direction in the middle."""
+
+
+def along_track(gnss: GnssLog, speed: FloatArray) -> GnssLog | None:
+    """Return fixes whose velocities are their speeds in the direction of the track; None if they need none.
+
+    Parameters
+    ----------
+    gnss
+        The fixes.
+    speed : (m,) array
+        Their speeds over ground [m/s].
+    """
+    time = gnss.time
+    if np.isfinite(gnss.velocity_n[:, :2]).any() or not np.isfinite(speed).any() or time.size < _MIN_FIXES:
+        return None
+    if not (np.diff(time) > 0).all():
+        return None
+    per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
+    north = np.gradient(gnss.position[:, 0], time) * per_latitude
+    east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
+    course = np.arctan2(east, north)
+    velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(time.size, np.nan)))
+    position = np.nanmedian(gnss.position_sigma[:, :2]) if np.isfinite(gnss.position_sigma).any() else np.nan
+    known = position if np.isfinite(position) else _POSITION_SIGMA
+    across = known / (np.sqrt(2) * float(np.median(np.diff(time))))  # of a central difference
+    return replace(gnss, velocity_n=velocity, velocity_sigma=np.full((time.size, 3), across))

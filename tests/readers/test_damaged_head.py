@@ -1,0 +1,66 @@
+"""Files whose beginning is missing or was stored in another way: the message names that, not the format."""
+
+from __future__ import annotations
+
+import gzip
+import os
+
+import pytest
+from writers import WRITERS
+
+from lab.missions import MissionError, mission
+from lab.missions.flight_import import read_log
+from lab.readers import read_raw
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return mission("montreal").recording
+
+
+def refused(path, data):
+    path.write_bytes(data)
+    with pytest.raises(MissionError) as refusal:
+        read_raw([path])
+    return str(refusal.value)
+
+
+@pytest.mark.parametrize(("name", "ending"), [("ArduPilot DataFlash", "bin"), ("PX4 sdlog2", "px4log")])
+def test_a_log_without_the_descriptions_of_its_messages(tmp_path, recording, name, ending):
+    data = WRITERS[name](recording)
+    said = refused(tmp_path / f"flight.{ending}", data[len(data) * 3 // 10 :])
+    assert "its beginning is missing, which describes their fields (FMT)" in said
+
+
+def test_a_ulog_without_its_beginning(tmp_path, recording):
+    data = WRITERS["PX4 ULog"](recording)
+    said = refused(tmp_path / "flight.ulg", data[len(data) * 3 // 10 :])
+    assert "It looks like a ULog of PX4, but its beginning is missing" in said
+
+
+def test_twice_compressed_and_empty(tmp_path, recording):
+    data = WRITERS["GPX"](recording)
+    assert "compressed twice" in refused(tmp_path / "track.gpx.gz", gzip.compress(gzip.compress(data)))
+    assert refused(tmp_path / "track.gpx", b"").endswith("track.gpx: the file is empty")
+    assert refused(tmp_path / "empty.gz", gzip.compress(b"")).endswith("empty.gz: the file is empty")
+
+
+@pytest.mark.parametrize("coding", ["utf-16", "utf-16-le"])
+def test_sentences_in_utf_16(tmp_path, recording, coding):
+    data = WRITERS["NMEA 0183"](recording).decode().encode(coding)
+    assert "It is NMEA 0183 in UTF-16" in refused(tmp_path / "walk.nmea", data)
+
+
+def test_noise_is_not_taken_for_a_log(tmp_path):
+    said = refused(tmp_path / "noise.bin", os.urandom(2**17))
+    assert "its format is unknown. Accepted" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "why"), [("", "is empty"), ("1,0,0,0,0,0,-9.8\n" * 9, "has no header with known columns")]
+)
+def test_a_file_of_a_log_without_rows_or_header_is_named(tmp_path, text, why):
+    (tmp_path / "imu.csv").write_text(text)
+    (tmp_path / "gnss.csv").write_text("t_s,lat_deg,lon_deg,alt_m\n" + "1,48,11,300\n" * 9)
+    with pytest.raises(MissionError, match=rf"no complete gyros.*Not read: imu.csv {why}"):
+        read_log([tmp_path])
