@@ -14,6 +14,10 @@ FloatArray = NDArray[np.float64]
 
 _POSITION_SIGMA = 3.0
 """σ of a position whose receiver does not give one [m]: phones in the open."""
+_FAST = 3.0
+"""Speed of the track from which it is compared with the stated one [m/s]: noise of positions adds to less."""
+_LIKE = (0.7, 1.4)
+"""Median ratio of both within which they are of one motion; a speed in another unit shows no axes."""
 _MIN_FIXES = 3
 """Fewest fixes that show a direction in the middle."""
 
@@ -36,6 +40,10 @@ def along_track(gnss: GnssLog, speed: FloatArray) -> GnssLog | None:
     per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
     north = np.gradient(gnss.position[:, 0], time) * per_latitude
     east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
+    moved = np.hypot(north, east)
+    fast = (moved > _FAST) & np.isfinite(speed)
+    if not fast.any() or not _LIKE[0] < float(np.median(speed[fast] / moved[fast])) < _LIKE[1]:
+        return None
     course = np.arctan2(east, north)
     velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(time.size, np.nan)))
     position = np.nanmedian(gnss.position_sigma[:, :2]) if np.isfinite(gnss.position_sigma).any() else np.nan
