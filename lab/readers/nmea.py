@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from lab.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.stamps import over_leap_second
 from lab.readers.track import Track, refuse_units
 from lab.readers.ulog_file import MAGIC as ULOG
 from lab.recordings.decompression import content
@@ -360,17 +361,20 @@ def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
     seconds = np.round(clock - 10_000 * hours - 100 * minutes, 6)
     fine = (minutes < _MINUTES) & (seconds < _SECONDS)
     time = np.where(fine, 3600 * hours + 60 * minutes + seconds, np.nan)
+    of_day = time.copy()
     known = np.isfinite(time)
     time[known] = np.unwrap(time[known], period=DAY)
     days = _days(date)
     dated = np.flatnonzero(known & np.isfinite(days))
     if not dated.size:
-        return time, "midnight of a day that the file does not name,"
+        return over_leap_second(time, of_day=True)[0], "midnight of a day that the file does not name,"
     # Where a date is known, the days counted are those of the calendar.
-    counted = np.round((DAY * days[dated] + np.mod(time[dated], DAY) - time[dated]) / DAY)
+    counted = np.round((DAY * days[dated] + of_day[dated] - time[dated]) / DAY)
     nearest = counted[np.maximum(np.searchsorted(dated, np.arange(len(time)), side="right") - 1, 0)]
     first = counted[0]
-    return time + DAY * (nearest - first), f"{np.datetime64(int(first), 'D')} 00:00"
+    since_1970 = time + DAY * nearest
+    leaps = np.round(over_leap_second(since_1970, of_day=False)[0] - since_1970)
+    return time + DAY * (nearest - first) + leaps, f"{np.datetime64(int(first), 'D')} 00:00"
 
 
 def _days(date: FloatArray) -> FloatArray:

@@ -235,3 +235,21 @@ def test_what_gives_no_flight_is_refused(file, text, words):
 def test_other_text_is_not_taken_for_nmea():
     assert not nmea.recognises(b"time,lat,lon\n1,2,3\n$GPGGA\n")
     assert not nmea.recognises(b"")
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_the_leap_second_of_2016_lasts_a_second(file, dated):
+    """23:59:60 is a second of its own, of the day that ends (ITU-R TF.460)."""
+    clocks = [
+        *(f"2359{second:02d}" for second in range(50, 61)),
+        *(f"0000{second:02d}" for second in range(20)),
+    ]
+    text = ""
+    for second, clock in enumerate(clocks):
+        place = f"48{second * 0.01:07.4f},N,01130.0000,E"
+        date = "311216" if clock.startswith("23") else "010117"
+        text += sentence(f"GPGGA,{clock},{place},1,08,0.9,500.0,M,47.0,M,,")
+        text += sentence(f"GPRMC,{clock},A,{place},36.0,0.0,{date},,") if dated else ""
+    flight = file(text)
+    np.testing.assert_allclose(np.diff(flight.time), 1.0)
+    assert len(flight.time) == len(clocks)
