@@ -20,6 +20,8 @@ _SENSORS = {
     "accel_{}[m/s^2]": ("UncalAccel", "Accel"),
 }
 """Heading of the axes of each sensor, and the kinds of its rows, the better first."""
+_AXES = slice(2, 5)
+"""Cells of the axes in a row of a sensor, after its two clocks."""
 _FIX = (
     ("latitude[°]", "latitude"), ("longitude[°]", "longitude"), ("altitude[m]", "altitude"),
     ("speed[m/s]", "speed"), ("speed[m/s]", "speedmps"), ("bearing[°]", "bearing"),
@@ -62,7 +64,7 @@ def tables_of(data: bytes) -> bytes:
         time = "time[ns]" if since_boot else "time[ms]"
         first = 1 if since_boot else 0
         made.append(",".join((time, *(heading.format(axis) for axis in "xyz"))))
-        made += [",".join((row[first], *row[2:5])) for row in rows[kind] if len(row) > 4]
+        made += [",".join((row[first], *row[_AXES])) for row in rows[kind] if len(row) >= _AXES.stop]
     return "\n".join((*made, *_fixes(rows["Fix"], names.get("Fix", ()), since_boot), "")).encode()
 
 
