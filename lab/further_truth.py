@@ -79,7 +79,9 @@ def further_truth(
 
 
 def bias_drift(experiment: ExperimentSettings, triad: int, time: FloatArray) -> FloatArray:
-    """Return the true drift of the biases of a triad (n, 3): its instability [rad/s] or [m/s²].
+    """Return the true drift of the biases of a triad (n, 3), as its output shows it [rad/s] or [m/s²].
+
+    It is the instability, changed by scale factors and misalignments at 25 °C as the biases are.
 
     Parameters
     ----------
@@ -104,7 +106,8 @@ def bias_drift(experiment: ExperimentSettings, triad: int, time: FloatArray) -> 
         instability=any(errors.instability),
     )
     drift = imu.drift(errors, draws, 1 / rate)
-    return drift[interval] if drift.ndim == 2 else np.broadcast_to(drift, (time.size, 3))
+    shown = drift @ (np.eye(3) + imu.cross_coupling(errors, draws)).T
+    return shown[interval] if shown.ndim == 2 else np.broadcast_to(shown, (time.size, 3))
 
 
 def own_errors(experiment: ExperimentSettings, own: OwnStates, time: FloatArray) -> FloatArray:
@@ -150,7 +153,7 @@ def simulated_own_errors(experiment: ExperimentSettings, ideal: IdealImu) -> Flo
 
 
 def errors_of_states(
-    experiment: ExperimentSettings, names: tuple[str, ...], ideal: IdealImu, bias: FloatArray
+    experiment: ExperimentSettings, names: tuple[str, ...], ideal: IdealImu
 ) -> FloatArray | None:
     """Return what errors of the IMU with further states add to its output, (n, 6) [rad/s], [m/s²]; or None.
 
@@ -162,8 +165,6 @@ def errors_of_states(
         The further blocks of the filter.
     ideal
         The true increments.
-    bias : (n, 6) array
-        The true biases.
     """
     own = of_blocks(names)
     if not own and not {*blocks.MISALIGNMENTS, *blocks.DRIFTS} & set(names):
@@ -175,7 +176,7 @@ def errors_of_states(
         if blocks.MISALIGNMENTS[triad] in names:
             errors = experiment.sensors.groups()[TRIADS[triad]]
             assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-            total[:, part] += (values + bias[:, part]) @ imu.misalignment(errors).T
+            total[:, part] += values @ imu.misalignment(errors).T
         if blocks.DRIFTS[triad] in names:
             total[:, part] += bias_drift(experiment, triad, time)
     for one in own:

@@ -102,7 +102,7 @@ def constant_triads(
     return [
         imu.Measured(
             out[:, first : first + 3, lane],
-            np.broadcast_to(bias[lane] - np.linalg.solve(np.eye(3) + M[lane], found[lane]), ideal.shape),
+            np.broadcast_to((np.eye(3) + M[lane]) @ bias[lane] - found[lane], ideal.shape),
             np.broadcast_to(np.diag(M[lane]), ideal.shape),
             int(saturated[lane]),
         )

@@ -266,7 +266,7 @@ class Stages:
         return keep(
             "alignment",
             digest(key, found.tolist()),
-            lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
+            lambda: imu.without_bias(measured, flight.ideal.dt, found),
         )
 
     def measured_with(
@@ -279,7 +279,7 @@ class Stages:
         measured = self.measured(errors, flight, draws, seed)
         if not found.any():
             return measured
-        return imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws))
+        return imu.without_bias(measured, flight.ideal.dt, found)
 
     def measured(
         self,

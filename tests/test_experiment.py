@@ -462,9 +462,9 @@ def test_an_alignment_takes_the_bias_off_as_the_sensor_puts_it_out() -> None:
     sigma = np.radians(0.003) / np.sqrt(30.0)
     assert np.abs(whole.true_bias[0, :3]).max() > np.radians(1.0)
     assert 0 < np.abs(result.true_bias[:, :3]).max() < 4 * sigma
-    # (I + M) (x + b) + noise, with the bias that is left.
+    # (I + M) x + b + noise, with the bias that is left.
     M = np.radians([[0, 0.5, -0.4], [0.3, 0, 0.2], [-0.5, 0.6, 0]]) + np.diag(result.true_scale[0, :3])
     dt = result.ideal.dt
-    put_in = result.ideal.dtheta / dt + result.true_bias[0, :3]
-    left = result.gyro.increments / dt - put_in @ (np.eye(3) + M).T
+    put_in = result.ideal.dtheta / dt @ (np.eye(3) + M).T + result.true_bias[0, :3]
+    left = result.gyro.increments / dt - put_in
     np.testing.assert_allclose(left.mean(axis=0), 0, atol=4 * np.radians(0.003) / np.sqrt(left.shape[0] * dt))

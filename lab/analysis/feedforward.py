@@ -199,12 +199,15 @@ def _drift_between(run: Run, first: int, last: int) -> float:
         at = blocks.first_state(run.blocks, blocks.GYRO_DRIFT) - blocks.CORE
         bias = bias + estimates[at : at + 3]
     gyro, accelerometer = run.gyro.increments[first:last], run.accelerometer.increments[first:last]
+    unmixed_bias = np.linalg.solve(mixing, bias)
     unmixed = np.asarray(np.linalg.solve(mixing, gyro.T).T, dtype=np.float64)
     imu = Imu(run.time[first : last + 1], unmixed, accelerometer)
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
     largest = 0.0
-    for begin, free in freely(imu, start._replace(gyro_bias=bias), alone, Schedule(feedback=False), model):
+    for begin, free in freely(
+        imu, start._replace(gyro_bias=unmixed_bias), alone, Schedule(feedback=False), model
+    ):
         part = slice(first + begin, first + begin + free.q_nb.shape[0])
         there = _in_earth_axes(solution.position[part], solution.q_nb[part])
         apart = there.inv() * _in_earth_axes(free.position, free.q_nb)

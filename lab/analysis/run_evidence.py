@@ -90,5 +90,5 @@ def reference_of(run: Run) -> Reference:
         (run.gyro.saturated, run.accelerometer.saturated),
         drives[0],
         run.true_further() if run.solution_arrays.further.size else None,
-        errors_of_states(run.simulated_settings, run.blocks, ideal, run.true_bias[1:]),
+        errors_of_states(run.simulated_settings, run.blocks, ideal),
     )

@@ -26,9 +26,8 @@ AT_ONCE = 2**16
 WINDOW = 1.0
 """Summation time of the sensors' noise [s]."""
 MOTION = ("own axis", "second axis", "third axis", "lag", "more lag")
-"""Regressors of the errors that depend on the motion: the rate or force, with its bias, of the axis itself
-and of the two axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer
-lag [s]."""
+"""Regressors of the errors that depend on the motion: the rate or force of the axis itself and of the two
+axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer lag [s]."""
 DRIFT = ("constant", "time", "temperature", "specific force")
 """Regressors of the bias: [1], [s], [K], and the specific force of the axis [m/s²]."""
 SHORT, LONG = 5e-3, 1.0
@@ -308,22 +307,20 @@ def _sums(reference: Reference, true: Exact, measured: FloatArray) -> _Sums:
     noise, biases = measured / true.dt, np.empty(true.moved.shape)
     for sensor in range(2):
         own = slice(3 * sensor, 3 * sensor + 3)
-        bias, moved = reference.bias[1:, own], true.moved[:, own]
-        biases[:, own] = window_means(bias, true)
+        moved = true.moved[:, own]
+        biases[:, own] = window_means(reference.bias[1:, own], true)
         noise[:, own] -= moved + biases[:, own]
         if reference.of_states is not None:
             noise[:, own] -= window_means(reference.of_states[:, own], true)
         if reference.scale is not None:  # scale factors are states, with known true values
             scale = reference.scale[1:, own]
-            if scale.strides[0] == bias.strides[0] == 0:
-                noise[:, own] -= scale[:1] * (moved + biases[:, own])
+            if scale.strides[0] == 0:
+                noise[:, own] -= scale[:1] * moved
                 continue
             exact = (reference.dtheta, reference.dvelocity)[sensor]
 
-            def by_scale(
-                part: slice, scale: FloatArray = scale, exact: FloatArray = exact, bias: FloatArray = bias
-            ) -> FloatArray:
-                return np.asarray(scale[part] * (exact[part].astype(np.float64) / true.dt + bias[part]))
+            def by_scale(part: slice, scale: FloatArray = scale, exact: FloatArray = exact) -> FloatArray:
+                return np.asarray(scale[part] * (exact[part].astype(np.float64) / true.dt))
 
             noise[:, own] -= _means(by_scale, true.moved.shape[0], true.width)
     return _Sums(noise, biases)
@@ -337,7 +334,7 @@ def _axis(imu: Imu, reference: Reference, axis: int, true: Exact, sums: _Sums) -
     motion = np.empty((count, len(MOTION)))
     for column in range(3):
         other = 3 * sensor + (own + column) % 3
-        motion[:, column] = true.moved[:, other] + sums.bias[:, other]
+        motion[:, column] = true.moved[:, other]
     increments = (reference.dtheta, reference.dvelocity)[sensor]
     motion[:, 3:] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
     drift = np.empty((count, 4))

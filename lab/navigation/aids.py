@@ -148,11 +148,12 @@ def _see_speed(
     predicted = v[0] * column[0] + v[1] * column[1] + v[2] * column[2] + turned[axis]
     for i in range(3):
         H[3 + i], H[6 + i] = column[i], by_attitude[i]
-    # The rate contains the gyro bias: δ(ω × l) = l × δb.
+    # The rate contains the gyro bias: δ(ω × l) = l × δb / (1 + s).
     x, y, z = place
+    per = strapdown.per_scale(state, strapdown.GYRO_SCALE)
     arm = (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
     for i in range(3):
-        H[9 + i] = arm[axis][i]
+        H[9 + i] = arm[axis][i] * per[i]
     if axis == 0:
         scale = 1 + state[strapdown.ODOMETER_SCALE]
         for i in range(12):

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.compilation import inline_kernel
-from lab.navigation.error_models import A, ErrorModel, V, Write, attitude_matrix
-from lab.navigation.strapdown import Vector, get
+from lab.navigation.error_models import A, B, ErrorModel, G, V, Write
+from lab.navigation.strapdown import Vector, get, per_scale
 
 FloatArray = NDArray[np.float64]
 
@@ -25,36 +25,33 @@ GS, BS = 15, 18
 
 
 @inline_kernel
-def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
-    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x with respect to s.
-
-    The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
-    the bias.
-    """
-    x, y, z = strapdown.plus(
-        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
-    )
-    return x / (1 + state[scale]), y / (1 + state[scale + 1]), z / (1 + state[scale + 2])
-
-
-@inline_kernel
 def scale_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the scale factors, C_nb diag(ω_ib,b) and −C_nb diag(f_b), both as `scaled`."""
-    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    """Write the columns of the scale factors, and those of the biases anew; see `strapdown.per_scale`."""
+    omega, f = mean(state, strapdown.PREVIOUS_DTHETA), mean(state, strapdown.PREVIOUS_DVELOCITY)
+    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
     for i in range(3):
-        x, y, z = get(state, strapdown.C_NB + 3 * i)
-        F[A + i, GS], F[A + i, GS + 1], F[A + i, GS + 2] = x * omega[0], y * omega[1], z * omega[2]
-        F[V + i, BS], F[V + i, BS + 1], F[V + i, BS + 2] = -x * f[0], -y * f[1], -z * f[2]
+        C = get(state, strapdown.C_NB + 3 * i)
+        for j in range(3):
+            rate, force = C[j] * p[j], -C[j] * q[j]
+            F[A + i, G + j], F[A + i, GS + j] = rate, rate * omega[j]
+            F[V + i, B + j], F[V + i, BS + j] = force, force * f[j]
 
 
 @inline_kernel
 def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the scale factors, diag(ω_ib,b) and −diag(f_b), both as `scaled`."""
-    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
-    F[A, GS], F[A + 1, GS + 1], F[A + 2, GS + 2] = omega
-    F[V, BS], F[V + 1, BS + 1], F[V + 2, BS + 2] = -f[0], -f[1], -f[2]
+    """Write the columns of the scale factors and of the biases for errors resolved in b."""
+    omega, f = mean(state, strapdown.PREVIOUS_DTHETA), mean(state, strapdown.PREVIOUS_DVELOCITY)
+    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
+    for j in range(3):
+        F[A + j, G + j], F[A + j, GS + j] = p[j], p[j] * omega[j]
+        F[V + j, B + j], F[V + j, BS + j] = -q[j], -q[j] * f[j]
+
+
+@inline_kernel
+def mean(state: FloatArray, previous: int) -> Vector:
+    """Return the mean rate or specific force of the last step, from its increments."""
+    x, y, z = get(state, previous)
+    return x * state[strapdown.PER_STEP], y * state[strapdown.PER_STEP], z * state[strapdown.PER_STEP]
 
 
 GM, BM = -1, -1
@@ -63,19 +60,14 @@ GM, BM = -1, -1
 
 @inline_kernel
 def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the misalignments.
-
-    An error of m_xy acts as an error (y + b_y) / (1 + s_x) of the bias of x; see `scaled`.
-    """
+    """Write the columns of the misalignments; see `strapdown.per_scale`."""
     for i in range(3):
         x, y, z = get(state, strapdown.C_NB + 3 * i)
-        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_SCALE)
         F[A + i, GM], F[A + i, GM + 1] = x * u[0], x * u[1]
         F[A + i, GM + 2], F[A + i, GM + 3] = y * v[0], y * v[1]
         F[A + i, GM + 4], F[A + i, GM + 5] = z * w[0], z * w[1]
-        u, v, w = of_other_axes(
-            state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE
-        )
+        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_SCALE)
         F[V + i, BM], F[V + i, BM + 1] = -x * u[0], -x * u[1]
         F[V + i, BM + 2], F[V + i, BM + 3] = -y * v[0], -y * v[1]
         F[V + i, BM + 4], F[V + i, BM + 5] = -z * w[0], -z * w[1]
@@ -84,11 +76,11 @@ def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
 @inline_kernel
 def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the misalignments for errors resolved in b."""
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_SCALE)
     F[A, GM], F[A, GM + 1] = u
     F[A + 1, GM + 2], F[A + 1, GM + 3] = v
     F[A + 2, GM + 4], F[A + 2, GM + 5] = w
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_SCALE)
     F[V, BM], F[V, BM + 1] = -u[0], -u[1]
     F[V + 1, BM + 2], F[V + 1, BM + 3] = -v[0], -v[1]
     F[V + 2, BM + 4], F[V + 2, BM + 5] = -w[0], -w[1]
@@ -96,13 +88,11 @@ def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
 
 @inline_kernel
 def of_other_axes(
-    state: FloatArray, previous: int, bias: int, scale: int
+    state: FloatArray, previous: int, scale: int
 ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
     """Return the means of the last step along the other two axes of each axis, divided by its scale."""
-    x, y, z = strapdown.plus(
-        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
-    )
-    p, q, r = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
+    x, y, z = mean(state, previous)
+    p, q, r = per_scale(state, scale)
     return (p * y, p * z), (q * x, q * z), (r * x, r * y)
 
 
@@ -113,15 +103,19 @@ GD, BD = -1, -1
 @inline_kernel
 def drift_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the drift, which acts as the biases do."""
-    attitude_matrix(F, A, GD, 1.0, state)
-    attitude_matrix(F, V, BD, -1.0, state)
+    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
+    for i in range(3):
+        C = get(state, strapdown.C_NB + 3 * i)
+        for j in range(3):
+            F[A + i, GD + j], F[V + i, BD + j] = C[j] * p[j], -C[j] * q[j]
 
 
 @inline_kernel
 def drift_columns_in_body(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the drift for errors resolved in b."""
-    for i in range(3):
-        F[A + i, GD + i], F[V + i, BD + i] = 1.0, -1.0
+    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
+    for j in range(3):
+        F[A + j, GD + j], F[V + j, BD + j] = p[j], -q[j]
 
 
 OWN = blocks.CORE

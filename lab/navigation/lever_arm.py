@@ -24,11 +24,11 @@ from lab.navigation.strapdown import (
     cross,
     get,
     matrix,
+    per_scale,
     plus,
     product,
     rotate,
     rotation,
-    whole_bias,
 )
 
 FloatArray = NDArray[np.float64]
@@ -135,11 +135,10 @@ def see_antenna(
     l_b = plus((arm[0], arm[1], arm[2]), 1.0, get(state, strapdown.LEVER_ARM))
     if arm_at < 0 and l_b[0] == 0 and l_b[1] == 0 and l_b[2] == 0:
         return
-    scale = get(state, strapdown.GYRO_SCALE)
+    per = per_scale(state, strapdown.GYRO_SCALE)
     rate = corrected(
         state, get(turn, 0), 1.0, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT
     )
-    biased = plus(rate, 1.0, whole_bias(state, strapdown.GYRO_BIAS))
     at = strapdown.Q_NB
     q = product(
         (state[at], state[at + 1], state[at + 2], state[at + 3]),
@@ -157,21 +156,20 @@ def see_antenna(
     _skew(H, 3, velocity)
     for j in range(3):
         axis = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)
-        column = rotate(axes, rotate(C, cross(l_b, axis)))
+        x, y, z_n = rotate(axes, rotate(C, cross(l_b, axis)))
+        column = x * per[j], y * per[j], z_n * per[j]
         if arm_at >= 0:
             displaced = rotate(axes, rotate(C, axis))
             moving = plus(rotate(axes, rotate(C, cross(rate, axis))), -1.0, cross(omega_ie, displaced))
             for i in range(3):
                 H[i, arm_at + j], H[3 + i, arm_at + j] = displaced[i], moving[i]
-        by_scale = turn[j] / (1 + scale[j]) ** 2
         for i in range(3):
             H[3 + i, GYRO_BIAS + j] = column[i]
             if scaled:
-                H[3 + i, GYRO_SCALE + j] = column[i] * by_scale
+                H[3 + i, GYRO_SCALE + j] = column[i] * rate[j]
             if misalignment_at >= 0:
                 for k in range(2):
-                    by_axis = biased[OTHER_AXES[j][k]] / (1 + scale[j])
-                    H[3 + i, misalignment_at + 2 * j + k] = column[i] * by_axis
+                    H[3 + i, misalignment_at + 2 * j + k] = column[i] * rate[OTHER_AXES[j][k]]
             for k in range(3):
                 R[3 + i, 3 + k] += column[i] * column[k] * noise[j] / turn[3]
 

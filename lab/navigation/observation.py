@@ -138,8 +138,10 @@ def as_biases(state: FloatArray, H: FloatArray) -> None:
         for i in range(3):
             H[GYRO_DRIFT + i] = H[NAV + i]
     for k in range(OWN_SIZE):
-        x, y, z = get(state, own_room.EFFECTS + own_room.WIDTH * k)
-        H[OWN + k] = H[NAV] * x + H[NAV + 1] * y + H[NAV + 2] * z
+        H[OWN + k] = 0.0
+        for i in range(3):  # they are taken off behind the scale factors, the biases before them
+            effect = state[own_room.EFFECTS + own_room.WIDTH * k + i]
+            H[OWN + k] += H[NAV + i] * (1 + state[strapdown.GYRO_SCALE + i]) * effect
 
 
 @embedded_kernel

@@ -293,7 +293,7 @@ class _Rest:
         """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
-        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _gyro_bias(state))
+        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _bias_taken(state))
         self.length += dt
         return self.length >= SPAN - NEAREST * dt
 
@@ -309,9 +309,9 @@ class _Rest:
         R = down**2 @ np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0])
         H = np.zeros((1, self.model.states))
         H[:, ATT] = skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
-        H[:, GYRO_BIAS] = -down
+        H[:, GYRO_BIAS] = -down / (1 + _get(state, strapdown.GYRO_SCALE))
         as_biases(state, H, self.model.blocks)
-        z = down @ (rates.mean(axis=0) - _gyro_bias(state) - C_nb.T @ omega_ie)
+        z = down @ (rates.mean(axis=0) - _bias_taken(state) - C_nb.T @ omega_ie)
         if ((z - H @ kalman.x) ** 2 > GATE * (H @ kalman.P @ H.T + R)).any():
             return False
         kalman.update(z, R=np.array([[R]]), H=H)
@@ -336,7 +336,7 @@ def _antenna(
     arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
     measured, length = turn[:3], turn[3]
     scale, bias = _get(state, strapdown.GYRO_SCALE), _gyro_bias(state)
-    rate = _aligned(state, measured / (1 + scale), scale) - bias
+    rate = _aligned(state, (measured - bias) / (1 + scale), scale)
     C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
     latitude = np.arcsin(state[strapdown.SINE])
@@ -346,15 +346,14 @@ def _antenna(
     H = np.eye(6, n)
     H[POS, VEL] = -age * np.eye(3)
     H[POS, ATT], H[VEL, ATT] = skew(arm_n), skew(velocity)
-    H[VEL, GYRO_BIAS] = C_nb @ skew(arm)
+    H[VEL, GYRO_BIAS] = C_nb @ skew(arm) / (1 + scale)
     if blocks.GYRO_SCALE in names:
-        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
+        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * rate
     if blocks.GYRO_MISALIGNMENT in names:
         first = blocks.first_state(names, blocks.GYRO_MISALIGNMENT)
         for k, pair in enumerate(OFF_DIAGONAL):
             row, column = ("xyz".index(axis) for axis in pair)
-            by_axis = (rate + bias)[column] / (1 + scale[row])
-            H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * by_axis
+            H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * rate[column]
     as_biases(state, H, names)
     own = blocks.own_states(names)
     seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _own_values(state, names)
@@ -369,6 +368,11 @@ def _antenna(
 def _gyro_bias(state: FloatArray) -> FloatArray:
     """Return both parts of the gyro biases (3,)."""
     return _get(state, strapdown.GYRO_BIAS) + _get(state, strapdown.GYRO_DRIFT)
+
+
+def _bias_taken(state: FloatArray) -> FloatArray:
+    """Return what the gyro biases take off the corrected rates (3,)."""
+    return _gyro_bias(state) / (1 + _get(state, strapdown.GYRO_SCALE))
 
 
 def _own_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
@@ -397,7 +401,7 @@ def _without_own(
             for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
                 mix[at + "xyz".index(pair[0]), at + "xyz".index(pair[1])] = part
         bias = np.concatenate((_gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
-        true = np.linalg.solve(mix, measured) / dt - bias
+        true = np.linalg.solve(mix, measured / dt - bias)
         E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
         state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
         measured = measured - mix @ E @ _own_values(state, names) * dt
@@ -405,7 +409,7 @@ def _without_own(
 
 
 def _aligned(state: FloatArray, scaled: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return measured rates (3,), divided by their scale factors, without their misalignments.
+    """Return rates (3,), divided by their scale factors, without what misalignments add to them.
 
     To third order, as in the strapdown: (I + M)⁻¹ ≈ I − M + M².
     """

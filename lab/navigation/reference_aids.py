@@ -59,7 +59,7 @@ def see_aid(
     speed = float((C_nb.T @ velocity + np.cross(rate, aids.place))[along])
     row[VEL] = C_nb[:, along]
     row[ATT] = -C_nb[:, along] @ skew(velocity)
-    row[GYRO_BIAS] = skew(aids.place)[along]
+    row[GYRO_BIAS] = skew(aids.place)[along] / (1 + _three(state, strapdown.GYRO_SCALE))
     if kind != FORWARD:
         return speed - value, row
     row *= 1 + state[strapdown.ODOMETER_SCALE]
@@ -74,7 +74,8 @@ def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
     own = blocks.own_states(names)
     size = own.stop - own.start
     effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)
-    H[:, own] = H[:, GYRO_BIAS] @ effects.T[:3]
+    # They are taken off behind the scale factors, the biases before them.
+    H[:, own] = H[:, GYRO_BIAS] * (1 + _three(state, strapdown.GYRO_SCALE)) @ effects.T[:3]
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:

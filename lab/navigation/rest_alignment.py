@@ -161,7 +161,7 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         turned = Rotation.from_rotvec(x[ATT])
         C_nb = (turned * before).as_matrix()
         z = np.concatenate((C_nb @ means.force + gravity, C_nb @ (means.rate + x[GYRO_BIAS]) - omega_ie))
-        H = _sight(C_nb, gravity, omega_ie, means.force)
+        H = _sight(C_nb, gravity, omega_ie)
         B = np.concatenate((C_nb @ mixed[:3], C_nb @ mixed[3:]))
         R = _noise_of_means(C_nb, means) + _beyond_first_order(H, B, P, after, omega_ie)
         # Errors relative to the attitude of this round, which is not that of the start.
@@ -303,12 +303,10 @@ def _mixing(force: FloatArray, rate: FloatArray) -> FloatArray:
     return mixing
 
 
-def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, force: FloatArray) -> FloatArray:
+def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray) -> FloatArray:
     """Return H (6, 21) of specific force plus gravity, and of rate minus the Earth's rate, in n."""
     H = np.zeros((6, 21))
     H[:3, ATT], H[3:, ATT] = -skew(gravity), skew(omega_ie)
     H[:3, ACCEL_BIAS], H[3:, GYRO_BIAS] = -C_nb, -C_nb
-    # The bias is subtracted from the output of the gyros: their scale factors apply to the true rotation
-    # only.
-    H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = -C_nb * force, -C_nb * (C_nb.T @ omega_ie)
+    H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = C_nb * (C_nb.T @ gravity), -C_nb * (C_nb.T @ omega_ie)
     return H

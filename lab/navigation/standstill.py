@@ -269,7 +269,7 @@ def hold_attitude(state: FloatArray, sums: FloatArray, rest: bool) -> None:
 @kernel
 def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
     """Add the rates of a sample at rest, including the estimated biases; return whether an update is due."""
-    bias = strapdown.whole_bias(state, strapdown.GYRO_BIAS)
+    bias = strapdown.bias_taken(state, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
     for i in range(3):
         rate = state[strapdown.PREVIOUS_DTHETA + i] / dt + bias[i]
         sums[SUMS + i] += rate
@@ -285,10 +285,10 @@ def see_rest(
 ) -> float:
     """Return the measurement of an update at rest in its σ, write its row of H, and start new sums.
 
-    The measurement is the navigator's rate about the vertical minus that of the Earth: −d δb + (ω_ie × φ)_D
-    plus noise, with d the vertical in b. The noise is that of the gyros over the time, or that shown by their
-    samples if larger. The level rates are not used: the fixes show the tilt, which contains the same gyro
-    noise, and using both would count it twice.
+    The measurement is the navigator's rate about the vertical minus that of the Earth: −d δb / (1 + s) +
+    (ω_ie × φ)_D plus noise, with d the vertical in b. The noise is that of the gyros over the time, or that
+    shown by their samples if larger. The level rates are not used: the fixes show the tilt, which contains
+    the same gyro noise, and using both would count it twice.
 
     Parameters
     ----------
@@ -309,7 +309,8 @@ def see_rest(
     turned = rotate(back, frame_rate)
     down = get(sums, ATTITUDE + 6)
     count = sums[COUNT]
-    bias = strapdown.whole_bias(state, strapdown.GYRO_BIAS)
+    bias = strapdown.bias_taken(state, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    per = strapdown.per_scale(state, strapdown.GYRO_SCALE)
     rate, variance = 0.0, 1e-18
     for i in range(3):
         mean = sums[SUMS + i] / count
@@ -319,7 +320,7 @@ def see_rest(
     per_sigma = 1 / math.sqrt(variance)
     H[0], H[1], H[2] = -frame_rate[1] * per_sigma, frame_rate[0] * per_sigma, 0.0
     for i in range(3):
-        H[3 + i] = -down[i] * per_sigma
+        H[3 + i] = -down[i] * per[i] * per_sigma
     for i in range(HELD):
         sums[i] = 0.0
     return rate * per_sigma

@@ -227,7 +227,11 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 @inline_kernel
 def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: int, off: int) -> Vector:
-    """Return the corrected increments (I + S + M)⁻¹ x − b dt.
+    """Return the corrected increments (I + S + M)⁻¹ (x − b dt): a sensor shows x = (I + S + M) f dt + b dt.
+
+    This is the one place that says how output, biases, scale factors and misalignments belong together;
+    `per_scale` is what its derivatives have in common. The bias is that of the output (Groves 4.16), outside
+    the scale factor: with f, it shows an error of the scale factor in the same way whatever is estimated.
 
     Parameters
     ----------
@@ -245,8 +249,9 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
     -----
     M is applied to third order: 1° leaves 5 millionths.
     """
-    x, y, z = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
-    scaled = measured[0] * x, measured[1] * y, measured[2] * z
+    x, y, z = per_scale(state, scale)
+    unbiased = plus(measured, -dt, whole_bias(state, bias))
+    scaled = unbiased[0] * x, unbiased[1] * y, unbiased[2] * z
     aligned = scaled
     for _ in range(2):
         aligned = (
@@ -254,7 +259,24 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
             scaled[1] - y * (state[off + 2] * aligned[0] + state[off + 3] * aligned[2]),
             scaled[2] - z * (state[off + 4] * aligned[0] + state[off + 5] * aligned[1]),
         )
-    return plus(aligned, -dt, whole_bias(state, bias))
+    return aligned
+
+
+@inline_kernel
+def per_scale(state: FloatArray, scale: int) -> Vector:
+    """Return 1 / (1 + s) of three axes: minus the change of what `corrected` returns with the bias.
+
+    An error δs acts as one of f δs of the bias, one of the misalignment δm_xy as f_y δm_xy of that of x. What
+    misalignments change in this, a further percent of it, is left out.
+    """
+    return 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
+
+
+@inline_kernel
+def bias_taken(state: FloatArray, bias: int, scale: int) -> Vector:
+    """Return what the biases take off the corrected rates or specific forces, b / (1 + s)."""
+    b, per = whole_bias(state, bias), per_scale(state, scale)
+    return b[0] * per[0], b[1] * per[1], b[2] * per[2]
 
 
 @inline_kernel

@@ -57,7 +57,7 @@ class Measured(NamedTuple):
     increments : (n, 3) array
         Integrals of the measured quantity over each sample interval [rad] or [m/s].
     bias : (n, 3) array
-        True bias in each interval [rad/s] or [m/s²].
+        True bias in each interval as the output shows it, (I + M) b [rad/s] or [m/s²].
     scale : (n, 3) array
         True scale factor error in each interval.
     saturated : int
@@ -140,14 +140,14 @@ def measure(
     memory = Memory() if memory is None else memory
     bias = turn_on_bias(errors, draws) + drift(errors, draws, dt, memory)
     drifting = bias + induced_bias(errors, environment, dt)
-    bias = np.broadcast_to(drifting, ideal.shape)
     M = cross_coupling(errors, draws)
     biased = ideal + drifting * dt
     increments = biased @ (np.eye(3) + M).T if M.any() else biased
+    bias = drifting @ (np.eye(3) + M).T
     scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
     if by_temperature.any():
         warming = by_temperature * _above_reference(environment.temperature)
-        scale, increments = scale + warming, increments + warming * biased
+        scale, increments, bias = scale + warming, increments + warming * biased, bias + warming * drifting
     settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
     _lag(increments, settled, si(errors, "bandwidth") * dt, memory.lag)
@@ -157,7 +157,9 @@ def measure(
         saturated = int(np.count_nonzero(np.abs(increments) > limit))
         np.clip(increments, -limit, limit, out=increments)
     _quantise(increments, si(errors, "quantisation") * dt)
-    return Measured(increments, bias, np.broadcast_to(scale, ideal.shape), saturated)
+    return Measured(
+        increments, np.broadcast_to(bias, ideal.shape), np.broadcast_to(scale, ideal.shape), saturated
+    )
 
 
 def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
@@ -288,20 +290,17 @@ def compensate(
         True temperature in each sample interval, and the reading of the thermometer [°C].
     """
     scale, bias = si(errors, "scale_temperature"), si(errors, "bias_temperature")
-    excess = _above_reference(reading)
+    excess, by_scale = _above_reference(reading), 1 + scale * _above_reference(temperature)
     return Measured(
         measured.increments / (1 + scale * excess) - bias * excess * dt,
-        measured.bias - bias * _above_reference(temperature),
-        (1 + measured.scale) / (1 + scale * _above_reference(temperature)) - 1,
+        measured.bias / by_scale - bias * _above_reference(temperature),
+        (1 + measured.scale) / by_scale - 1,
         measured.saturated,
     )
 
 
-def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray) -> Measured:
-    """Return the output of a triad minus a bias that was estimated before.
-
-    A calibration at rest measures only the mean output, in which scale factors and misalignments have changed
-    the bias. The remaining bias is the error of the estimate.
+def without_bias(measured: Measured, dt: float, bias: FloatArray) -> Measured:
+    """Return the output of a triad minus a bias that was estimated before; the rest of the bias remains.
 
     Parameters
     ----------
@@ -311,12 +310,8 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
         Length of the sample intervals [s].
     bias : (3,) array
         The bias estimated from the output [rad/s] or [m/s²].
-    M : (3, 3) array
-        Cross-coupling of the triad, as from `cross_coupling`.
     """
-    increments = measured.increments - bias * dt
-    inside = np.linalg.solve(np.eye(3) + M, bias)
-    return measured._replace(increments=increments, bias=measured.bias - inside)
+    return measured._replace(increments=measured.increments - bias * dt, bias=measured.bias - bias)
 
 
 def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:

@@ -87,9 +87,9 @@ def rates(vehicle: Vehicle) -> Rates:
     s, c = np.sin(latitude), np.cos(latitude)
     omega_ie = earth.RATE * np.array([c, 0, -s])
     omega_en = np.array([position[1] * c, -position[0], -position[1] * s])
-    # What was felt, of a sensor that gives (1 + s) (x + b).
-    f_b = vehicle.f_b / (1 + vehicle.accel_scale) - vehicle.accel_bias
-    omega_b = vehicle.omega_b / (1 + vehicle.gyro_scale) - vehicle.gyro_bias
+    # What was felt, of a sensor that gives (1 + s) x + b.
+    f_b = (vehicle.f_b - vehicle.accel_bias) / (1 + vehicle.accel_scale)
+    omega_b = (vehicle.omega_b - vehicle.gyro_bias) / (1 + vehicle.gyro_scale)
     f_n = vehicle.C_nb @ f_b
     g_n = np.array([0, 0, earth.gravity(s, height)])
     velocity = f_n + g_n - skew(2 * omega_ie + omega_en) @ v

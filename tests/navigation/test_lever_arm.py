@@ -50,7 +50,7 @@ def antenna(state: FloatArray, rate_measured: FloatArray, arm: FloatArray, age: 
     """Return where the antenna of a navigator is and how it moves against its IMU (6,), from the geometry."""
     C_nb = np.array(strapdown.matrix(tuple(state[strapdown.Q_NB : strapdown.Q_NB + 4])))
     scale, bias = (state[at : at + 3] for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
-    rate = rate_measured / (1 + scale) - bias
+    rate = (rate_measured - bias) / (1 + scale)
     angle = np.linalg.norm(rate) * age
     K = np.cross(np.eye(3), rate / np.linalg.norm(rate))
     back = np.eye(3) - np.sin(angle) * K + (1 - np.cos(angle)) * K @ K  # Rodrigues, by −ω age
@@ -67,7 +67,7 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     state, arm = navigator(rng), rng.normal(0, 3, 3)
     rate = np.array(state[strapdown.PREVIOUS_DTHETA : strapdown.PREVIOUS_DTHETA + 3]) / DT
     scale, bias = (state[at : at + 3] for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
-    measured = (rate + bias) * (1 + scale)
+    measured = rate * (1 + scale) + bias
     z, H, R = np.zeros(6), np.eye(6, 24), np.zeros((6, 6))
     state[strapdown.LEVER_ARM : strapdown.LEVER_ARM + 3] = wrong = rng.normal(0, 0.3, 3)
     see_antenna(state, arm - wrong, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R, True, 21, NONE)

@@ -51,7 +51,7 @@ def moving(rng: np.random.Generator, off: float = 0.0) -> FloatArray:
 @pytest.mark.parametrize("model", list(MODELS))
 @pytest.mark.parametrize("names", [ALL, (*blocks.MISALIGNMENTS, blocks.LEVER_ARM)], ids=["33", "30"])
 def test_columns_are_derivatives(model: str, names: tuple[str, ...]) -> None:
-    """X = (I + S + M)⁻¹ y − b by complex steps; the error of a rate turns, that of a force accelerates."""
+    """X = (I + S + M)⁻¹ (y − b) by complex steps; the error of a rate turns, that of a force accelerates."""
     whole = with_blocks(MODELS[model], names)
     for seed in range(3):
         state = moving(np.random.default_rng(seed))
@@ -65,9 +65,10 @@ def test_columns_are_derivatives(model: str, names: tuple[str, ...]) -> None:
         for (bias, scale, _), previous, rows, sign, name in kinds:
             mean = state[previous : previous + 3] * state[strapdown.PER_STEP]
             size = state[scale : scale + 3]
-            y = mixing(size, np.zeros(6)) @ (mean + state[bias : bias + 3])
+            y = mixing(size, np.zeros(6)) @ mean + state[bias : bias + 3]
             for k, column in enumerate(np.eye(6)):
-                change = np.linalg.solve(mixing(size, 1e-30j * column), y).imag / 1e-30
+                unbiased = y - state[bias : bias + 3]
+                change = np.linalg.solve(mixing(size, 1e-30j * column), unbiased).imag / 1e-30
                 found = F[rows, blocks.first_state(names, name) + k]
                 np.testing.assert_allclose(found, sign * C_nb @ change, rtol=1e-9, atol=1e-12)
 
@@ -86,7 +87,7 @@ def test_the_correction_is_the_inverse_of_the_sensor(
     state, bias, dt = np.zeros(strapdown.LENGTH), np.array([0.01, -0.02, 0.03]), 0.01
     for at, values in zip(GYRO, (bias, scale, off), strict=True):
         state[at : at + values.size] = values
-    measured = mixing(scale, off) @ (rate + bias) * dt
+    measured = (mixing(scale, off) @ rate + bias) * dt
     found = np.array(strapdown.corrected(state, tuple(measured), dt, *GYRO)) / dt
     # Third order: at most 2 · 0.02 in each row, to the third power.
     assert np.abs(found - rate).max() <= 1.1 * (2 * 0.0205) ** 3 * (np.abs(rate).max() + 0.03) + 1e-12

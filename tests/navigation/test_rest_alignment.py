@@ -174,12 +174,12 @@ def test_a_tilt_comes_with_the_misalignments_that_caused_it() -> None:
 
 
 def biases(experiment: Experiment, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return the true constant biases of gyros, as they put them out, and accelerometers, by formula."""
+    """Return the true constant biases of gyros and accelerometers, as they put them out, by formula."""
     found = []
     for name in ("gyro", "accelerometer"):
         errors = experiment.sensors.groups()[name]
         draws = imu.ImuDraws.of(seed, name, 0, instability=False)
         bias = si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
         scale = si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale
-        found.append(bias * (1 + scale) if name == "gyro" else bias)
+        found.append(bias * (1 + scale))
     return found[0], found[1]

@@ -95,7 +95,7 @@ def test_scale_factors_that_are_certain_change_nothing() -> None:
 
 
 def test_the_strapdown_takes_out_what_the_sensors_put_in() -> None:
-    """Sensors give (1 + s) (x + b); a navigator that knows s and b goes where one with perfect ones goes."""
+    """Sensors give (1 + s) x + b; a navigator that knows s and b goes where one with perfect ones goes."""
     rng = np.random.default_rng(4)
     state = np.zeros(strapdown.LENGTH)
     strapdown.set_position(state, 0.8, 0.3, 500.0)
@@ -106,7 +106,7 @@ def test_the_strapdown_takes_out_what_the_sensors_put_in() -> None:
     other[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 6] = scale
     for _ in range(200):
         true = dt * rng.normal(0, [1.0] * 3 + [10.0] * 3)
-        measured = (1 + scale) * (true + dt * bias)
+        measured = (1 + scale) * true + dt * bias
         strapdown.step(state, tuple(true[:3]), tuple(true[3:]), dt)
         strapdown.step(other, tuple(measured[:3]), tuple(measured[3:]), dt)
     kept = slice(strapdown.LATITUDE, strapdown.GYRO_BIAS)
@@ -186,7 +186,7 @@ def test_a_given_p0_has_the_size_of_the_filter() -> None:
 
 
 def test_true_scale_factors_follow_the_temperature_and_its_compensation() -> None:
-    """What is measured, less noise, is (1 + s) (x + b) with the truth as it is told, at all times."""
+    """What is measured, less noise, is (1 + s) x + b with the truth as it is told, at all times."""
     quiet = {"sensors__gyro__noise_density": 0.0, "sensors__gyro__range": 1e4}
     warm = {
         "sensors__temperature__profile": "warm_up",
@@ -196,7 +196,7 @@ def test_true_scale_factors_follow_the_temperature_and_its_compensation() -> Non
     for compensation in (False, True):
         result = run(1, **quiet, **warm, sensors__temperature__compensation=compensation)
         dt, true = result.ideal.dt, result.ideal.dtheta
-        expected = (1 + result.gyro.scale) * (true + dt * result.gyro.bias)
+        expected = (1 + result.gyro.scale) * true + dt * result.gyro.bias
         np.testing.assert_allclose(result.gyro.increments, expected, rtol=0, atol=1e-12)
         moved = np.ptp(result.gyro.scale[:, 0])
         assert moved < 1e-5 if compensation else moved > 1e-3

@@ -122,7 +122,7 @@ def test_bias_instability_is_stationary_from_the_first_sample():
 
 
 def test_scale_and_misalignment_make_the_matrix_of_the_definition():
-    """x_meas = (I + M) (x + b), M written out element by element."""
+    """x_meas = (I + M) (x + b), M written out element by element; the bias is told as the output has it."""
     errors = gyro(scale_factor=(1, 2, 3), misalignment=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6), bias=(1, -2, 3))
     M = np.array(
         [
@@ -136,6 +136,7 @@ def test_scale_and_misalignment_make_the_matrix_of_the_definition():
     for increment, true in zip(out.increments, ideal, strict=True):
         expected = (np.eye(3) + M) @ (true / DT + np.array((1, -2, 3)) * DEGREE) * DT
         assert np.allclose(increment, expected, rtol=1e-12)
+    assert np.allclose(out.bias, (np.eye(3) + M) @ np.array((1, -2, 3)) * DEGREE, rtol=1e-12)
 
 
 def test_beyond_the_range_the_output_stays_at_its_end_and_is_counted():
@@ -320,7 +321,7 @@ def test_temperature_changes_bias_and_scale_from_25_degrees_on():
     out = warmed(errors, np.full((3, 3), 5 * DT), temperature)
     for k, warmth in enumerate((0, 10, -40)):
         bias = (1 + np.array((0.1, 0.2, -0.3)) * warmth) * 1e-3 * G
-        assert np.allclose(out.bias[k], bias, rtol=1e-12)
+        assert np.allclose(out.bias[k], (1.02 + 1e-4 * warmth) * bias, rtol=1e-12)
         assert np.allclose(out.increments[k], (1.02 + 1e-4 * warmth) * (5 + bias) * DT, rtol=1e-12)
 
 
