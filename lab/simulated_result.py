@@ -108,8 +108,6 @@ class SimulatedResult(Result):
                 "estimated, are the remaining ones."
             )
         of_sensors = self.experiment.sensors.remarks(
-            navigator.states,
-            misalignments=navigator.estimate_misalignments,
-            linear=navigator.model != "nonlinear",
+            navigator.states, misalignments=navigator.estimate_misalignments
         )
         return (*self.experiment.notes, *remarks, *of_sensors)

@@ -29,10 +29,6 @@ _WORDS = {
     "scale_temperature": "temperature",
 }
 """Words for terms in a sentence, if they differ from their names."""
-_PRODUCT = 1.0
-"""Product of bias and scale factor of an accelerometer, one σ each [mg], that a linear filter may neglect.
-Over all cards, with states for both, NEES was 0.9 to 1.3 times its number of states with products up to
-0.4 mg, and 7.5 and 1.8 times with 2.4 mg (two flights, six seeds)."""
 
 
 class SensorSuite(Settings):
@@ -63,9 +59,7 @@ class SensorSuite(Settings):
         "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
 
-    def remarks(
-        self, states: int | None = None, *, misalignments: bool = False, linear: bool = True
-    ) -> tuple[str, ...]:
+    def remarks(self, states: int | None = None, *, misalignments: bool = False) -> tuple[str, ...]:
         """Return remarks on settings without effect, errors without a filter state, and assumed numbers.
 
         Parameters
@@ -74,13 +68,10 @@ class SensorSuite(Settings):
             Number of states of the filter, 15 or 21; None omits remarks on scale factors.
         misalignments
             Whether the filter has states for misalignments.
-        linear
-            Whether the filter is linear in its errors.
         """
         found = (
             self._idle_temperature(),
             self._without_state(states, misalignments=misalignments),
-            self._product() if linear and states == 21 else "",
             self.assumed_remark(),
         )
         return tuple(remark for remark in found if remark)
@@ -155,18 +146,6 @@ class SensorSuite(Settings):
         return (
             f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "
             f"gives{more}."
-        )
-
-    def _product(self) -> str:
-        """Return a sentence about the product of bias and scale factor, if a linear filter needs it."""
-        bias, percent = self.accelerometer.bias_sigma, self.accelerometer.scale_factor_sigma
-        product = float(np.max(np.multiply(bias, percent))) / 100
-        if product <= _PRODUCT:
-            return ""
-        return (
-            f"The accelerometers have biases of {max(bias):g} mg and scale factors of {max(percent):g} % "
-            f"(1σ). A linear filter neglects their product, {product:.2g} mg, so its σ is too small; "
-            "navigator.model = nonlinear keeps most of it."
         )
 
 

@@ -353,14 +353,3 @@ def test_an_assumed_coefficient_of_temperature_is_no_fault_of_the_user() -> None
 )
 def test_any_text_may_stand_for_what_is_assumed(text: str) -> None:
     assert SensorSuite(assumed=text).assumed_remark() == ""
-
-
-def test_a_product_of_errors_that_a_linear_filter_neglects_is_told() -> None:
-    """Of all cards, only the errors of one are so large; see docs/limits.md for the NEES that follow."""
-    told = set()
-    for name, found in cards.cards().items():
-        suite = SensorSuite().update(found.settings())
-        told |= {name} if any("their product, 2.4 mg" in remark for remark in suite.remarks(21)) else set()
-        for silent in (suite.remarks(15), suite.remarks(21, linear=False)):
-            assert not any("product" in remark for remark in silent)
-    assert told == {"MPU-6000"}
