@@ -199,7 +199,7 @@ def _drift_between(run: Run, first: int, last: int) -> float:
         at = blocks.first_state(run.blocks, blocks.GYRO_DRIFT) - blocks.CORE
         bias = bias + estimates[at : at + 3]
     gyro, accelerometer = run.gyro.increments[first:last], run.accelerometer.increments[first:last]
-    unmixed_bias = np.linalg.solve(mixing, bias)
+    unmixed_bias = np.asarray(np.linalg.solve(mixing, bias), dtype=np.float64)
     unmixed = np.asarray(np.linalg.solve(mixing, gyro.T).T, dtype=np.float64)
     imu = Imu(run.time[first : last + 1], unmixed, accelerometer)
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))

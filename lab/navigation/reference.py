@@ -401,7 +401,7 @@ def _without_own(
             for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
                 mix[at + "xyz".index(pair[0]), at + "xyz".index(pair[1])] = part
         bias = np.concatenate((_gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
-        true = np.linalg.solve(mix, measured / dt - bias)
+        true = np.asarray(np.linalg.solve(mix, measured / dt - bias), dtype=np.float64)
         E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
         state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
         measured = measured - mix @ E @ _own_values(state, names) * dt
