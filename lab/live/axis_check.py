@@ -150,7 +150,7 @@ class AxisCheck:
         shown, tilt = _nearest(found.force)
         if tilt > TILT:
             raise AxisCheckError(
-                f"{name}: no axis of the device is vertical; the nearest, {_name(shown)}, is tilted by "
+                f"{name}: no axis of the device is vertical; the nearest, {_shown(shown)}, is tilted by "
                 f"{np.degrees(tilt):.0f}°; accepted are {np.degrees(TILT):g}°"
             )
         _refuse_alike(name, shown, self.positions)
@@ -212,7 +212,7 @@ class AxisCheck:
         shown, tilt = _nearest(turned(rows, bias))
         if tilt > TURN_TILT:
             raise AxisCheckError(
-                f"{name}: the device turned about no single axis; the nearest, {_name(shown)}, is "
+                f"{name}: the device turned about no single axis; the nearest, {_shown(shown)}, is "
                 f"{np.degrees(tilt):.0f}° off; accepted are {np.degrees(TURN_TILT):g}°"
             )
         _refuse_alike(name, shown, self.turns)
@@ -258,7 +258,7 @@ class AxisCheck:
         )
 
     def _sentence(self, axes: AxisMap, *, assumed: bool) -> str:
-        forward, right, down = axes.axes
+        forward, right, down = (axis.replace("-", "−") for axis in axes.axes)
         text = f"Axis {forward} of the device points forward, {right} right and {down} down"
         text += ", and it sends the negative of the specific force." if axes.inverted_force else "."
         if assumed:
@@ -266,8 +266,8 @@ class AxisCheck:
                 " That the device does not send the negative force is assumed: a third perpendicular "
                 "position or a turn checks it."
             )
-        elif not self.turns:
-            text += " The signs of the gyros are not checked: two turns by hand check them."
+        elif len({_line(one.named) for one in self.turns.values()}) < 2:
+            text += " The signs of the gyros are not checked: two turns about different axes check them."
         return text
 
 
@@ -284,7 +284,7 @@ def _refuse_alike(name: str, shown: Axis, others: dict[str, Seen]) -> None:
     for other in others.values():
         if other.name != name and other.shown == shown:
             raise AxisCheckError(
-                f"{name}: the device shows {_name(shown)} as in {other.name}, so the two are alike; "
+                f"{name}: the device shows {_shown(shown)} as in {other.name}, so the two are alike; "
                 "accepted is another face or another direction for each name"
             )
 
@@ -297,13 +297,18 @@ def _name(axis: Axis | list[float]) -> str:
     return next(name for name, row in AXES.items() if list(axis) == row)
 
 
+def _shown(axis: Axis) -> str:
+    """Return the name of an axis for a reader, with a minus sign."""
+    return _name(axis).replace("-", "−")
+
+
 def _line(axis: Axis) -> int:
     """Return the number of an axis without its sign."""
     return int(np.abs(axis).argmax())
 
 
 def _listed(seen: dict[str, Seen]) -> str:
-    return ", ".join(f"{one.name} ({_name(one.shown)})" for one in seen.values())
+    return ", ".join(f"{one.name} ({_shown(one.shown)})" for one in seen.values())
 
 
 _ALL = [

@@ -28,6 +28,9 @@ FORCE_CHANGE: Final = 0.5
 `lab.analysis.rest`; a tilt of 3°."""
 OFF_GRAVITY: Final = 0.1
 """Part by which the mean specific force may differ from gravity: as in `lab.analysis.rest`."""
+OTHER_FACE: Final = math.radians(45.0)
+"""Angle between the specific force of a still stretch and that of the last block from which the device shows
+another face [rad]. The jolt of a pressed button averages out within a block."""
 TURNED: Final = math.radians(30.0)
 """Smallest net angle of a turn [rad]: a gyro bias of 1 °/s makes 6° in a turn of 6 s."""
 
@@ -70,6 +73,7 @@ class Held:
         """The gyro biases in words, in the axes of the device."""
         bias, sigma = np.degrees(self.rate), np.degrees(self.gyro_bias_sigma)
         axes = ", ".join(f"{axis} {b:+.4f} ± {s:.4f}" for axis, b, s in zip("xyz", bias, sigma, strict=True))
+        axes = axes.replace("-", "−")
         return (
             f"Gyro biases of the device's axes: {axes} °/s (1 σ, with {math.degrees(earth.RATE):.4f} °/s of "
             "the Earth's rate in an unknown direction)."
@@ -87,7 +91,8 @@ def held(rows: NDArray[np.void]) -> Held:
     Raises
     ------
     AxisCheckError
-        If the device was not still for so long, or its specific force is not that of gravity.
+        If the device was not still for so long or was turned to another face after it, or if its specific
+        force is not that of gravity.
     """
     rows = rows[usable_imu(rows)]
     time = rows["time"]
@@ -119,6 +124,12 @@ def held(rows: NDArray[np.void]) -> Held:
     mean = kept.mean(axis=0)
     sigma = np.std(means[first : first + count], axis=0, ddof=1) / math.sqrt(count)
     force = float(np.linalg.norm(mean[3:]))
+    now = means[-1, 3:]
+    if now @ mean[3:] < math.cos(OTHER_FACE) * force * np.linalg.norm(now):
+        raise AxisCheckError(
+            f"The device was turned less than {HELD:g} s ago; accepted are {HELD:g} s of stillness in the "
+            "new position"
+        )
     if abs(force / earth.STANDARD_GRAVITY - 1) > OFF_GRAVITY:
         hint = "; this looks like g" if abs(force - 1) < OFF_GRAVITY else ""
         raise AxisCheckError(

@@ -7,6 +7,7 @@ D. H. Titterton, J. L. Weston, *Strapdown Inertial Navigation Technology*, 2nd e
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ GRAVITY_SIGMA: Final = 0.015
 """σ of gravity where the place is unknown [m/s²]: at sea level it is 9.780 to 9.832 m/s², evenly spread."""
 _STEPS = 8
 """Newton steps: with 10 % of scale factor, the fifth changes nothing."""
+_SMALLEST = 1e-6
+"""Smallest σ that is written [m/s², %]: 0.1 µg, which no sensor reaches within seconds."""
 
 
 class AccelerometerErrors(NamedTuple):
@@ -72,5 +75,9 @@ def accelerometer_errors(
     return AccelerometerErrors(bias, spread[:3], gain - 1, spread[3:])
 
 
-def _listed(values: FloatArray, sigmas: FloatArray, digits: int) -> str:
-    return ", ".join(f"{v:+.{digits}f} ± {s:.{digits}f}" for v, s in zip(values, sigmas, strict=True))
+def _listed(values: FloatArray, sigmas: FloatArray, least: int) -> str:
+    """Return values with their σ, with two digits of the smallest σ, and at least as many places as named."""
+    smallest = max(float(sigmas.min()), _SMALLEST)
+    digits = max(least, 1 - math.floor(math.log10(smallest)))
+    texts = (f"{v:+.{digits}f} ± {s:.{digits}f}" for v, s in zip(values, sigmas, strict=True))
+    return ", ".join(texts).replace("-", "−")

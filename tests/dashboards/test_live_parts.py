@@ -18,6 +18,7 @@ from dashboards.devices import allow_devices
 from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, SLOWEST, TWIN
 from lab.live.axis_map import AxisMap
 from lab.live.live_errors import joined
+from lab.live.source_status import LOST
 from lab.sensors.cards import read_cards
 from lab.toml_file import parse_toml
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
@@ -91,6 +92,19 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     assert "for all who watch it" in part._notice.text
     part._forget()
     assert part._use.disabled
+
+
+def test_samples_from_before_the_source_was_lost_are_no_position(one: Opened) -> None:
+    page, station = one.page, one.page._station
+    assert station is not None
+    page._choice.value = AXES
+    one.until(lambda: station.source.end.imu > 700)
+    assert station.source.device is not None
+    station.source.device.unplug(60.0)
+    one.until(lambda: station.source.status.state == LOST)
+    page._axes._take("nose up")
+    assert not page._axes.check.positions
+    assert "no samples" in page._axes._notice.text
 
 
 def test_the_deviation_grows_and_becomes_a_card(

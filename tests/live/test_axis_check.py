@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -101,6 +103,27 @@ def test_six_positions_give_bias_and_scale_factor() -> None:
     assert (np.abs(unknown.scale - SCALE) < 3 * unknown.scale_sigma).all()
 
 
+def test_the_sentence_of_six_positions_shows_each_sigma_and_minus_signs() -> None:
+    check = AxisCheck()
+    for name in POSITIONS:
+        rows = still(name)
+        mean = rows["force"].mean(axis=0)
+        rows["force"] = mean + 0.01 * (rows["force"] - mean)  # a σ of 10 µm/s², of a quiet sensor
+        check.take(name, rows)
+    found = check.result(GRAVITY, 1e-5)
+    text = f"{found.sentence} {found.accelerometer} {check.still['level'].gyro_sentence}"
+    sigmas = [float(number) for number in re.findall(r"± ([\d.]+)", text)]
+    assert len(sigmas) == 9
+    assert min(sigmas) > 0
+    assert not re.search(r"-[\dxyz]", text)
+
+
+def test_one_turn_leaves_the_signs_of_two_gyros_unchecked() -> None:
+    assert "gyros are not checked" in checked(AxisMap(), (*POSITIONS, "turn right")).result().sentence
+    two = checked(AxisMap(), (*POSITIONS, "turn right", "turn nose up")).result()
+    assert "not checked" not in two.sentence
+
+
 def test_sigmas_of_six_positions_are_right() -> None:
     errors = []
     for seed in range(60):
@@ -141,11 +164,19 @@ def test_a_device_that_moves_while_it_is_taken_is_refused() -> None:
     assert "too few" in refused(AxisCheck(), "level", still("level", seconds=1))
 
 
-def test_a_still_stretch_before_a_movement_is_found() -> None:
+def test_a_still_stretch_before_a_jolt_is_found() -> None:
+    rows = still("level")
+    rows["force"][-60:] += 3 * np.sin(2 * np.pi * 5 * rows["time"][-60:, None])  # as a press of a button
+    rows["rate"][-60:] += 0.2
+    check = AxisCheck()
+    assert check.take("level", rows).shown == (0, 0, -1)
+
+
+def test_a_position_that_was_just_left_is_not_taken_for_the_new_one() -> None:
     rows = np.concatenate((still("level", seconds=2.4), still("nose up", seconds=0.6)))
     rows["time"] = np.arange(len(rows)) / HZ
     check = AxisCheck()
-    assert check.take("level", rows).shown == (0, 0, -1)
+    assert "was turned" in refused(check, "nose up", rows)
     rows = np.concatenate((still("level"), still("nose up")))
     rows["time"] = np.arange(len(rows)) / HZ
     assert check.take("nose up", rows).shown == (1, 0, 0)  # the last one

@@ -24,6 +24,7 @@ from lab.live.axis_check import (
 )
 from lab.live.axis_map import AxisMap
 from lab.live.held import AxisCheckError
+from lab.live.source_status import STREAMING
 from lab.live.station import Station
 from lab.views.axis_picture import axis_picture
 
@@ -31,9 +32,9 @@ PLACED = 5e-4
 """σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
 _INTRODUCTION = (
-    "<p>Hold the device still, as a face of the vehicle would be, and press the button of the position "
-    "while you hold it. Two perpendicular positions give the axes, three check them, and all six also give "
-    "bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn by 90° within "
+    "<p>Turn the device as the vehicle would turn it, hold it still for "
+    f"{LAST:g} s, and press the button of the position while you hold it. Two perpendicular positions give "
+    "the axes, three check them, and all six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn by 90° within "
     f"{TURN_TIME:g} s, then press.</p>"
 )
 _WORDS = {
@@ -80,9 +81,9 @@ class AxesPart:
             pn.Row(
                 pn.Column(*rows, margin=0, **_share(380)),
                 pn.Column(
-                    self._picture,
                     self._words,
                     pn.Row(self._use, self._anew, margin=0, stylesheets=[WRAP]),
+                    self._picture,
                     margin=0,
                     **_share(380),
                 ),
@@ -116,6 +117,13 @@ class AxesPart:
         if self._station is None:
             return
         source = self._station.source
+        status = source.status
+        if status.state != STREAMING:
+            self._notice.say(
+                f"{_WORDS[name]}: the source sends no samples now ({status.state}). Press again "
+                "when it streams."
+            )
+            return
         rows = source.last(TURN_TIME if name in TURNS else LAST).imu
         try:
             self.check.take(name, in_device_axes(rows, source.axes))
