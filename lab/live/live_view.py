@@ -92,7 +92,9 @@ def _without_fixes(stream: Stream, attitude: AttitudeOnly) -> tuple[str, str]:
         return ALIGNING, attitude.refused or (
             f"The IMU must stand still for {SHORTEST} s to find the vertical; {still}."
         )
-    sentences = [f"No position: {stream.missing}"]
+    of_fix = len(stream.fixes) and stream.fix_age <= COASTS_AFTER
+    whose = "The position is that of the last fix." if of_fix else "There is no position."
+    sentences = [f"{whose} {stream.missing}"]
     if not attitude.heading_is_known:
         sentences.append(_on_north(attitude))
     if attitude.refused:

@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
+from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
 from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
@@ -41,6 +42,8 @@ _TRACK_RATE = 10.0
 """Points of the ground track per second [Hz]: 3 m apart at 30 m/s."""
 _TRACK_POINTS = 3000
 """Most points of the ground track: five minutes at 10 Hz."""
+_FREE = 0.25
+"""Part of the north axis of the ground track that is left free at the top, for the legend."""
 _UNKNOWN = np.pi
 """σ of a heading from which it is unknown [rad]."""
 
@@ -60,7 +63,7 @@ class LiveTrack:
         self._parcel = parcel
         self._title = Title(text="Ground track: no position")
         # Ranges by hand: automatic ones would paint the figure twice.
-        self._x, self._y = Range1d(start=-10, end=10), Range1d(start=-10, end=10)
+        self._x, self._y = Range1d(start=-10, end=10), Range1d(start=-10, end=20 / (1 - _FREE) - 10)
         self.figure: figure = plain_figure(
             self._title,
             "east [m]",
@@ -142,7 +145,7 @@ class LiveTrack:
         self._drawn = bool(known[-1])
         return np.asarray(position[known | before])
 
-    def show(self, position: FloatArray, sigma: FloatArray, *, words: bool) -> None:
+    def show(self, position: FloatArray, sigma: FloatArray, *, words: bool, of_fix: bool = False) -> None:
         """Draw where it is now.
 
         Parameters
@@ -153,6 +156,8 @@ class LiveTrack:
             σ north, east, down [m].
         words
             Whether the title is renewed, with which a browser paints the whole figure.
+        of_fix
+            Whether the position is that of the last fix, as of a navigator without one of its own.
         """
         if self._origin is None or not np.isfinite(position).all():
             self._show_none()
@@ -164,7 +169,7 @@ class LiveTrack:
         if words:
             sigma_now = float(f"{max(sigma[0], sigma[1]):.2g}")  # two digits, without an exponent
             numbers = f"σ {sigma_now:g} m, height {position[2]:.0f} m".replace("-", "\u2212")
-            self._parcel.set(title, text=f"Ground track: {numbers}")
+            self._parcel.set(title, text=f"Ground track: {'last fix, ' if of_fix else ''}{numbers}")
 
     def _metres(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         assert self._origin is not None
@@ -180,8 +185,9 @@ class LiveTrack:
         start = middle - half
         if self._shown != (half, *start) and not self._holds(low, high, half):
             self._shown = (half, *start)
-            for number, low_end in zip(self._numbers[4:], start, strict=True):
-                self._parcel.set(number, start=float(low_end), end=float(low_end + 2 * half))
+            lengths = 2 * half, 2 * half / (1 - _FREE)
+            for number, low_end, length in zip(self._numbers[4:], start, lengths, strict=True):
+                self._parcel.set(number, start=float(low_end), end=float(low_end + length))
 
     def _holds(self, low: FloatArray, high: FloatArray, half: float) -> bool:
         """Return whether what is shown holds the track, at a scale that still fits."""
@@ -304,7 +310,8 @@ class LiveFigures:
         """
         relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
         self._attitude.show(state.euler, is_relative=bool(relative), title=words)
-        self._track.show(state.position, state.position_sigma, words=words)
+        of_fix = state.phase in (ALIGNING, ATTITUDE_ONLY)
+        self._track.show(state.position, state.position_sigma, words=words, of_fix=of_fix)
         for one in self._all:
             one.move(now, self.window)
         self._turn = (self._turn + 1) % _TURNS

@@ -156,5 +156,6 @@ def test_the_course_of_an_unknown_vehicle_is_compared_first():
         if 30 <= live.state.time - HOST < 40:
             said.add(live.state.reason)
             assert live.state.position_sigma[0] == pytest.approx(0.5)  # that of the fix
+            assert live.state.reason.startswith("The position is that of the last fix. The fixes show")
     assert all("unknown vehicle (navigator.vehicle) is compared" in reason for reason in said)
     assert live.state.phase == "navigating"

@@ -80,7 +80,10 @@ def test_a_recorded_file_replays_bit_for_bit_and_its_mission_has_all(
         whole = np.isfinite(found.reading[name])
         assert series.time.size == whole.sum()
     own = np.degrees(mine.headings.sigma)
-    if device == "ublox":  # the unit of accHeading is 1e-5°; the table has six digits
+    if device in (
+        "ublox",
+        "mavlink",
+    ):  # the unit of accHeading and hdg_acc is 1e-5°; the table has six digits
         assert own == pytest.approx(float(flight.result.experiment.sensors.heading.noise), abs=1e-4)
     else:
         assert np.isnan(own).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bokeh.models.sources import ColumnDataSource
 
-from lab.live.live_state import WAITING, LiveHistory, LiveState
+from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, NAVIGATING, WAITING, LiveHistory, LiveState
 from lab.live.thinned import THINNED
 from lab.views.live_figures import LiveFigures
 
@@ -157,6 +157,35 @@ def test_titles_with_numbers_fit_above_their_plots() -> None:
         assert all(len(title) <= 46 and "e+" not in title for title in titles), titles
         assert ("relative" in titles[0]) == (heading_sigma > np.pi)
     assert titles == ["Roll −180.0°, pitch 0.0°, heading relative", "Ground track: σ 7 m, height 1000 m"]
+
+
+def test_the_legend_of_the_ground_track_has_room_above_the_points() -> None:
+    """Its text takes 25 px of the 120 px of a plot in a row of three."""
+    for turn in np.radians(np.arange(0, 360, 30)):
+        figures = LiveFigures()
+        along = np.linspace(0, 1e-3, 50)
+        position = np.stack((along * np.cos(turn), along * np.sin(turn), 0 * along), axis=-1)
+        part = flown(2.5, (0.0, 0.0))
+        figures.add_history(part._replace(position=position, time=np.arange(1, 51) / 10), 0.0)
+        figures.show(LiveState(phase=WAITING, reason=""), 5.0)
+        fig = figures.figures[8]
+        north = np.asarray(fig.select_one({"name": "live:track"}).data["north"])
+        low, high = fig.y_range.start, fig.y_range.end
+        assert low <= north.min()
+        assert north.max() <= low + 0.79 * (high - low)
+
+
+def test_the_title_of_the_ground_track_says_whose_sigma_it_shows() -> None:
+    """Without a position of its own, the navigator shows that of the last fix."""
+    titles = {}
+    for phase in (NAVIGATING, ATTITUDE_ONLY, ALIGNING):
+        figures = LiveFigures()
+        figures.add_history(flown(1.0, (0.0, 0.0)), 0.0)
+        known = {"position": np.zeros(3), "position_sigma": np.full(3, 0.7)}
+        figures.show(LiveState(phase=phase, reason="", **known), 1.0)
+        titles[phase] = figures.figures[8].title.text
+    assert titles[NAVIGATING] == "Ground track: σ 0.7 m, height 0 m"
+    assert titles[ATTITUDE_ONLY] == titles[ALIGNING] == "Ground track: last fix, σ 0.7 m, height 0 m"
 
 
 def slow(figures: LiveFigures) -> list[ColumnDataSource]:

@@ -32,9 +32,10 @@ PLACED = 5e-4
 """σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
 _INTRODUCTION = (
-    "<p>Turn the device as the vehicle would turn it, hold it still for "
-    f"{LAST:g} s, and press the button of the position while you hold it. Two perpendicular positions give "
-    "the axes, three check them, and all six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn by 90° within "
+    f"<p>Turn the device as the vehicle would turn it, hold it still for {LAST:g} s, and press the button of "
+    "the position while you hold it. Two perpendicular positions give the axes, three check them, and all "
+    "six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn "
+    "by 90° within "
     f"{TURN_TIME:g} s, then press.</p>"
 )
 _WORDS = {

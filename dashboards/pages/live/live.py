@@ -256,6 +256,7 @@ class Live(Page):
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
         self._unplug.visible = station.source.device is not None
+        self._fields.work(connected=True)
         self._recorder.watch(station)
         self._show_parts_of(station)
         self._begin_anew()
@@ -268,6 +269,7 @@ class Live(Page):
         self._connect.param.update(label="Connect", icon="sensors", color="primary")
         self._pause.param.update(disabled=True, label="Pause", icon="pause")
         self._unplug.visible = False
+        self._fields.work(connected=False)
         self._status.say(sentence)
         self._fields.refresh()
 

@@ -58,8 +58,8 @@ class Recorder:
         self.offer = UnfinishedPart(self._finish, self._job.say)
         self.view = pn.Column(self._job.view, self.offer.view, margin=0, sizing_mode="stretch_width")
         self._field = pmui.TextInput(
-            label="Name of the recording", value="recording", size="small", variant="outlined", margin=(8, 4),
-            **sized(190),
+            label="Recording", value="recording", size="small", variant="outlined", margin=(8, 4),
+            **sized(140),
         )  # fmt: skip
         # Two buttons: who presses Record while another page begins must not stop what that one records.
         self._record = pmui.Button(

@@ -30,6 +30,7 @@ _STYLE = """
 .dim { opacity: 0.7; }
 .numbers .wide { white-space: normal; overflow-wrap: anywhere; min-width: 0; }
 .bad { color: color-mix(in srgb, #e5484d 65%, currentColor); }
+@media (max-width: 600px) { :host { font-size: 13px; line-height: 1.35; } .numbers { gap: 1px 12px; } }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
 

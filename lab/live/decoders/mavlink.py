@@ -6,7 +6,8 @@ of any size: it is taken while it shows about one g. Ground stations and other v
 GPS_RAW_INT has no vertical velocity; its height is above the sea where the receiver does not send the
 other. Pymavlink, an extra, knows the messages.
 
-The yaw of GPS_RAW_INT and GPS2_RAW makes headings, as receivers with two antennas send it. WHEEL_DISTANCE
+The yaw of GPS_RAW_INT and GPS2_RAW makes headings, as receivers with two antennas send it; beside a yaw,
+`hdg_acc` is its σ, as PX4 sends it, while ArduPilot sends 0. WHEEL_DISTANCE
 makes speeds: the mean over the wheels since the message before, for the time in the middle.
 
 References
@@ -41,6 +42,8 @@ _RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
 """Messages of receivers; fixes are those of the first."""
 _NO_YAW = (0, 65_535)
 """Yaw of a receiver that has none, and of one that cannot say it now; 36 000 stands for north."""
+_HEADING_SIGMA = math.radians(1e-5)
+"""Unit of `hdg_acc` [rad]."""
 _WHEELS = "WHEEL_DISTANCE"
 _LONGEST_STEP = 1.0
 """Longest time over which distances of wheels make a speed [s]: a car changes its speed by 10 m/s in it."""
@@ -114,7 +117,8 @@ class Mavlink(Framing):
         if message.msgname in _RECEIVERS:
             if fields["yaw"] not in _NO_YAW:
                 time, utc = _clock(fields)
-                rows.add_reading(end, time, utc=utc, heading=math.radians(1e-2 * fields["yaw"]))
+                heading, spread = math.radians(1e-2 * fields["yaw"]), _HEADING_SIGMA * fields["hdg_acc"]
+                rows.add_reading(end, time, utc=utc, heading=heading, heading_sigma=spread or NAN)
             if message.msgname == _RECEIVERS[0]:
                 _add_fix(fields, end, rows)
             return True

@@ -50,7 +50,8 @@ class MavlinkEncoder:
         if np.isfinite(row["heading"]):
             yaw = round(1e2 * math.degrees(row["heading"])) % 36_000 or 36_000
             unknown = (NO_FIX, 0, 0, 0, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 255, 0, 0)
-            packed += self._packed(self._link.gps2_raw_encode(now, *unknown, yaw))
+            spread = round(1e5 * math.degrees(known(row, "heading_sigma")[0]))
+            packed += self._packed(self._link.gps2_raw_encode(now, *unknown, yaw, hdg_acc=spread))
         if np.isfinite(row["speed"]):
             speed = float(row["speed"])
             before, slow, distance = self._wheel or (now, speed, 0.0)

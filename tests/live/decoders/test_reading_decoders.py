@@ -101,6 +101,22 @@ def test_yaw_and_wheels_are_those_of_pymavlink() -> None:
     np.testing.assert_allclose(found["time"], [4.0, 4.0, 5.1, 5.3])
 
 
+def test_the_uncertainty_of_a_yaw_is_its_sigma() -> None:
+    """MAVLink: `hdg_acc` in 1e-5°; PX4 sends it with the yaw, ArduPilot sends 0, which is unknown."""
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    second = (1, 0, 0, 0, 65_535, 65_535, 65_535, 65_535, 255, 0, 0)
+    first = (1, 0, 0, 0, 65_535, 65_535, 65_535, 65_535, 255)
+    data = b"".join(
+        link.gps2_raw_encode(4_000_000, *second, 9_000, hdg_acc=sigma).pack(link)
+        + link.gps_raw_int_encode(4_000_000, *first, yaw=9_000, hdg_acc=sigma).pack(link)
+        for sigma in (40_000, 0)
+    )
+    data += link.gps_raw_int_encode(4_000_000, *first, yaw=0, hdg_acc=40_000).pack(link)  # of a course
+    found = decoded(decoder_of("mavlink"), data).reading
+    np.testing.assert_allclose(np.degrees(found["heading_sigma"]), [0.4, 0.4, np.nan, np.nan])
+
+
 def test_a_text_line_that_repeats_a_speed_is_no_new_reading() -> None:
     lines = [
         "time[s],rate_x[°/s],rate_y[°/s],rate_z[°/s],ax[g],ay[g],az[g],true heading[°],wheel speed[km/h]"
@@ -139,11 +155,13 @@ def test_pymavlink_reads_the_yaw_and_the_wheels_that_the_encoder_writes() -> Non
     dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
     time = 4.0 + 0.2 * np.arange(5)
     sent = rows(time=time, heading=np.radians(HEADINGS), speed=[3.0, 5.0, 4.0, 0.0, -2.0])
+    sent["heading_sigma"] = np.radians(0.35)
     found = dialect.MAVLink(None).parse_buffer(ENCODERS["mavlink"]().encode_readings(sent))
     antennas, wheels = (
         [one for one in found if one.get_type() == name] for name in ("GPS2_RAW", "WHEEL_DISTANCE")
     )
     assert [one.yaw for one in antennas] == [36_000, 8_999, 18_000, 27_050, 35_999]
+    assert {one.hdg_acc for one in antennas} == {35_000}
     assert {one.fix_type for one in antennas} == {1}  # its position must not be taken
     np.testing.assert_allclose([one.time_usec * 1e-6 for one in (*antennas, *wheels)], [*time, *time])
     # The distance is the integral of a speed that is linear between the readings.
