@@ -34,6 +34,9 @@ EVEN: Final = 200
 """Even intervals in a row after which a clock is used again: a second of a usual IMU."""
 MOST_EVENTS: Final = 100
 """Most events that are kept."""
+COMPARED: Final = 128
+"""Samples with which one is compared whose time is earlier than the last: datagrams hold at most 1,400 bytes,
+so this is five of them."""
 _MOST_GAPS: Final = 16  # gaps into which a late datagram may fall: those of the last second of a bad network
 _BEGINS: Final = 2.0
 """Largest time that a clock shows which has just begun anew [s]: devices send within it."""
@@ -345,6 +348,25 @@ class ClockWatch:
             # A pace that changed for good is no gap: the usual interval follows it slowly.
             self.usual += REMEMBERED * (float(steps[gap].min()) - self.usual)
         return np.asarray(gap), missing
+
+
+def sent_again(values: FloatArray, before: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples have come before: the one before them again, or a copy of an earlier one.
+
+    Parameters
+    ----------
+    values, before : (n, 7), (k, 7) arrays
+        Times of the device, rates and forces of the new samples, and of those before them.
+    """
+    previous = np.concatenate((before[-1:], values[:-1]))
+    again = np.asarray((values == previous).all(axis=1))
+    if not (values[:, 0] < previous[:, 0]).any():
+        return again
+    seen = {row.tobytes() for row in before}
+    for k, row in enumerate(values):
+        again[k] |= row.tobytes() in seen
+        seen.add(row.tobytes())
+    return again
 
 
 def _event(size: float, time: float, arrival: float) -> ClockEvent:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lab.counted import counted
 from lab.live.axis_map import AxisMap
-from lab.live.clock_watch import ClockWatch
+from lab.live.clock_watch import COMPARED, ClockWatch, sent_again
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.decoder import Decoder, Statistics
@@ -54,7 +54,7 @@ class Loss:
     missing : int
         Samples that the device's clock or counter shows to be missing.
     repeated : int
-        Samples with the time and the values of the one before, which are dropped.
+        Samples that came twice, with the same time and values, of which one is dropped.
     backwards : int
         Samples that came after later ones, which are dropped.
     jumps : int
@@ -133,7 +133,7 @@ class Reception:
         self._waiting: list[tuple[float, Rows]] = []
         self.counted = 0
         self.watch = ClockWatch()
-        self._values: FloatArray | None = None  # rates and forces of the last sample
+        self._values: FloatArray | None = None  # times, rates and forces of the last samples
         self._paced: deque[tuple[float, int]] = deque()  # arrivals and numbers of the last samples
         self._rebase = False  # whether times by number begin
         self._last_arrival = np.nan
@@ -280,8 +280,8 @@ class Reception:
         """Return samples without those that were sent twice; see whether a bad clock runs evenly again."""
         values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
         before = np.full((1, 7), np.nan) if self._values is None else self._values
-        self._values = values[-1:]
-        fresh = (values != np.concatenate((before, values[:-1]))).any(axis=1)
+        fresh = ~sent_again(values, before)
+        self._values = np.concatenate((before, values[fresh]))[-COMPARED:]
         if not fresh.all():
             self.watch.repeated += int((~fresh).sum())
             rows, device = rows[fresh], device[fresh]

@@ -62,6 +62,26 @@ def test_every_device_is_recognised_and_timed(device: str, known: bool) -> None:
         assert "frames" in reception.evidence or "lines" in reception.evidence
 
 
+@pytest.mark.parametrize("device", ["vectornav", "xsens", "mip", "ublox", "mavlink", "text"])
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_datagram_that_a_network_delivers_twice_is_used_once(device: str, apart: bool) -> None:
+    """Datagrams hold several samples; the second copy comes at once, or after the next datagram."""
+    sent = motion(1500)
+    stream: list[Chunk] = []
+    for k, chunk in enumerate(chunks(device, sent, many=5)):
+        stream.append(chunk)
+        if k > 100 and k % 3 == 0:
+            stream.append(Chunk(chunk.arrival + 1e-4, (stream[-2] if apart else chunk).data))
+    reception = Reception(device)
+    imu, _ = received(reception, stream)
+    assert len(imu) == len(sent)
+    assert np.abs(imu["rate"] - sent["rate"]).max() < 0.01
+    assert reception.watch.repeated == 5 * (len(stream) - 300)
+    assert (reception.loss.jumps, reception.loss.missing) == (0, 0)
+    true = HOST + sent["time"] - 7.0
+    assert np.abs(imu["time"] - true)[800:].max() < 0.06  # 40 ms until a datagram of five is complete
+
+
 def test_fixes_of_the_same_clock_lie_among_the_samples() -> None:
     sent, sent_fix = motion(1500), fixes(14)
     imu, fix = received(Reception("vectornav"), chunks("vectornav", sent, sent_fix))
