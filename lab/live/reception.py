@@ -41,6 +41,11 @@ MOST = 2**14
 COUNTED = 2.0
 """Time over which the rate of a device without a clock is taken [s]."""
 
+_NEXT = 0.05
+"""Part of the usual interval by which the next sample of a counter that turns over may miss it: then it came
+late, and nothing is missing. Samples that are missing leave any part of a turn, of 21 intervals, so this is
+wrong in one of 200 short silences."""
+
 _NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
 """No samples, no fixes."""
 
@@ -318,7 +323,9 @@ class Reception:
         period = self._decoder.wrap_period if self._decoder else np.inf
         silence = arrival - self._last_arrival
         self._last_arrival = arrival
-        if np.isfinite(period) and silence > period / 2:
+        step = (float(device[0]) + self._wrapped - self.watch.last) % period
+        stalled = abs(step - self.watch.usual) < _NEXT * self.watch.usual and silence < 2 * period
+        if np.isfinite(period) and silence > period / 2 and not stalled:
             missed = self.watch.last + silence - (float(device[-1]) + self._wrapped)
             self._wrapped += period * round(missed / period)
         return device + self._wrapped

@@ -82,6 +82,21 @@ def test_a_datagram_that_a_network_delivers_twice_is_used_once(device: str, apar
     assert np.abs(imu["time"] - true)[800:].max() < 0.06  # 40 ms until a datagram of five is complete
 
 
+def test_a_busy_computer_adds_no_turn_to_a_counter_of_a_seventh_of_a_second() -> None:
+    """All samples come, but those of 0.16 s stall on their way: first one alone, the others at once after it."""
+    sent = motion(1500)
+    stream = chunks("memsense", sent)
+    for begin in range(300, 1400, 100):
+        late = stream[begin + 16].arrival
+        for k in range(begin, begin + 17):
+            stream[k] = Chunk(late + 1e-5 * (k - begin), stream[k].data)
+    reception = Reception("memsense")
+    imu, _ = received(reception, stream)
+    assert len(imu) == len(sent)
+    assert reception.loss.missing == reception.loss.jumps == 0
+    assert np.abs(np.diff(imu["time"]) - 0.01)[800:].max() < 1e-3
+
+
 def test_fixes_of_the_same_clock_lie_among_the_samples() -> None:
     sent, sent_fix = motion(1500), fixes(14)
     imu, fix = received(Reception("vectornav"), chunks("vectornav", sent, sent_fix))
