@@ -83,7 +83,7 @@ def test_a_datagram_that_a_network_delivers_twice_is_used_once(device: str, apar
 
 
 def test_a_busy_computer_adds_no_turn_to_a_counter_of_a_seventh_of_a_second() -> None:
-    """All samples come, but those of 0.16 s stall on their way: first one alone, the others at once after it."""
+    """All samples come, but those of 0.16 s stall on their way: the first alone, the others at once later."""
     sent = motion(1500)
     stream = chunks("memsense", sent)
     for begin in range(300, 1400, 100):
