@@ -7,8 +7,10 @@ those of the receiver before those that Android fuses. Raw measurements of satel
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 
 _HEAD = 2**16
 """First bytes in which a comment shows the format."""
@@ -45,38 +47,52 @@ def is_gnss_logger(data: bytes) -> bool:
 
 def tables_of(data: bytes) -> bytes:
     """Return the sensors and fixes in a text of this app as csv tables, one below the other."""
-    lines = data.decode("utf-8", "replace").splitlines()
-    names = {
-        cells[0]: [_UNIT_WORDS.sub("", cell.strip().lower()) for cell in cells[1:]]
-        for line in lines[:500]
-        if line.startswith("#") and len(cells := line.lstrip("# ").split(",")) > 2
-    }
-    kinds = {kind for pair in _SENSORS.values() for kind in pair} | {"Fix"}
-    rows: dict[str, list[list[str]]] = {kind: [] for kind in kinds}
-    for line in lines:
+    names = _names(data[:_HEAD].decode("utf-8", "replace"))
+    rows: dict[str, list[str]] = {kind: [] for kind in ("Fix", *chain(*_SENSORS.values()))}
+    # A list of all lines, most of them raw measurements, would take several times the file.
+    for line in io.TextIOWrapper(io.BytesIO(data), "utf-8", "replace"):
         kind, _, rest = line.partition(",")
         if kind in rows:
-            rows[kind].append(rest.split(","))
-    since_boot = _has_boot_clock(rows["Fix"], names.get("Fix", ()))
+            rows[kind].append(rest.rstrip("\n"))
+    since_boot = _has_boot_clock(rows["Fix"], names)
     made = []
     for heading, pair in _SENSORS.items():
         kind = next((one for one in pair if rows[one]), pair[0])
         time = "time[ns]" if since_boot else "time[ms]"
-        first = 1 if since_boot else 0
         made.append(",".join((time, *(heading.format(axis) for axis in "xyz"))))
-        made += [",".join((row[first], *row[_AXES])) for row in rows[kind] if len(row) >= _AXES.stop]
-    return "\n".join((*made, *_fixes(rows["Fix"], names.get("Fix", ()), since_boot), "")).encode()
+        made += filter(None, (_of_sensor(row, since_boot) for row in rows[kind]))
+    return "\n".join((*made, *_fixes(rows["Fix"], names, since_boot), "")).encode()
 
 
-def _has_boot_clock(fixes: Sequence[Sequence[str]], names: Sequence[str]) -> bool:
+def _names(head: str) -> list[str]:
+    """Return what the cells of a fix are, without their units; nothing if no comment says it."""
+    for line in head.splitlines():
+        kind, *cells = line.lstrip("# ").split(",")
+        if line.startswith("#") and kind == "Fix" and cells:
+            return [_UNIT_WORDS.sub("", cell.strip().lower()) for cell in cells]
+    return []
+
+
+def _of_sensor(row: str, since_boot: bool) -> str:
+    """Return time and axes of a sensor's row; nothing if cells are missing."""
+    cells = row.split(",", _AXES.stop)
+    return ",".join((cells[int(since_boot)], *cells[_AXES])) if len(cells) >= _AXES.stop else ""
+
+
+def _has_boot_clock(fixes: Sequence[str], names: Sequence[str]) -> bool:
     """Return whether fixes have the clock since the start of the phone; older versions leave it out."""
     if _BOOT not in names:
         return False
     place = names.index(_BOOT)
-    return bool(fixes) and all(len(row) > place and row[place].strip() for row in fixes)
+    return bool(fixes) and all(len(row) > place and row[place].strip() for row in _cells(fixes))
 
 
-def _fixes(fixes: Sequence[Sequence[str]], names: Sequence[str], since_boot: bool) -> list[str]:
+def _cells(rows: Sequence[str]) -> Iterator[list[str]]:
+    """Iterate over rows as cells; those of all rows at once would take many times the file."""
+    return (row.split(",") for row in rows)
+
+
+def _fixes(fixes: Sequence[str], names: Sequence[str], since_boot: bool) -> list[str]:
     """Return a table for each provider of fixes, under its own headings."""
     clocks = (_BOOT,) if since_boot else _SINCE_1970
     time = next((names.index(one) for one in clocks if one in names), -1)
@@ -85,7 +101,7 @@ def _fixes(fixes: Sequence[Sequence[str]], names: Sequence[str], since_boot: boo
         return []
     last = max(time, *(place for _, place in columns))
     by_provider: dict[str, list[str]] = {"gps": []}
-    for row in fixes:
+    for row in _cells(fixes):
         provider = row[0].strip().lower()
         if len(row) > last and provider in _RECEIVERS:
             cells = [row[place] for _, place in columns]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from foreign_tables import UNIX, phone
@@ -9,6 +11,7 @@ from phone_drive import drive
 
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.readers.gnss_logger import tables_of
 from lab.readers.sensor_csv import recognises
 
 NEW = (
@@ -92,3 +95,14 @@ def test_a_file_without_sensors_says_that_the_sensors_are_missing(tmp_path):
     path.write_text(text(NEW, sensors=False))
     with pytest.raises(MissionError, match="no complete gyros and accelerometers"):
         read_log([path], vehicle="car")
+
+
+def test_many_short_rows_take_no_more_memory_than_long_ones():
+    data = "\n".join((f"# {NEW}", *["Fix,a"] * 100_000)).encode()
+    tracemalloc.start()
+    try:
+        tables_of(data)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 5 * len(data)
