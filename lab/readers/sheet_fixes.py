@@ -183,7 +183,7 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     rows, time = rows[changed], time[changed]
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
     remarks += [
-        f"Heights: {height.name}, in {height.unit} ({height.source}).",
+        f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).",
         clock.report("GPS"), *sorted_, *held,
     ]  # fmt: skip
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
@@ -193,6 +193,11 @@ def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
     return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more), rows)
+
+
+def _or_other(height: _Column) -> str:
+    """Return how the unit of heights is stated where it is assumed: those of a level drive do not show it."""
+    return f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
 
 
 def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:

@@ -22,5 +22,5 @@ def test_the_accelerometers_show_the_unit_of_heights_in_a_flight(tmp_path, start
         ]
     )
     np.testing.assert_allclose(log.gnss.position[:, 2], made.gnss[:, 3], atol=1e-6)
-    how = "assumed" if unit == "m" else "guessed: the numbers change"
+    how = 'assumed; --unit "alt=ft"' if unit == "m" else "guessed: the numbers change"
     assert any(one.startswith(f"Heights: alt, in {unit} ({how}") for one in log.repairs)
