@@ -287,21 +287,23 @@ def _likeness(log: SensorLog, motion: Motion) -> FloatArray | None:
 
 
 def _check_gyro_unit(log: SensorLog, motion: Motion) -> None:
-    """Compare the size of the turns with the course's, about the axis that follows it best.
+    """Compare the size of the turns with the course's, about the fastest axis of those that follow it.
 
     Velocities at 1 Hz do not show it: gyros that hardly turn, and a bias of 2 °/s, explain a turn of 20 s.
+    An axis that is not quite level follows the course as well as the vertical one, by some percent.
     """
     likeness = _likeness(log, motion)
     if likeness is None:
         return
-    correlation, factor, _ = max(likeness, key=lambda one: abs(one[0]))
-    if abs(correlation) < _MIN_CORRELATION:
+    following = np.abs(likeness[np.abs(likeness[:, 0]) >= _MIN_CORRELATION, 1])
+    if not following.size:
         return
+    factor = float(following.max())
     degree = 180 / np.pi
     for scale, numbers in ((degree, "degrees where radians"), (1 / degree, "radians where degrees")):
-        if _SAME_FACTOR[0] < abs(factor) / scale < _SAME_FACTOR[1]:
+        if _SAME_FACTOR[0] < factor / scale < _SAME_FACTOR[1]:
             raise MissionError(
-                f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
+                f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look "
                 f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
             )
 

@@ -29,21 +29,37 @@ def same_rates(log, tolerance=0.05):
     assert np.polyfit(seen, log.rates[0][:, 2], 1)[0] == pytest.approx(1, abs=tolerance)
 
 
-@pytest.mark.parametrize("seed", range(1, 9))
-def test_gyros_57_times_too_slow_are_found_on_a_drive(tmp_path, seed):
-    """Velocities at 1 Hz leave room for a bias of 2 °/s, which explains a turn; the course shows the unit."""
-    one = drive(seed)
-    rows = [[t, *w, *f] for t, w, f in zip(one.time, one.rate, one.force, strict=True)]
+def written(folder, one, rate, unit):
+    """Write a drive as a sensor log with these rates (n, 3), in a column of this unit, and read it."""
+    rows = [[t, *w, *f] for t, w, f in zip(one.time, rate, one.force, strict=True)]
     fixes = [
         [t, *p, *v, 2, 2, 3, 0.2, 0.2]
         for t, p, v in zip(one.at, one.position, one.velocity, strict=True)
     ]  # fmt: skip
-    table(tmp_path / "imu.csv", "t_s,gx_deg_s,gy_deg_s,gz_deg_s,fx_m_s2,fy_m_s2,fz_m_s2", rows)
+    names = ",".join(f"g{axis}_{unit}" for axis in "xyz")
+    table(folder / "imu.csv", f"t_s,{names},fx_m_s2,fy_m_s2,fz_m_s2", rows)
     header = "t_s,lat_deg,lon_deg,alt_m,vn_m_s,ve_m_s,sd_n_m,sd_e_m,sd_d_m,sd_vn_m_s,sd_ve_m_s"
-    table(tmp_path / "gnss.csv", header, fixes)
-    (tmp_path / "log.toml").write_text('vehicle = "car"\n')
+    table(folder / "gnss.csv", header, fixes)
+    (folder / "log.toml").write_text('vehicle = "car"\n')
+    return read_sensor_log(folder)
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_gyros_57_times_too_slow_are_found_on_a_drive(tmp_path, seed):
+    """Velocities at 1 Hz leave room for a bias of 2 °/s, which explains a turn; the course shows the unit."""
+    one = drive(seed)
     with pytest.raises(MissionError, match="radians where degrees"):
-        check_log(read_sensor_log(tmp_path))
+        check_log(written(tmp_path, one, one.rate, "deg_s"))
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_an_axis_that_is_not_quite_level_shows_no_other_unit(tmp_path, seed):
+    """It follows the course as well as the vertical one, 50 times as slowly."""
+    one = drive(seed)
+    rate = one.rate.copy()
+    rate[:, 2] += np.random.default_rng(seed).normal(0, 1e-3, one.time.size)
+    rate[:, 0], rate[:, 1] = 0.01 * one.rate[:, 2], 0.02 * one.rate[:, 2]
+    check_log(written(tmp_path, one, rate, "rad_s"))
 
 
 def test_sensor_logger_writes_gyros_in_radians_beside_accelerations_in_g(tmp_path):
