@@ -8,6 +8,7 @@ unit, such as ``g``, or a quantity with a unit, such as ``force_x[g]``. A zip fi
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -56,6 +57,10 @@ _KITTI = b"oxts/"
 _ZIP = b"PK\x03\x04"
 _MIN_QUANTITIES = 3
 """Fewest quantities that the headings of a file must name: time, and two more."""
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f]")
+"""Characters that texts do not have: no blanks, no zeros of free room, and no colours of a terminal."""
+_MOST_CONTROLS = 0.02
+"""Largest part of them in a text, with damaged rows: noise has 6 %."""
 _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
 _POSITION = ("latitude", "longitude")
@@ -68,10 +73,11 @@ def recognises(head: bytes) -> bool:
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
     if KITTI_STAMP.match(head):
         return True
-    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in as_utf8(head):
+    text = as_utf8(head)
+    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
         return False
     # Columns x, y and z are of a sensor that the name of the file tells.
-    layout = layout_of(as_table(as_utf8(head)), "accelerometer")
+    layout = layout_of(as_table(text), "accelerometer")
     if layout is None:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
@@ -82,6 +88,11 @@ def recognises(head: bytes) -> bool:
         and has_time
         and (set(_POSITION) <= names or bool(names & {"rate", "force", "place"}))
     )
+
+
+def _is_binary(text: bytes) -> bool:
+    """Return whether a text has so many control characters that it is none: noise names columns too."""
+    return len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -224,7 +224,7 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
                 if (known := layout.known[place]) is not None]  # fmt: skip
     places, headings = _in_two(places, headings)
     columns, texts = _numbers(name, data[start:], layout, places, headings)
-    columns, headings = _on_their_side(columns, headings)
+    columns, headings, texts = _on_their_side(columns, headings, texts)
     columns, remarks = _without_placeholders(name, headings, columns)
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
     return Sheet(
@@ -263,15 +263,19 @@ def _in_two(places: list[int], headings: list[Heading]) -> tuple[list[int], list
 
 
 def _on_their_side(
-    columns: list[FloatArray], headings: list[Heading]
-) -> tuple[list[FloatArray], list[Heading]]:
-    """Return columns with the sign of the hemisphere that the column after a coordinate names."""
+    columns: list[FloatArray], headings: list[Heading], texts: dict[int, str]
+) -> tuple[list[FloatArray], list[Heading], dict[int, str]]:
+    """Return columns with the sign of the hemisphere that the column after a coordinate names.
+
+    The columns of hemispheres are left out; texts are by the places of the others.
+    """
     for i in range(1, len(headings)):
         if headings[i].quantity == "side" and headings[i - 1].quantity in _COORDINATES:
             sides = columns[i]
             columns[i - 1] = np.where(np.isfinite(sides), np.abs(columns[i - 1]) * sides, columns[i - 1])
     kept = [i for i, one in enumerate(headings) if one.quantity != "side"]
-    return [columns[i] for i in kept], [headings[i] for i in kept]
+    own = {place: texts[i] for place, i in enumerate(kept) if i in texts}
+    return [columns[i] for i in kept], [headings[i] for i in kept], own
 
 
 def _numbered(head: bytes, overrides: Overrides) -> Layout | None:

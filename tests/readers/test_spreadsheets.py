@@ -234,3 +234,12 @@ def test_fixes_under_headings_of_a_simulator_are_a_flight(tmp_path, made):
     np.testing.assert_allclose(np.degrees(flight.latitude), rows[:, 1])
     with pytest.raises(MissionError):
         read_raw(table(tmp_path / "b.csv", "time,lat,lon,alt,vn,ve", rows[:2]))
+
+
+def test_dates_and_times_after_columns_of_hemispheres_keep_their_headings():
+    """They had those of columns further on, or an IndexError at the end of the table."""
+    rows = [f"48.{i},N,11.{i},W,300,2024-05-01,12:00:{i}" for i in range(10, 20)]
+    sheet = read_sheet("fixes.csv", "\n".join(("lat,N/S,lon,E/W,alt,date,time", *rows, "")).encode())
+    assert sheet is not None
+    assert sheet.texts == {"date": "2024-05-01", "time": "12:00:10"}
+    np.testing.assert_allclose(sheet.columns[1], [-float(f"11.{i}") for i in range(10, 20)])
