@@ -264,10 +264,11 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
 
 @inline_kernel
 def per_scale(state: FloatArray, scale: int) -> Vector:
-    """Return 1 / (1 + s) of three axes: minus the change of what `corrected` returns with the bias.
+    """Return 1 / (1 + s) of three axes: by this, `corrected` falls where a bias grows by one.
 
-    An error δs acts as one of f δs of the bias, one of the misalignment δm_xy as f_y δm_xy of that of x. What
-    misalignments change in this, a further percent of it, is left out.
+    A scale factor that is wrong by δs acts as a bias that is wrong by f δs. A misalignment that is wrong by
+    δm_xy acts as a bias of x that is wrong by f_y δm_xy. Misalignments change these factors by a percent,
+    which is left out.
     """
     return 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
 

@@ -60,7 +60,7 @@ _MIN_QUANTITIES = 3
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f]")
 """Characters that texts do not have: no blanks, no zeros of free room, and no colours of a terminal."""
 _MOST_CONTROLS = 0.02
-"""Largest part of them in a text, with damaged rows: noise has 6 %."""
+"""Largest part of them in a text with damaged rows: tables of loggers had none, noise at least 5.3 %."""
 _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
 _POSITION = ("latitude", "longitude")
