@@ -460,7 +460,7 @@ class LiveNavigator:
         """Begin the full navigator at a sample that has passed."""
         stream = self._stream
         stream.alignment, stream.attitude = alignment, None
-        variances = stream.fixes.column("variances")[0]
+        variances = stream.fixes.column("variances")[0, :3]
         P0 = start_covariance(self._assumed, self._navigator, alignment, variances)
         run = LiveFilter(
             stream.samples,

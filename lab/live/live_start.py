@@ -21,6 +21,7 @@ from lab.navigation.initial_heading import Hints, shows_course
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Fixes, Imu
 from lab.navigation.standstill import SHORTEST
+from lab.navigation.start_fixes import start_fixes
 
 FloatArray = NDArray[np.float64]
 
@@ -98,7 +99,7 @@ class LiveStart:
         imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
         imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
         known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
-        sigma = _velocity_sigma(fixes)
+        known, sigma = start_fixes(known, fixes.column("velocity_n"), fixes.column("variances"))
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
             AuxiliaryData(
@@ -153,20 +154,6 @@ COMPARED: Final = (
     "compared with its acceleration"
 )
 """What the navigator does with the course of an unknown vehicle."""
-
-
-def _velocity_sigma(fixes: Rolling) -> FloatArray:
-    """Return the σ (m, 3) of the velocities with which the start is found [m/s].
-
-    The filter gives a velocity that was not measured no weight. For the start, the difference of the
-    positions shows the course as well as they are known.
-    """
-    sigma = np.sqrt(fixes.column("variances"))
-    time = fixes.column("time")
-    over = np.diff(time, append=time[-1]) + np.diff(time, prepend=time[0])
-    unknown = np.isnan(fixes.column("velocity_n"))
-    unknown[:, 2] = False  # a vertical velocity is not derived from positions
-    return np.asarray(np.where(unknown, np.sqrt(2) * sigma[:, :3] / over[:, None], sigma[:, 3:]))
 
 
 HOW: Final = (

@@ -33,6 +33,8 @@ FloatArray = NDArray[np.float64]
 
 REST_SPEED = 0.5
 """Speed below which a vehicle may be at rest [m/s]."""
+NO_VERTICAL_SIGMA = 1.0
+"""σ of the initial vertical velocity if none is measured [m/s]."""
 _REST_SIGMAS = 3.5
 """And in σ of a receiver's velocity in an axis: at rest, the speed is larger in 0.2 % of the fixes."""
 _MOST_REST_SPEED = 2.0
@@ -66,6 +68,8 @@ _ROUNDS = 3
 """Number of iterations of levelling and heading, each with the result of the previous one."""
 _LEAST_FAST = 0.5
 """Part of the fixes about a second that must show a course, for the second to be judged."""
+_ACCELERATION = 2.0
+"""σ of the mean acceleration in that time where no velocity shows it [m/s²]: turns and brakes of a car."""
 _LEAST_FOR_SLOPE = 3
 """Fewest fixes by which an acceleration is taken: a line through two has no redundancy."""
 _REST_NOISE = np.radians(0.02)
@@ -87,6 +91,8 @@ class Alignment(NamedTuple):
         σ of the attitude error, north, east, down [rad].
     gyro_bias_sigma : (3,) array
         σ of the gyro bias [rad/s].
+    velocity_sigma : (3,) array
+        σ of the velocity, north, east, down [m/s].
     rest : float
         Duration of the rest at the start [s].
     heading : Found
@@ -97,6 +103,7 @@ class Alignment(NamedTuple):
     gyro_bias: FloatArray
     attitude_sigma: FloatArray
     gyro_bias_sigma: FloatArray
+    velocity_sigma: FloatArray
     rest: float
     heading: Found
 
@@ -137,7 +144,7 @@ def align(
     imu, fixes
         The measurements; the fixes are those of the IMU itself, with all three velocities.
     velocity_sigma : (m, 3) array
-        σ of the velocities [m/s].
+        σ of the velocities [m/s]; see `lab.navigation.start_fixes`.
     hints
         Further information about vehicle and heading.
     gyro_density : (3,) array
@@ -149,15 +156,19 @@ def align(
     position, velocity = (
         _at_start(imu.time[0], fixes, values) for values in (fixes.position, fixes.velocity_n)
     )
+    velocity, start_sigma = _start_velocity(
+        velocity, velocity_sigma[max(0, np.searchsorted(fixes.time, imu.time[0], "right") - 1)], rest
+    )
     length = rest or _LEVELLING
     force = _mean_force(imu, length)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
-    force_n = np.array([0.0, 0.0, -g]) if rest else _acceleration(imu, fixes, length) - (0, 0, g)
+    acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
+    force_n = acceleration - (0, 0, g)
     bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
         bias, bias_sigma = _bias_of_motion(imu, found)
-    tilt = _ALLOWED_BIAS / g if rest else float(_TILT_IN_MOTION)
+    tilt = _ALLOWED_BIAS / g if rest else float(np.hypot(_TILT_IN_MOTION, spread / g))
     if np.isnan(hints.given):
         found = _with_compass(imu, hints, found, (force, force_n), tilt, length, position)
     heading, heading_sigma = found.heading, found.sigma
@@ -179,9 +190,18 @@ def align(
         bias,
         np.array([tilt, tilt, heading_sigma]),
         sigma,
+        start_sigma,
         rest,
         found,
     )
+
+
+def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:
+    """Return the velocity (3,) at the start and its σ; a component that is known worse than zero is zero."""
+    zero = np.array([np.inf, np.inf, NO_VERTICAL_SIGMA])
+    if rest:
+        zero = np.minimum(zero, REST_SPEED)
+    return np.where(sigma > zero, 0.0, velocity), np.minimum(sigma, zero)
 
 
 def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float, float]:
@@ -275,14 +295,22 @@ def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
     return np.asarray(values[after - 1] + step * (time - a) / (b - a))
 
 
-def _acceleration(imu: Imu, fixes: Fixes, length: float) -> FloatArray:
-    """Return the mean acceleration (3,) over the first seconds, by a linear fit of the velocities."""
+def _acceleration(
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, length: float
+) -> tuple[FloatArray, float]:
+    """Return the mean acceleration (3,) over the first seconds, and the larger horizontal σ [m/s²].
+
+    It is that of a line through the velocities, as far as they know it better than `_ACCELERATION`.
+    """
     start = imu.time[0]
     near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
     if near.sum() < _LEAST_FOR_SLOPE:
-        return np.zeros(3)
-    slope = np.polyfit(fixes.time[near] - start, fixes.velocity_n[near], 1)[0]
-    return np.asarray(slope)
+        return np.zeros(3), _ACCELERATION
+    time = fixes.time[near] - start
+    slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
+    variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
+    known = _ACCELERATION**2 / (_ACCELERATION**2 + variance)
+    return slope * known, float(np.sqrt((variance * known)[:2].max()))
 
 
 def _turned(imu: Imu, bias: FloatArray) -> FloatArray:

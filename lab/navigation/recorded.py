@@ -13,7 +13,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
 from lab.logs.auxiliary_data import Magnetometer, Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
@@ -49,6 +48,7 @@ from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
+from lab.navigation.start_fixes import start_fixes, velocity_of_positions
 from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
@@ -64,8 +64,6 @@ UNKNOWN = 1e4
 """σ of an unmeasured velocity, so that it has no effect [m/s]."""
 WITHHELD = 1e6
 """σ of each measurement of a withheld fix [m], [m/s]."""
-NO_VERTICAL_SIGMA = 1.0
-"""σ of the initial vertical velocity if none is measured [m/s]."""
 
 _MIN_SAMPLES, _MIN_FIXES = 3, 2
 """Fewest samples of the IMU from the first fix on, and fewest fixes: two steps, and one to correct them."""
@@ -157,14 +155,16 @@ def navigate_log(
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = used_fixes(log.gnss, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
-    start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator), assumed.noise[:3])
+    start = start or align(
+        imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed.noise[:3]
+    )
     # The last fix before the start was used for the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
         raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
     rows &= ~within(outages, times)
     assumed = assumed._replace(
-        P0=start_covariance(assumed, navigator, start, variances[0]),
+        P0=start_covariance(assumed, navigator, start, variances[0, :3]),
         R=R[rows],
         decay=np.append(np.zeros(6), assumed.decay[6:]),
         lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm),
@@ -341,22 +341,13 @@ def used_fixes(
     known = GnssLog(
         gnss.time,
         gnss.position,
-        np.where(unknown, _velocity_of_positions(gnss), gnss.velocity_n),
+        np.where(unknown, velocity_of_positions(gnss.time, gnss.position), gnss.velocity_n),
         gnss.position_sigma,
         gnss.velocity_sigma,
         gnss.lever_arm,
         gnss.latency,
     )
     return known, R, np.diagonal(R, axis1=1, axis2=2).copy()
-
-
-def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
-    """Return the velocity (m, 3) north, east, down from differences of the positions; down is zero [m/s]."""
-    latitude, longitude = gnss.position[:, 0], np.unwrap(gnss.position[:, 1])
-    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
-    north = np.gradient(latitude, gnss.time) * per_latitude
-    east = np.gradient(longitude, gnss.time) * per_longitude
-    return np.stack((north, east, np.zeros_like(north)), axis=-1)
 
 
 def start_covariance(
@@ -370,14 +361,14 @@ def start_covariance(
         The filter's assumptions and settings.
     start
         The start.
-    variances : (6,) array
-        Variances of the first fix [m²], [(m/s)²].
+    variances : (3,) array
+        Variances of the position of the first fix [m²].
     """
     if navigator.p0 is not None:
         return assumed.P0
     variance = np.diag(assumed.P0).copy()
-    variance[POS] = navigator.p0_scale * variances[:3]
-    variance[VEL] = navigator.p0_scale * np.minimum(variances[3:], NO_VERTICAL_SIGMA**2)
+    variance[POS] = navigator.p0_scale * variances
+    variance[VEL] = navigator.p0_scale * start.velocity_sigma**2
     variance[ATT] = navigator.p0_scale * start.attitude_sigma**2
     gyro = navigator.p0_scale * start.gyro_bias_sigma**2
     variance[GYRO_BIAS] = gyro if start.rest else np.maximum(variance[GYRO_BIAS], gyro)

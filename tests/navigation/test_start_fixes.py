@@ -1,0 +1,77 @@
+"""Start of receivers that give positions only: their differences show course, speed and acceleration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from phone_drive import RATE, trajectory
+
+from lab.logs.auxiliary_data import AuxiliaryData
+from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.navigation.recorded import navigate_log
+from lab.navigation.settings import NavigatorSettings
+from lab.rotation import euler_from_quaternion, wrap
+from lab.sensors.suite import SensorSuite
+
+SIGMA = 2.5
+"""σ of the positions, north and east [m]."""
+
+
+def suite():
+    sensors = SensorSuite()
+    sensors.gyro.bias_sigma, sensors.gyro.noise_density = (0.3,) * 3, (0.02,) * 3
+    sensors.accelerometer.bias_sigma, sensors.accelerometer.noise_density = (5.0,) * 3, (5000.0,) * 3
+    return sensors
+
+
+def positions_only(start, rate, seed, vehicle="car"):
+    """Return the drive from a time on, with positions at a rate [Hz] and no velocity."""
+    ideal, rng = trajectory().increments(RATE), np.random.default_rng(seed)
+    kept = ideal.time >= start
+    size = int(kept.sum()) - 1
+    gyro = np.radians((0.3, -0.2, 0.25)) + rng.normal(0, 2e-3, (size, 3))
+    force = np.array((0.05, -0.04, 0.06)) + rng.normal(0, 0.03, (size, 3))
+    at = np.arange(start + 0.37, trajectory().duration - 0.5, 1 / rate)
+    true = trajectory().at(at)
+    sigma = np.tile((SIGMA, SIGMA, 1.5 * SIGMA), (at.size, 1))
+    north, east, down = (rng.normal(size=sigma.shape) * sigma).T
+    position = np.column_stack((true.latitude, true.longitude, true.height - down))
+    position[:, 0] += north / 6.37e6
+    position[:, 1] += east / (6.39e6 * np.cos(true.latitude))
+    unknown = np.full(sigma.shape, np.nan)
+    return SensorLog(
+        name="drive",
+        epoch=0.0,
+        time=ideal.time[kept],
+        dtheta=ideal.dtheta[-size:] + gyro / RATE,
+        dvelocity=ideal.dvelocity[-size:] + force / RATE,
+        gnss=GnssLog(at, position, unknown, sigma, unknown, np.zeros(3), 0.0),
+        reference=None,
+        gaps=np.empty((0, 2)),
+        repairs=(),
+        auxiliary=AuxiliaryData(vehicle=vehicle),
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("rate", [1, 10])
+@pytest.mark.parametrize("start", [0, 20, 45])
+def test_positions_show_course_speed_and_acceleration(start, rate, seed):
+    """It begins at rest, on a straight road, and in a turn with the brakes on."""
+    made = navigate_log(positions_only(start, rate, seed), suite(), NavigatorSettings())
+    begin, sigma = made.alignment, made.alignment.attitude_sigma
+    true = trajectory().at(made.imu.time)
+    errors = np.degrees(
+        np.abs(wrap(euler_from_quaternion(made.solution.q_nb) - euler_from_quaternion(true.q_nb)))
+    )
+    assert np.degrees(sigma[2]) < 30
+    assert (errors[0] < 3 * np.degrees(sigma[[0, 1, 2]])).all()
+    assert (np.abs(begin.start.velocity_n - true.velocity_n[0]) < 3.5 * begin.velocity_sigma).all()
+    assert errors[3000:, 2].max() < 30
+    north = (made.solution.position[3000:, 0] - true.latitude[3000:]) * 6.37e6
+    assert np.sqrt(np.mean(north**2)) < SIGMA
+
+
+def test_the_kind_of_vehicle_must_show_its_heading_by_its_course():
+    made = navigate_log(positions_only(20, 1, 1, "copter"), suite(), NavigatorSettings())
+    assert "from the course" not in made.alignment.heading.source
