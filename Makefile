@@ -25,7 +25,7 @@ help:
 	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
 	@echo 'make pictures   install and take the pictures of the documents, light and dark, in Chromium or Chrome'
 	@echo 'make bench      install and measure the speed'
-	@echo 'make fuzz       install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
+	@echo 'make fuzz       install and attack every reader of recordings, live decoder and push of phones, and a served laboratory, 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean      remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
 

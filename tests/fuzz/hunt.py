@@ -1,4 +1,4 @@
-"""Hunt: attack every reader and decoder for a time, and then a served laboratory; ``make fuzz`` runs it.
+"""Hunt: attack all readers, decoders and pushes of phones, then a served laboratory; ``make fuzz`` runs it.
 
 ``make fuzz SECONDS=30 NAME=GPX`` runs a part. Each reader has a process of its own, half of the time with
 mutations of whole files, half of it led by the branches it takes (atheris, where it is installed). What
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import faulthandler
 import importlib.util
 import re
@@ -41,16 +42,19 @@ def main() -> int:
     if chosen.engine:
         return ENGINES[chosen.engine](chosen.name, chosen.seconds)
     from attack import BY_NAME
+    from pushes import PHONE_SERVER, PUSHES
     from streams import DECODER_NAMES
 
+    others = dict.fromkeys(DECODER_NAMES, "bytes") | dict.fromkeys(PUSHES, "pushes")
+    others |= {PHONE_SERVER: "phones", LABORATORY: "doors"}
     of_readers = ["mutations", "atheris"] if importlib.util.find_spec("atheris") else ["mutations"]
     if len(of_readers) == 1:
         print("atheris is not installed here (Linux and macOS, Python 3.11 to 3.13): mutations only")
     broken = []
-    for name in (*BY_NAME, *DECODER_NAMES, LABORATORY):
+    for name in (*BY_NAME, *others):
         if chosen.name.lower() not in name.lower():
             continue
-        engines = ["doors"] if name == LABORATORY else ["bytes"] if name in DECODER_NAMES else of_readers
+        engines = [others[name]] if name in others else of_readers
         for engine in engines:
             command = [sys.executable, __file__, "--engine", engine, "--name", name]
             command += ["--seconds", str(chosen.seconds / len(engines))]
@@ -79,6 +83,13 @@ def keep(name: str, folder: Path, error: BaseException) -> None:
     shutil.copytree(folder, kept)
     (kept / "traceback.txt").write_text("".join(traceback.format_exception(error)))
     print(f"{name}: {type(error).__name__}: {str(error)[:300]}; kept in {kept}", flush=True)
+
+
+def keep_bytes(name: str, data: bytes, error: BaseException) -> None:
+    """Keep the bytes of an attack, and what went wrong."""
+    with tempfile.TemporaryDirectory() as temporary:
+        (Path(temporary) / "stream.bin").write_bytes(data)
+        keep(name, Path(temporary), error)
 
 
 def by_mutations(name: str, seconds: float) -> int:
@@ -137,10 +148,10 @@ def by_atheris(name: str, seconds: float) -> int:
 
 
 def by_bytes(name: str, seconds: float) -> int:
-    """Attack a decoder with mutations of a stream, in pieces of any size."""
+    """Attack a decoder with mutations of a stream, in pieces of any size; half of them pass every check."""
     import numpy as np
     from mutations import mutated
-    from streams import DECODER_NAMES, attack_decoder, same, seed
+    from streams import DECODER_NAMES, attack_decoder, same, seed, unchecked
 
     protocol, rng = DECODER_NAMES[name], np.random.default_rng()
     stream = seed(protocol)
@@ -151,17 +162,59 @@ def by_bytes(name: str, seconds: float) -> int:
         hostile = mutated(stream, rng)
         faulthandler.dump_traceback_later(HANG, exit=True)
         try:
-            found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
-            assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))
+            with unchecked() if count % 2 else contextlib.nullcontext():
+                found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
+                assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))
             rows += len(found.imu) + len(found.fix)
         except Exception as error:
             broken += 1
-            with tempfile.TemporaryDirectory() as temporary:
-                (Path(temporary) / "stream.bin").write_bytes(hostile)
-                keep(name, Path(temporary), error)
+            keep_bytes(name, hostile, error)
         count += 1
     faulthandler.cancel_dump_traceback_later()
     print(f"{name}: {count} attacks, {rows} samples and fixes left")
+    return 1 if broken else 0
+
+
+def by_pushes(name: str, seconds: float) -> int:
+    """Attack what reads the requests of phones."""
+    import numpy as np
+    from pushes import PUSHES, changed
+
+    (make, attack), rng = PUSHES[name], np.random.default_rng()
+    good = make()
+    limit_memory()
+    count = taken = broken = 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and broken < 5:
+        hostile = changed(good, rng)
+        faulthandler.dump_traceback_later(HANG, exit=True)
+        try:
+            taken += attack(hostile)
+        except Exception as error:
+            broken += 1
+            keep_bytes(name, hostile, error)
+        count += 1
+    faulthandler.cancel_dump_traceback_later()
+    print(f"{name}: {count} attacks, {taken} of them taken")
+    return 1 if broken else 0
+
+
+def by_phones(name: str, seconds: float) -> int:
+    """Attack a server for phones."""
+    import numpy as np
+    from pushes import besiege_phones
+
+    broken: list[str] = []
+
+    def keep_request(what: str, sent: bytes) -> None:
+        broken.append(what)
+        keep_bytes(name, sent, AssertionError(what))
+
+    end = time.monotonic() + seconds
+    with tempfile.TemporaryDirectory() as temporary:
+        rng = np.random.default_rng()
+        answers = besiege_phones(Path(temporary), rng, lambda _count: time.monotonic() > end, keep_request)
+    print(f"{name}: answers {dict(answers)}")
     return 1 if broken else 0
 
 
@@ -194,6 +247,8 @@ ENGINES: dict[str, Callable[[str, float], int]] = {
     "mutations": by_mutations,
     "atheris": by_atheris,
     "bytes": by_bytes,
+    "pushes": by_pushes,
+    "phones": by_phones,
     "doors": by_doors,
 }
 

@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 import pytest
 from fuzz.mutations import mutated
-from fuzz.streams import attack_decoder, same, seed
+from fuzz.streams import attack_decoder, same, seed, unchecked
 from hypothesis import given
 from hypothesis import strategies as st
 from live_streams import capture, decoded, fixes, motion
@@ -66,6 +66,17 @@ def test_pieces_of_a_capture_give_what_all_of_it_gives(name):
     whole = decoded(decoder_of(name), data)
     for step in (1, 100, 4096):
         assert same(decoded(decoder_of(name), data, step), whole)
+
+
+@pytest.mark.parametrize("name", DECODERS)
+def test_damaged_content_that_passes_its_check_raises_nothing(name):
+    rng = np.random.default_rng(zlib.crc32(name.encode()) + 1)
+    data = seed(name, 30)
+    with unchecked():
+        for _ in range(60):
+            hostile = mutated(data, rng)
+            found = attack_decoder(name, hostile, int(rng.integers(1, 500)))
+            assert same(found, attack_decoder(name, hostile, max(len(hostile), 1)))
 
 
 @pytest.mark.parametrize("name", DECODERS)
