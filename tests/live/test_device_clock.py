@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.live.device_clock import MAX_DRIFT, MAX_SLEW, STEP, DeviceClock
+from lab.live.device_clock import MADE_UP, MAX_DRIFT, MAX_SLEW, STEP, DeviceClock
 
 BASE = 1000.0  # of the host's clock [s]
 
@@ -53,6 +53,20 @@ def test_samples_that_come_in_bursts_keep_their_intervals() -> None:
     arrival = np.ceil(true / 0.016) * 0.016 + 1e-3  # a USB bridge that waits 16 ms
     times = np.array(mapped(DeviceClock(), true - BASE, arrival, many=1))
     assert np.abs(200 * np.diff(times[8_000:]) - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("late", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("drift", [0.0, 1e-3])
+def test_a_beginning_that_was_late_is_no_drift(late: float, drift: float) -> None:
+    """The first samples that were not damaged wait for those after them, so they arrive late."""
+    true = BASE + np.arange(8000) / 200
+    arrival = true + 1e-3
+    arrival[0] = true[0] + 1e-3 + late
+    clock = DeviceClock()
+    error = mapped(clock, (true - BASE) * (1 + drift), np.maximum.accumulate(arrival)) - true - 1e-3
+    assert clock.steps == 1
+    assert np.abs(error[true > BASE + 2 + late / MADE_UP]).max() < (2e-3 if drift else 1e-4)
+    assert abs(clock.drift - drift) < 1e-4
 
 
 @pytest.mark.parametrize("step", [-7.0, 2.0])
