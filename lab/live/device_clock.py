@@ -3,8 +3,8 @@
 Bytes arrive late by a delay that varies, but never early, so the least delay within a second shows the offset
 of the two clocks. A loop of second order follows offset and drift: intervals between samples change by parts
 in a million only, whatever single arrivals do. How late the first samples were, the first second shows; the
-mapping makes up for that at `MADE_UP`, and takes it for no drift. It depends on the times alone, so a replay gives the same
-bits.
+mapping makes up for that at `MADE_UP`, and takes it for no drift. It depends on the times alone, so a replay
+gives the same bits.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NARROWED = 3.0
 """σ of the drift in that of a loop with a constant band: this one's narrows. Measured on simulated delays of
 a quiet and a busy host and of a network: 95 % of the errors were within 1.7 σ."""
 MADE_UP = 4e-3
-"""Change of the pace that makes up for a late beginning: with the drift of a crystal, it is below `MAX_SLEW`."""
+"""Change of the pace that makes up for a late beginning: with a crystal's drift, it is below `MAX_SLEW`."""
 STEP = 0.25
 """Jump of the device's clock against the host's that says that it was set [s]; and least delay from which
 samples of a counted stream are missing: a busy host is not late by so much for all of `LOOK`."""
