@@ -35,6 +35,8 @@ SAMPLES = 2**15
 """Number of samples of a simulated record."""
 TERMS = {"N": "noise_density", "B": "flicker", "K": "rate_random_walk"}
 """The setting of each fitted noise term."""
+SHOWN_AT_REST = (*TERMS.values(), "instability", "bandwidth", "quantisation")
+"""Settings that shape the noise at rest: of these, a card of a record has `TERMS`."""
 OTHER_TERMS = {
     "Q": ("quantisation_noise", "Quantisation noise", {"gyro": "″", "accelerometer": "mm/s"}),
     "R": ("rate_ramp", "Rate ramp", {"gyro": "°/h²", "accelerometer": "mg/h"}),
@@ -239,6 +241,27 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
             if setting in TERMS.values() and (fitted["value"] > _SHOWN * fitted["sigma"]).any()
         }
     return Card(name=name, maker="", grade="own", note=misfit(found), terms=groups)
+
+
+def with_noise(sensors: SensorSuite, card: Card) -> SensorSuite:
+    """Return sensors with the noise of a card that was made of a record at rest.
+
+    Everything that such a record does not show, such as turn-on bias, scale factor and range, stays. A filter
+    that took it for zero would be overconfident by far.
+
+    Parameters
+    ----------
+    sensors
+        The sensors; they are not changed.
+    card
+        From `card_of`. What it omits of noise, its record did not show: it is zero.
+    """
+    sensors = sensors.copy()
+    for triad in TRIADS:
+        for name in SHOWN_AT_REST:
+            zero = [0.0] * 3
+            sensors.set(f"{triad}.{name}", zero if (value := card.value(triad, name)) is None else value)
+    return sensors
 
 
 def _spacing(errors: Any) -> float:

@@ -279,5 +279,10 @@ def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: f
     return _START[name.split(" ", 1)[-1].split(" over ", maxsplit=1)[0]].format(
         triad=name.split(" ", maxsplit=1)[0],
         name=name.split(" ", 1)[-1],
-        range=f"{factor:.2f} times ({low:.2f} to {high:.2f}, t = {t:.1f})",
+        range=f"{_spoken(factor)} times ({_spoken(low)} to {_spoken(high)}, t = {t:.1f})",
     )
+
+
+def _spoken(factor: float) -> str:
+    """Return a factor with two decimals, or two digits where these would be few."""
+    return f"{factor:.2f}" if factor >= 0.1 else f"{factor:.2g}"

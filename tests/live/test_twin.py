@@ -7,11 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 import lab.live.twin as twin_module
-from lab.analysis.rest import Record
+from lab.analysis.rest import Record, card_of, with_noise
+from lab.experiment import Experiment
 from lab.live.live_log import log_of
 from lab.live.simulated_flight import SimulatedFlight
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.navigation.settings import NavigatorSettings
+from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite
 from lab.views.twin_figures import TwinFigures
 from lab.views.twin_table import twin_html
@@ -43,6 +45,28 @@ def test_the_sensors_of_the_settings_are_not_accused(
     flown: tuple[Rows, SensorSuite], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert sentences(flown, monkeypatch, "") == []
+
+
+def test_a_card_that_was_just_measured_is_not_accused_in_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A record at rest shows no turn-on bias: those of the settings are simulated with its noise."""
+    monkeypatch.setattr(twin_module, "TWINS", 5)
+    settings = Experiment()
+    card("ADIS16465-1").load(settings)
+    sensors = {"sensors": settings.sensors.to_dict()}
+    still = SimulatedFlight.of("rest", HZ, seed=1234, rest=60.0, settings=sensors).imu
+    records = {
+        "gyro": Record(still["rate"].copy(), 1 / HZ),
+        "accelerometer": Record(still["force"].copy(), 1 / HZ),
+    }
+    measured = with_noise(settings.sensors, card_of("mine", records, "a test"))
+    imu, fix = SimulatedFlight.of("montreal", HZ, seed=1001, rest=15.0, settings=sensors).timed()
+    log = log_of("real", imu[imu["time"] < 60], fix[fix["time"] < 60])
+    assert twin_of(log, measured, settings.navigator, seed=7).sentences == []
+
+
+def test_small_factors_have_two_digits() -> None:
+    said = twin_module._difference("gyro noise", np.log(0.0512), np.log([0.999, 1.0, 1.001])).sentence
+    assert "is 0.051 times (0.051 to 0.051," in said
 
 
 def test_three_times_the_noise_is_told(

@@ -14,6 +14,7 @@ from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from lab.analysis.rest import with_noise
 from lab.experiment import Experiment
 from lab.live.station import Station
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
@@ -126,7 +127,7 @@ class TwinPart:
             if card is None:
                 self._job.say("There is no card yet: make one under Allan, of a record at rest.")
                 return
-            card.load(experiment)
+            experiment.update({"sensors": with_noise(experiment.sensors, card).to_dict()})
         self._job.start(
             "Comparing",
             lambda progress: _compared(station, experiment, progress),
