@@ -16,6 +16,7 @@ from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
 from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
+from lab.views.equal_scale import keep_equal
 from lab.views.figures import plain_figure
 from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
@@ -70,12 +71,12 @@ class LiveTrack:
             "north [m]",
             x_range=self._x,
             y_range=self._y,
-            match_aspect=True,
         )
         nothing: dict[str, Any] = {"east": [], "north": []}
         self._path = ColumnDataSource(dict(nothing), name="live:track")
         self._fixes = ColumnDataSource(dict(nothing), name="live:fixes")
         self._now = ColumnDataSource({**nothing, "width": [], "height": []}, name="live:position")
+        keep_equal(self.figure, self._x, self._y, self._now)
         fixes = self.figure.scatter(
             "east", "north", source=self._fixes, color=FIXES, size=4, alpha=0.7, level="overlay"
         )

@@ -9,8 +9,16 @@ from tests.browser.conftest import IDLE, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 """Size of the window [px]: a stream is drawn all the time, without a graphics card."""
+NARROW: ViewportSize = {"width": 700, "height": 800}
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"
 
+SCALES = """(() => {
+  const figure = [...Bokeh.documents[0]._all_models.values()]
+    .find(one => one.type === 'Figure' && one.title?.text?.startsWith('Ground track'));
+  const {x_range: x, y_range: y} = figure;
+  return [(x.end - x.start) / figure.inner_width, (y.end - y.start) / figure.inner_height];
+})()"""
+"""Metres of a pixel of the ground track, along both axes."""
 VISIBLE = (
     "[...Bokeh.documents[0]._all_models.values()]"
     ".filter(one => one.type === 'GlyphRenderer' && one.data_source.name === 'live:Angular rate')"
@@ -29,6 +37,18 @@ def connect(page: Page) -> None:
 def newest(page: Page) -> float:
     """Return the time of the newest sample that the browser has [s]."""
     return float(page.evaluate(f"{RATES}.at(-1)"))
+
+
+@pytest.mark.browser
+def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
+    page = shared_page
+    for size in (SMALL, NARROW):
+        page.set_viewport_size(size)
+        if size is SMALL:
+            connect(page)
+        wait_for(page, f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02")
+    page.get_by_role("button", name="Disconnect").click()
+    expect(page.get_by_text("Disconnected.")).to_be_visible()
 
 
 @pytest.mark.browser
