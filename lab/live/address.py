@@ -28,6 +28,8 @@ KINDS = tuple(form.partition(":")[0] for form in FORMS)
 COMMON = ("protocol", "columns", "axes", "rate", "name")
 """Options that every kind has: how the bytes are decoded, mapped to the vehicle and timed."""
 
+_PORT = re.compile(r"/dev/|COM\d+$")
+"""Names of serial ports."""
 _KIND = re.compile(r"([a-z]+):(.*)", re.DOTALL)
 
 
@@ -64,7 +66,7 @@ class Address:
             )
         found = _KIND.fullmatch(text.strip())
         if found is None or found[1] not in KINDS:
-            raise TransportError(f"{text!r} names no source; accepted are {_listed(FORMS)}")
+            raise TransportError(f"{text!r} names no source{_meant(text)}; accepted are {_listed(FORMS)}")
         place, _, query = found[2].partition("?")
         if not place or not place.isprintable():
             raise TransportError(f"{text!r} names no {found[1]} source; accepted is {_form(found[1])}")
@@ -167,6 +169,15 @@ def computer_and_port(address: Address, usual: str | None = None) -> tuple[str, 
 
 def _form(kind: str) -> str:
     return next(form for form in FORMS if form.startswith(f"{kind}:"))
+
+
+def _meant(text: str) -> str:
+    """Return how the source is written of which a text is the bare name; empty if it is none."""
+    if text.endswith(".inslab"):
+        return f": a recording is replay:{text}"
+    if _PORT.match(text):
+        return f": a serial port is serial:{text}"
+    return ""
 
 
 def _listed(words: Iterable[str]) -> str:
