@@ -49,11 +49,12 @@ class EpochSums:
             if name not in self.total:
                 shape = (self.time.size, *value.shape[1:])
                 self.total[name], self.count[name] = np.zeros(shape), np.zeros(shape)
-            unknown = np.isnan(value)
-            if unknown.any():
-                value = np.where(unknown, 0.0, value)  # noqa: PLW2901
+            known: NDArray[np.bool_] | int = 1
+            if np.isnan(value.sum()):  # one pass over the values of most runs
+                known = ~np.isnan(value)
+                value = np.where(known, value, 0.0)  # noqa: PLW2901
             self.total[name][at] += value
-            self.count[name][at] += ~unknown
+            self.count[name][at] += known
 
     def mean(self, name: str) -> FloatArray:
         """Return the mean over the runs at each epoch (m, ...); NaN where no run has a value."""

@@ -93,6 +93,7 @@ class SeedLanes:
         self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
         self._model = chosen_model(self._navigator, self._sensors)
         self._belief = belief(self._sensors, self._navigator)
+        self._drive = bias_processes(self._sensors)[0]
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._exact: tuple[Exact, Exact] | None = None
         self._room = threading.local()
@@ -217,22 +218,26 @@ class SeedLanes:
     def _sense(self, seeds: Sequence[int], increments: FloatArray) -> list[_Sensed]:
         """Simulate the sensors of some runs; their `increments` are written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        aligned = [
-            rest_alignment.begin(start(truth, navigator, seed), self._true_start, sensors, navigator, seed)
-            for seed in seeds
-        ]
-        gyros = self._triads("gyro", seeds, [one.gyro_bias for one in aligned], increments)
+        aligned = [self._aligned(start(truth, navigator, seed), seed) for seed in seeds]
+        gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], increments)
         accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), increments)
         found = []
-        for seed, one, gyro, accelerometer in zip(seeds, aligned, gyros, accelerometers, strict=True):
-            assumed, constants = self._belief, None
-            if navigator.alignment:
-                assumed = belief(sensors, navigator, one.P)
-                constants = np.diag(one.P)
+        for seed, (begun, _, P), gyro, accelerometer in zip(
+            seeds, aligned, gyros, accelerometers, strict=True
+        ):
+            assumed = self._belief if P is None else belief(sensors, navigator, P)
+            constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
-            found.append(_Sensed(one.start, assumed, constants, gyro, accelerometer, fixes))
+            found.append(_Sensed(begun, assumed, constants, gyro, accelerometer, fixes))
         return found
+
+    def _aligned(self, begun: Start, seed: int) -> tuple[Start, FloatArray, FloatArray | None]:
+        """Return start, found gyro bias and covariance of a run after its alignment, if it has one."""
+        if not self._navigator.alignment:
+            return begun, NO_VECTOR, None
+        found = rest_alignment.begin(begun, self._true_start, self._sensors, self._navigator, seed)
+        return found.start, found.gyro_bias, found.P
 
     def _triads(
         self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], increments: FloatArray
@@ -462,7 +467,7 @@ class SeedLanes:
             at_samples(one.gyro.scale, one.accelerometer.scale) if scaled else None,
             self._temperature,
             (one.gyro.saturated, one.accelerometer.saturated),
-            bias_processes(self._sensors, one.constants)[0],
+            self._drive if one.constants is None else bias_processes(self._sensors, one.constants)[0],
         )
 
 

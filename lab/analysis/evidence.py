@@ -229,8 +229,8 @@ def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
             continue  # other states may be there
         P0 = belief.P0[block, block]
         if P0.size:
-            total[at] = consistency.normalised_squares(x[:, block], P0[None]).sum()
-            number[at] = _rank(P0.tobytes())
+            inverse, number[at] = _inverse(P0.tobytes())
+            total[at] = x[0, block] @ inverse @ x[0, block]
     return Squares(total, number)
 
 
@@ -242,17 +242,19 @@ def _errors(solution: Solution, at: NDArray[np.intp], reference: Reference) -> F
 
 
 @lru_cache(maxsize=64)
-def _rank(P0: bytes) -> float:
-    """Return the number of independent errors with a covariance matrix; many runs have the same."""
+def _inverse(P0: bytes) -> tuple[FloatArray, float]:
+    """Return W (n, n) of `consistency.normalised_squares`, vᵀ W v, and the number of independent errors.
+
+    Many runs have the same covariance matrix.
+    """
     values = np.frombuffer(P0)
     states = math.isqrt(values.size)
-    return float(np.linalg.matrix_rank(_correlation(values.reshape(states, states))))
-
-
-def _correlation(P: FloatArray) -> FloatArray:
+    P = values.reshape(states, states)
     sigma = np.sqrt(np.diagonal(P))
     scale = np.divide(1, sigma, out=np.zeros_like(sigma), where=sigma > 0)
-    return P * scale[:, None] * scale
+    scales = scale[:, None] * scale
+    inverse = np.linalg.pinv(P * scales, rcond=consistency.SINGULAR**2, hermitian=True) * scales
+    return inverse, float(np.linalg.matrix_rank(P * scales))
 
 
 def nees_squares(

@@ -276,13 +276,20 @@ def respond(
     forced : (m, n, p) array, or m matrices
         Error that the causes add between the previous fix and each fix.
     """
-    error = np.zeros((gains.shape[1], fixes.shape[2]))
-    answer = np.empty(fixes.shape)
-    # A loop over fixes, not samples.
-    for k, onwards, added in zip(range(fixes.shape[0]), transition, forced, strict=True):
-        error = onwards @ error + added
-        answer[k] = H[k] @ error - fixes[k]
-        error = error - gains[k] @ answer[k]
+    count, states = fixes.shape[0], gains.shape[1]
+    error, answer = np.zeros((states, fixes.shape[2])), np.empty(fixes.shape)
+    ahead, added = iter(transition), iter(forced)
+    for first in range(0, count, FIXES_AT_ONCE):
+        part = slice(first, min(first + FIXES_AT_ONCE, count))
+        onwards, force = (np.array(list(itertools.islice(one, part.stop - first))) for one in (ahead, added))
+        kept = np.eye(states) - gains[part] @ H[part]
+        # From after one fix to after the next: one product remains in the loop over fixes.
+        closed, source = kept @ onwards, kept @ force + gains[part] @ fixes[part]
+        before = np.empty(force.shape)
+        for k in range(part.stop - first):
+            before[k] = error
+            error = closed[k] @ error + source[k]
+        answer[part] = H[part] @ (onwards @ before + force) - fixes[part]
     return answer
 
 

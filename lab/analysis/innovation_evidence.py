@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, hypotheses
@@ -367,8 +368,7 @@ def suspicious(found: Innovations) -> bool:
 def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
     """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
     m = normalised.shape[0]
-    lagged = np.zeros((LAGS, MEASUREMENTS))
-    for lag in range(1, min(LAGS, m - 1) + 1):
-        lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
+    later = sliding_window_view(np.concatenate((normalised, np.zeros((LAGS, MEASUREMENTS)))), m, axis=0)
+    lagged = np.einsum("lcm,mc->lc", later[1:], normalised)
     squares = Squares(np.sum(normalised**2, axis=0), np.full(MEASUREMENTS, float(m)))
     return squares, normalised.sum(axis=0), lagged

@@ -13,6 +13,8 @@ NEIGHBOURS = 10
 """Number of neighbouring fixes with which each fix is compared."""
 CHANCE = 1e-7
 """Probability that an error with three Gaussian components counts as an outlier."""
+MEDIAN, LIMIT = chi_square_interval(3, 1, 0.0)[0], chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
+"""Median of the squares of three components, and the square that outliers exceed."""
 
 
 def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
@@ -42,7 +44,7 @@ def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
 
 
 def _middle(values: FloatArray) -> FloatArray:
-    """Return the medians (k, m) of values (k, m, n): of few values each, sorting them is fastest."""
+    """Return the medians (…) of values (…, n): of few values each, sorting them is fastest."""
     ordered, n = np.sort(values, axis=-1), values.shape[-1]
     return np.asarray(0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2]))
 
@@ -58,8 +60,7 @@ def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     around += around >= np.arange(count)[:, None]
     apart = errors - _middle(errors.T[:, around]).T
     squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
-    usual = np.median(squares, axis=0)
+    usual = _middle(squares.T)
     for side in (around[:, :half], around[:, half:]):
         usual = np.maximum(usual, _middle(squares.T[:, side]).T)
-    middle, limit = chi_square_interval(3, 1, 0.0)[0], chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
-    return np.asarray((squares > limit * np.maximum(usual / middle, 1.0)).any(axis=1))
+    return np.asarray((squares > LIMIT * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))

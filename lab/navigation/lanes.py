@@ -274,7 +274,9 @@ def navigate_lanes(
     none = np.empty((0, 3))
     fixed = np.searchsorted(time, fix_time - SLACK * float(time[1] - time[0]))
     last = time.size - 1
-    stops = np.unique(np.concatenate((stored, path, fixed[fixed <= last], [last])))
+    stops = np.zeros(time.size, dtype=np.bool_)
+    for samples in (stored, path, fixed[fixed <= last], last):
+        stops[samples] = True
     _advance(model)(
         filters[0],
         buffer.reshape(-1),
@@ -283,7 +285,7 @@ def navigate_lanes(
         increments,
         fixes,
         schedule,
-        stops,
+        np.flatnonzero(stops),
         stored,
         path,
         out,
