@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -80,7 +81,7 @@ def grade(
     else:
         try:
             with atomic_file(out) as file:
-                file.write(text.encode())
+                file.write(codecs.BOM_UTF8 + text.encode())  # without the mark, Excel expects no UTF-8
         except OSError as error:  # the runs took long: the table must not be lost
             print(text, end="")
             raise CommandError(

@@ -30,8 +30,8 @@ MOST_FILES = 2000
 """Most files in a folder; more than any class hands in."""
 GRADED, NOT_RUN, REFUSED = "graded", "not run", "refused"
 """Status of a row: with its settings run; with answers only; with a reason only."""
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""Signs with which a spreadsheet begins a formula."""
+_FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
+"""Signs with which a spreadsheet begins a formula; the wide ones where people write Chinese or Japanese."""
 
 Row = dict[str, str]
 Progress = Callable[[str, float], None]
@@ -125,7 +125,7 @@ def grade(
     rows = []
     for number, (file, (found, mark)) in enumerate(zip(files, opened, strict=True)):
         if progress is not None:
-            progress(file.name, number / len(files))
+            progress(_one_line(file.name), number / len(files))
         row = dict.fromkeys(columns(keyed.judge), "")
         row |= {"file": text_cell(file.name), "homework": keyed.homework.name}
         if isinstance(found, str):
@@ -177,8 +177,12 @@ def csv_text(names: list[str], rows: list[Row]) -> str:
 
 def text_cell(text: str) -> str:
     """Return a text for a cell: on one line, and never a formula of a spreadsheet."""
-    plain = "".join(sign if sign.isprintable() else "�" for sign in text)
+    plain = _one_line(text)
     return f"'{plain}" if plain.lstrip().startswith(_FORMULA) else plain
+
+
+def _one_line(text: str) -> str:
+    return "".join(sign if sign.isprintable() else "�" for sign in text)
 
 
 def _graded(handed: HandIn, judge: Judge, remarks: list[str], examining: Examining) -> Row:

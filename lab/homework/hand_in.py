@@ -232,7 +232,8 @@ def _checked(homework: Homework, handed: HandIn) -> HandIn:
     """Return a hand-in whose texts are accepted; the name is normalised."""
     name = " ".join(unicodedata.normalize("NFC", handed.name).split())
     if not name or len(name) > LONGEST_NAME or not name.isprintable():
-        raise HandInError(f"has no name; accepted are 1 to {LONGEST_NAME} printable characters")
+        found = "a name that is not accepted" if name else "no name"
+        raise HandInError(f"has {found}; accepted are 1 to {LONGEST_NAME} printable characters")
     unknown = set(handed.faults) - set(fault_titles())
     if unknown or (handed.faults and not homework.names_faults):
         shown = min(unknown)[:40] if unknown else handed.faults[0]
@@ -254,6 +255,8 @@ def _checked(homework: Homework, handed: HandIn) -> HandIn:
                 f"answer {number}: {answer!r} is none of the choices; accepted is one of "
                 f"{', '.join(question.choices)}"
             )
+    if "seed" in handed.changes:  # an experiment takes one, to show the same flight with other noise
+        raise HandInError("has a seed; accepted is none, because the grader takes the seed of the homework")
     try:
         homework.experiment_with(handed.changes)
     except SettingError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import json
@@ -11,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from asking import ask, refused
 
@@ -56,7 +58,7 @@ def test_the_homework_of_the_document_is_solved_handed_in_and_graded(folder: Pat
     assert (bob["name"], bob["points"], bob["faults_wrong"]) == ("Bob", "0", "1")
     assert ask("grade", "handed_in", "--key", "receiver.key", "--out", "handed_in/grades.csv").exit_code == 0
     written = (handed / "grades.csv").read_bytes()
-    assert written.decode() == printed.stdout
+    assert written.decode("utf-8-sig") == printed.stdout
     again = ask("grade", "handed_in", "--key", "receiver.key", "--out", "handed_in/grades.csv", "--force")
     assert again.exit_code == 0
     assert (handed / "grades.csv").read_bytes() == written  # the table is no hand-in
@@ -123,6 +125,17 @@ def test_a_homework_that_cannot_be_written_leaves_no_key(folder: Path) -> None:
     name = "n" * 241 + ".homework"  # of 255 letters, but the temporary file has ten more
     refused(ask("homework", "make", "receiver.toml", "--out", name), "File name too long")
     assert not list(folder.glob("*nnn*"))
+
+
+def test_a_table_in_a_file_begins_with_the_mark_that_excel_needs_for_utf_8(folder: Path) -> None:
+    (folder / "handed_in").mkdir()
+    (folder / "handed_in/Zoë.txt").write_text("no hand-in", encoding="utf-8")
+    one = ("grade", "handed_in", "--key", "receiver.key")
+    assert ask(*one, "--out", "grades.csv").exit_code == 0
+    written = (folder / "grades.csv").read_bytes()
+    assert written.startswith(codecs.BOM_UTF8)
+    assert written.decode("utf-8-sig") == ask(*one).stdout
+    assert pd.read_csv(folder / "grades.csv")["file"].tolist() == ["Zoë.txt"]
 
 
 def test_a_table_that_cannot_be_written_is_printed(folder: Path) -> None:

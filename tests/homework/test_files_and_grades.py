@@ -275,6 +275,7 @@ HOSTILE: dict[str, Callable[[Keyed], bytes]] = {
     "nan": lambda keyed: sealed(keyed, changes=[{"path": "navigator.r_scale", "value": float("nan")}]),
     "many": lambda keyed: sealed(keyed, unset=["navigator.r"] * 400),
     "direction": lambda keyed: sealed(keyed, name="a\u202eb"),
+    "seed": lambda keyed: sealed(keyed, changes=[{"path": "seed", "value": 9}]),
     "lone": lambda keyed: sealed(keyed, answers=["\x1b[31m", ""]),
 }
 
@@ -313,6 +314,8 @@ def test_hostile_files_get_a_reason_and_stop_nothing(
     assert "damaged or cut off" in rows["cut.handin"]["remark"]
     assert "too deep" in rows["1/2/3/4"]["remark"]
     assert "ins-lab hand-in 27" in rows["version.handin"]["remark"]
+    assert "takes the seed of the homework" in rows["seed.handin"]["remark"]
+    assert "a name that is not accepted" in rows["direction.handin"]["remark"]
 
 
 def test_settings_that_cannot_be_run_cost_no_other_points(keyed: Keyed, tmp_path: Path) -> None:
@@ -350,9 +353,10 @@ def test_the_same_folder_gives_the_same_bytes_in_any_order(
     ]
 
 
-@pytest.mark.parametrize("text", ["=1", "+1", "-1", "@a", " =1", "\t=1", "\r=1"])
+@pytest.mark.parametrize("text", ["=1", "+1", "-1", "@a", " =1", "\t=1", "\r=1", "＝1", "＋1", "－1", "＠a"])
 def test_no_cell_is_a_formula(text: str) -> None:
-    assert not text_cell(text).lstrip().startswith(("=", "+", "-", "@"))
+    # Where people write Chinese or Japanese, spreadsheets also take the wide signs.
+    assert not text_cell(text).lstrip().startswith(("=", "+", "-", "@", "＝", "＋", "－", "＠"))
     assert text_cell("Ada -1") == "Ada -1"
 
 
