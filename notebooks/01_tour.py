@@ -210,8 +210,8 @@ result.view3d()
 # ## 9. A page of your own
 #
 # A few widgets and plots make a page. The sliders are those of steps 5 to 7 and now act together: a slider
-# that you move here moves above too. In a terminal, `panel serve notebooks/01_tour.py` shows exactly this
-# cell to anyone with a browser.
+# that you move here moves above too. In a terminal, `panel serve` with the path of this file, such as
+# `panel serve my_notebooks/01_tour.ipynb`, shows exactly this cell to anyone with a browser.
 
 
 # %%
@@ -239,7 +239,7 @@ pn.Column(
         ("Ground track", show(plots.ground_track)),
         dynamic=True,
     ),
-).servable()
+).servable(title="A tour of INS Lab")
 
 # %% [markdown]
 # **Try:** no GPS for 60 s. How much smaller does the error become with a better gyro, and what is left when

@@ -311,7 +311,7 @@ pn.Column(
     "# Strapdown without help",
     pn.FlexBox(*knobs),
     pn.bind(without_gps, *(knob.param.value_throttled for knob in knobs)),
-).servable()
+).servable(title="Strapdown without help")
 
 # %% [markdown]
 # **Try:** set two of the three to their smallest value, each in turn. Which error does most of the harm

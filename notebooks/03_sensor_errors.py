@@ -147,7 +147,7 @@ page = pn.Column(
     pn.FlexBox(*knobs),
     pn.bind(deviation, *(knob.param.value_throttled for knob in knobs)),
 )
-page.servable()
+page.servable(title="Allan deviation of a sensor at rest")
 
 # %%
 check("03.3")

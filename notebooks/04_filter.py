@@ -284,7 +284,11 @@ check("04.2")
 
 # %%
 choice = pn.widgets.Select(label="F", options=list(runs))
-pn.Column(choice, pn.bind(lambda name: plots.errors(runs[name]), choice)).servable()
+pn.Column(
+    "# The filter, written openly",
+    choice,
+    pn.bind(lambda name: plots.errors(runs[name]), choice),
+).servable(title="The filter, written openly")
 
 # %% [markdown]
 # **Try:** filterpy updates P in the *Joseph form*, (I − K H) P (I − K H)ᵀ + K R Kᵀ. Write the short form, P =

@@ -219,7 +219,7 @@ pn.Column(
         ("σ", bound(plots.covariance)),
         dynamic=True,
     ),
-).servable()
+).servable(title="Tuning")
 
 # %% [markdown]
 # **Try:** with Q × 0.01, look at the errors of the roll and at their band. Then find the R that makes the

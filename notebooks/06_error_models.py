@@ -217,7 +217,7 @@ pn.Column(
     pn.FlexBox(model, off, bias, position),
     show(lambda run: f"**Verdict:** {run.verdict}"),
     pn.Tabs(("Errors", show(plots.errors)), ("σ", show(plots.covariance)), dynamic=True),
-).servable()
+).servable(title="Error models")
 
 # %% [markdown]
 # **Try:** the same seed, the same heading, one model after the other. In which of the nine plots does a model

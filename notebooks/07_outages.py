@@ -259,7 +259,7 @@ pn.Column(
         ("Ground track", show(plots.ground_track)),
         dynamic=True,
     ),
-).servable()
+).servable(title="A minute without GPS")
 
 # %% [markdown]
 # ## Where to go next

@@ -220,7 +220,7 @@ pn.Column(
     "# My flight",
     pn.FlexBox(density, variance, seconds),
     pn.Tabs(("Errors", show(plots.errors)), ("Ground track", show(plots.ground_track)), dynamic=True),
-).servable()
+).servable(title="My flight")
 
 # %% [markdown]
 # ## Where to go next

@@ -275,7 +275,7 @@ pn.Column(
         ("Ground track", show(plots.ground_track)),
         dynamic=True,
     ),
-).servable()
+).servable(title="A navigator with fixed gains")
 
 # %% [markdown]
 # ## Where to go next

@@ -207,7 +207,7 @@ def watched(count, q, r):
 
 
 knobs = (knob.param.value_throttled for knob in (count, q, r))
-pn.Column("# Many runs", pn.FlexBox(count, q, r), pn.bind(watched, *knobs)).servable()
+pn.Column("# Many runs", pn.FlexBox(count, q, r), pn.bind(watched, *knobs)).servable(title="Many runs")
 
 # %% [markdown]
 # ## Where to go next

@@ -169,7 +169,7 @@ plots.follow_theme(*figures.figures)
 for figure in figures.figures:
     figure.update(sizing_mode="fixed", width=380, height=250)
     figure.title.text_font_size = "9pt"
-pn.FlexBox(*figures.figures[2:]).servable()
+pn.Column("# A sensor, live", pn.FlexBox(*figures.figures[2:])).servable(title="A sensor, live")
 
 # %% [markdown]
 # ## 6. Keep it

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import socket
 import subprocess
@@ -9,6 +10,7 @@ import sys
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -28,7 +30,10 @@ from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
 from notebook_claims import CLAIMS, HELPERS
+from panel.models.markup import HTML
 from panel.theme.base import DarkTheme
+
+from lab.exercises.shipped_notebooks import copy_notebooks
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
@@ -93,12 +98,19 @@ def test_a_notebook_alternates_prose_and_code_and_asks_questions(notebook: Path)
 @pytest.fixture(scope="module")
 def apps() -> Iterator[str]:
     """Return the address of one ``panel serve`` for all notebooks."""
+    with serving(NOTEBOOKS) as address:
+        yield address
+
+
+@contextmanager
+def serving(notebooks: list[Path]) -> Iterator[str]:
+    """Serve notebooks with ``panel serve``; give the address."""
     pn.extension()  # its models are known when a page is pulled
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
     where = ["--port", port, "--address", "127.0.0.1"]
-    command = [sys.executable, "-m", "panel", "serve", *map(str, NOTEBOOKS), *where]
+    command = [sys.executable, "-m", "panel", "serve", *map(str, notebooks), *where]
     # What it says later is read and forgotten: a pipe that nobody reads would fill, and hold the server up.
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
         try:
@@ -128,12 +140,28 @@ def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, app
     sliders = {str(slider.title) for slider in document.select({"type": AbstractSlider})}
     figures = list(document.select({"type": Plot}))
     assert len(sliders) >= 3 or len(figures) >= 3
+    # The tab of the browser and the page itself say which app it is.
+    assert f'.servable(title="{document.title}")' in notebook.read_text(encoding="utf-8")
+    assert f"<title>{document.title}</title>" in page
+    texts = " ".join(html.unescape(str(one.text)) for one in document.select({"type": HTML}))
+    assert [words.strip() for words in re.findall("<h1[^>]*>([^<]*)<", texts)] == [document.title]
     assert '<meta name="viewport" content="width=device-width' in page  # else a phone shrinks 980 px
     assert not list(document.select({"type": Row})), "a row is wider than a phone"
     for grid in document.select({"type": GridPlot}):
         assert {column for _, _, column, *_ in grid.children} == {0}
     fixed = [plot.width for plot in figures if plot.sizing_mode in {None, "fixed"}]
     assert max(fixed, default=0) <= 390  # the width of a usual phone [px]
+
+
+def test_a_copy_for_jupyter_is_an_app_too(tmp_path: Path) -> None:
+    pytest.importorskip("nbconvert", reason="an extra that Panel needs to serve .ipynb files")
+    copies, _ = copy_notebooks(tmp_path)
+    copy = next(path for path in copies if path.stem == "03_sensor_errors")
+    with serving([copy]) as address, ThreadPoolExecutor(1) as thread:
+        _, document = thread.submit(_open_on_a_phone, f"{address}/{copy.stem}").result()
+    assert document.title == "Allan deviation of a sensor at rest"
+    assert len(list(document.select({"type": AbstractSlider}))) == 3
+    assert len(list(document.select({"type": Plot}))) == 2
 
 
 def test_an_app_is_dark_where_it_is_asked_to_be(apps: str) -> None:
