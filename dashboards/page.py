@@ -10,10 +10,10 @@ from functools import partial
 import panel as pn
 import param
 from bokeh.events import DocumentReady
-from bokeh.models.callbacks import CustomJS
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
+from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Address, Files, query
 from dashboards.notice import Notice
 from dashboards.openings import Openings
@@ -36,14 +36,13 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, STAGE, THEME, THEME_OF_THE_SYSTEM
+from dashboards.style import DRESS, FRAME, STAGE, THEME
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.titled import Tabs
-from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.upstream import leave_out_hooks
 from lab.experiment import Experiment
 from lab.memory import give_back
@@ -160,7 +159,7 @@ class SimulatorPage:
             self._dress()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM))
+        add_browser_scripts(self._document)
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()

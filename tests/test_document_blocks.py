@@ -165,7 +165,9 @@ def module_exists(words: list[str]) -> None:
 
 def files_exist(words: list[str]) -> None:
     for word in words[2:]:
-        assert (ROOT / word).is_file(), word
+        copied = Path(word)  # by `ins-lab notebooks copy my_notebooks`
+        of_a_copy = copied.parts[0] == "my_notebooks" and copied.suffix == ".ipynb"
+        assert (ROOT / (f"notebooks/{copied.stem}.py" if of_a_copy else word)).is_file(), word
 
 
 OTHER_PROGRAMS: dict[str, tuple[str, Callable[[list[str]], None]]] = {

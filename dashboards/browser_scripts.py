@@ -1,0 +1,48 @@
+"""Browser scripts: what a page does by itself when it opens, and when its connection is lost."""
+
+from __future__ import annotations
+
+from bokeh.document import Document
+from bokeh.events import ConnectionLost, DocumentReady
+from bokeh.models.callbacks import CustomJS
+
+from dashboards.style import THEME_OF_THE_SYSTEM
+from dashboards.upload import SAME_FILE_AGAIN
+
+LOST = """
+const id = "ins-lab-lost-connection";
+if (document.getElementById(id) === null) {
+  const box = document.createElement("div");
+  box.id = id;
+  box.setAttribute("role", "alert");
+  Object.assign(box.style, {
+    position: "fixed", top: 0, left: 0, right: 0, bottom: "auto", width: "auto", margin: 0, border: 0,
+    padding: "10px 16px", display: "flex", flexWrap: "wrap", gap: "8px 16px", alignItems: "center",
+    background: "#b3261e", color: "#ffffff", font: "16px/1.4 Roboto, Arial, sans-serif",
+  });
+  box.append(
+    "The connection to the server is lost, and this page no longer reacts. Reload it when the server is "
+    + "there again: the settings in its address are kept. Solved steps of lessons are not.");
+  const button = document.createElement("button");
+  button.append("Reload");
+  Object.assign(button.style, {
+    padding: "6px 14px", border: 0, borderRadius: "4px", background: "#ffffff", color: "#8c1d18",
+    font: "inherit", cursor: "pointer",
+  });
+  button.addEventListener("click", () => window.location.reload());
+  box.append(button);
+  document.body.append(box);
+  box.popover = "manual";
+  box.showPopover?.();
+}
+"""
+"""Shows a line above all else, the open settings of a phone too.
+
+A server discards a page without a connection, so only a new one reacts.
+"""
+
+
+def add_browser_scripts(document: Document) -> None:
+    """Add the scripts to the document of a page."""
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM))
+    document.js_on_event(ConnectionLost, CustomJS(code=LOST))
