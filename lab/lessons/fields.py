@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lab.experiment import Experiment
-from lab.lessons.text import TextError, text_html
+from lab.lessons.text import TextError, settings_named, text_html
 from lab.missions import missions, names_in_words
 from lab.settings import SettingError
 
@@ -58,7 +58,7 @@ def text_of(
     needed
         Whether it is refused if it is missing or empty.
     marked
-        Whether it may have formulas and marks, as in `lab.lessons.text`.
+        Whether it may have formulas and marks, as in `lab.lessons.text`. A marked setting must exist.
 
     Raises
     ------
@@ -78,7 +78,9 @@ def text_of(
     if marked:
         try:
             text_html(value)
-        except TextError as error:
+            for path in settings_named(value):
+                Experiment().get(path)
+        except (TextError, SettingError) as error:
             raise LessonError(f"{where}{key}: {error}") from error
     return value.strip()
 

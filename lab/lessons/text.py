@@ -15,6 +15,9 @@ _PART = re.compile(
     r"\$\$(?P<block>[^$]+)\$\$|\$(?P<inline>[^$]+)\$|`(?P<code>[^`\n]+)`|\*(?P<strong>[^*\n]+)\*"
 )
 
+_GROUPS = frozenset({"trajectory", "sensors", "navigator"})
+"""Groups of settings with which paths begin."""
+
 
 class TextError(ValueError):
     """A text with a formula that cannot be read; the message says what is accepted."""
@@ -30,6 +33,12 @@ def text_html(text: str) -> str:
     """
     blocks = re.split(r"\n\s*\n", text.strip())
     return "".join(_block(block) for block in blocks if block.strip())
+
+
+def settings_named(text: str) -> list[str]:
+    """Return the paths of settings that a text marks, such as ``navigator.r_scale``."""
+    marked = (found["code"] for found in _PART.finditer(text) if found["code"])
+    return [name for name in marked if name.partition(".")[0] in _GROUPS and "." in name]
 
 
 def _block(block: str) -> str:

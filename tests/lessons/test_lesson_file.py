@@ -70,6 +70,7 @@ wrong = [ { navigator.q_scale = 2 } ]"""
         ("", "settings = { navigator.r_scale = -1 }", ("step 1: settings", "accepted is")),
         ("", "settings = { mission = '/etc/passwd' }", ("step 1: settings", "no mission", "montreal")),
         ("", "settings = 3", ("step 1: settings", "table")),
+        ("", "hint = 'Try `navigator.r_scala`.'", ("step 1: hint", "Did you mean navigator.r_scale?")),
         ("", "page = 'Erors'", ("step 1: page = 'Erors'", "Innovations")),
         ("", "time = 'soon'", ("step 1: time", "number")),
         ("", "time = -1", ("step 1: time", "from 0")),
