@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
 from lab.lessons.catalogue import Catalogue
@@ -97,3 +99,11 @@ def test_numbers_that_a_student_reads_are_those_of_the_run(place: tuple[str, int
     lesson = next(lesson for lesson in ALL if lesson.name == place[0])
     step = lesson.steps[place[1]]
     assert step.judge(QUANTITIES[quantity].of(lesson.experiment(step).run()), None).right
+
+
+def test_the_right_choice_is_not_found_by_its_place() -> None:
+    steps = [step for lesson in SHIPPED if lesson is not None for step in lesson.steps if step.choices]
+    questions = [(step.choices, str(step.answer)) for step in steps]
+    places = Counter(choices.index(answer) for choices, answer in questions)
+    assert len(questions) >= 10
+    assert max(places.values()) <= len(questions) / 3, places
