@@ -291,10 +291,19 @@ def test_the_search_finds_a_page_in_a_folder(site: Path, visit: Callable[[Path, 
     expect(page.locator("#search-results a[href^='docs/theory/strapdown']").first).to_be_visible()
 
 
+BEYOND_THE_EDGE = """
+() => [...document.querySelectorAll(".prev-next-area a *")]
+  .filter((part) => part.getBoundingClientRect().right > document.documentElement.clientWidth)
+  .map((part) => part.textContent)
+"""
+"""Returns the texts of links to the pages before and after that are cut off; they do not scroll."""
+
+
 def accessible(page: Page, what: str) -> None:
     """Check that a page has no serious finding of axe-core, and that its body does not scroll sideways."""
     wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
     assert wide <= 0, what
+    assert page.evaluate(BEYOND_THE_EDGE) == [], what
     assert page.evaluate("document.documentElement.dataset.theme") in what
     found = Axe().run(page, options={"resultTypes": ["violations"], "preload": False}).response["violations"]
     texts = [f"{one['id']}: {one['nodes'][0]['html'][:200]}" for one in found if one["impact"] in SERIOUS]
