@@ -165,11 +165,12 @@ WIDTHS = (400, 1440)
 PAGES = (
     "README.html",
     "docs/command-line.html",
+    "docs/limits.html",
     "docs/theory/frames.html",
     "docs/site/reference/running.html",
     "missions/README.html",
 )
-"""Pages with pictures, code, equations, signatures and wide tables."""
+"""Pages with pictures, code, equations, signatures, wide tables, and a long word in the link to the next."""
 SERIOUS = {"serious", "critical"}
 NOTEBOOK = """\
 # %% [markdown]
