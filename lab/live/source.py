@@ -21,6 +21,7 @@ from lab.live.ring import Cursor, Read, Ring
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
 from lab.live.true_motion import TrueMotion
+from lab.live.unheard import Unheard
 
 if TYPE_CHECKING:
     from lab.live.simulated_device import SimulatedDevice
@@ -86,6 +87,7 @@ class Source:
         self._events: tuple[Event, ...] = ()
         self._losses: tuple[Event, ...] = ()
         self._writer: RawWriter | None = None
+        self._unheard = Unheard()
         self._recorded = ("", 0)
         self._warning = ""
         self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
@@ -247,6 +249,9 @@ class Source:
     def record(self, path: str | os.PathLike[str]) -> None:
         """Begin to record the bytes from now on; the recording ends with `stop_recording`, or the source.
 
+        The first bytes, from which no sample came yet, are recorded too: a replay finds protocol, rate and
+        clock from them, as this source does.
+
         Parameters
         ----------
         path
@@ -277,6 +282,8 @@ class Source:
                 },
             )
             self._recorded, self._warning = (str(path), 0), ""
+            for chunk in self._unheard:
+                self._record(chunk)
 
     def stop_recording(self, path: Path | None = None) -> Path | None:
         """End the recording; return its path, or None if none runs.
@@ -358,18 +365,22 @@ class Source:
 
     def _take(self, chunk: Chunk) -> None:
         with self._lock:
-            if self._writer is not None:
-                self._keep(lambda: self._writer.take(chunk))  # type: ignore[union-attr]
+            self._record(chunk)
             self._heard, self._arrival = self._clock(), chunk.arrival
             imu, fix = self._reception.take(chunk)
             self._put(imu, fix)
             self._tell_of_the_clock()
             if len(imu) or len(fix):
+                self._unheard.end()
                 self._progress.sampled(self._heard)
                 if self._why != "Streaming.":
                     self._set(STREAMING, "Streaming.")
             else:
+                self._unheard.add(chunk)
                 self._progress.without(self._heard, self._reception.statistics.frames)
+
+    def _record(self, chunk: Chunk) -> None:
+        self._keep(lambda: self._writer.take(chunk) if self._writer else None)
 
     def _put(self, imu: Any, fix: Any) -> None:
         readings = self._reception.taken_readings()
@@ -398,6 +409,7 @@ class Source:
         with self._lock:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
+                self._unheard = Unheard()
                 self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
                 if self._writer is not None:

@@ -129,6 +129,31 @@ def test_samples_come_and_are_recorded_and_replayed_bit_by_bit(line: str, tmp_pa
     assert read.imu.tobytes() == live.imu.tobytes()
 
 
+@pytest.mark.parametrize("device", ["vectornav", "memsense", "mip", "text"])
+@pytest.mark.parametrize("before", [1, 30])
+def test_a_recording_that_begins_before_the_first_sample_has_the_same_bits(
+    device: str, before: int, tmp_path: Path
+) -> None:
+    """Protocol, rate and clock are found in the first second: its bytes are recorded too."""
+    transport, encoder, path = Scripted(), ENCODERS[device](), tmp_path / "late.inslab"
+    rng = np.random.default_rng(1)
+    steps = [
+        Chunk(100 + float(row["time"]) + rng.exponential(2e-3), encoder.encode(row[None], np.empty(0, FIX)))
+        for row in motion(1000)
+    ]
+    transport.steps = steps[:before]
+    with lab.live.open(transport) as source:
+        until(lambda: not transport.steps)
+        assert source.end.imu == 0
+        source.record(path)
+        transport.steps = steps[before:]
+        until(lambda: not transport.steps)
+        until(lambda: source.end.imu > 900)
+    live, replayed = source.since(), recorded_samples(path)
+    assert len(live.imu) > 900
+    assert replayed.imu.tobytes() == live.imu.tobytes()
+
+
 def test_what_comes_is_what_the_simulated_sensors_measured() -> None:
     with lab.live.open("simulated:montreal?hz=200&device=mip&mounted=y,x,-z&axes=y,x,-z") as source:
         until(lambda: source.end.imu > 300)
