@@ -53,9 +53,9 @@ def delays_of_navigator(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     delays: list[np.ndarray] = []
     feed = LiveNavigator.feed
 
-    def timed_feed(self: LiveNavigator, imu: np.ndarray, fixes: np.ndarray) -> bool:
+    def timed_feed(self: LiveNavigator, imu: np.ndarray, *others: np.ndarray) -> bool:
         delays.append(time.monotonic() - imu["time"])
-        return feed(self, imu, fixes)
+        return feed(self, imu, *others)
 
     monkeypatch.setattr(LiveNavigator, "feed", timed_feed)
     return delays
