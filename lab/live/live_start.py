@@ -111,6 +111,7 @@ class LiveStart:
             self._navigator.vehicle,
             self._navigator.initial_heading,
             self._navigator.initial_heading_uncertainty,
+            fixes.column("velocity_n"),
         )
         if samples.first > 0 or imu.time[0] > _LATEST_GIVEN:
             hints = hints._replace(given=np.nan)
@@ -157,7 +158,7 @@ COMPARED: Final = (
 
 
 HOW: Final = (
-    "the vehicle must move faster than 1 m/s, or the heading be given (navigator.initial_heading), or a "
-    "magnetometer or better gyros show it"
+    "the vehicle must move faster than 1 m/s (and be known, by navigator.vehicle, if only positions come), "
+    "or the heading be given (navigator.initial_heading), or a magnetometer or better gyros show it"
 )
 """What gives a heading."""

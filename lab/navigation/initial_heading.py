@@ -79,8 +79,18 @@ class Hints(NamedTuple):
     magnetometer: Magnetometer | None = None
 
     @classmethod
-    def of(cls, beside: AuxiliaryData, vehicle: str, heading: float | None, heading_sigma: float) -> Hints:
+    def of(
+        cls,
+        beside: AuxiliaryData,
+        vehicle: str,
+        heading: float | None,
+        heading_sigma: float,
+        velocity_n: FloatArray,
+    ) -> Hints:
         """Return the hints of a log and of the settings; the settings take precedence.
+
+        If no velocity is measured, an unknown vehicle does not follow its nose: velocities can contradict
+        that, but differences of positions are too poor. Of copters that flew sideways, they let half pass.
 
         Parameters
         ----------
@@ -90,9 +100,14 @@ class Hints(NamedTuple):
             Vehicle of the settings, or "auto".
         heading, heading_sigma
             Heading of the settings and its σ [°]; None if it is unknown.
+        velocity_n : (m, 3) array
+            Measured velocities; NaN if unmeasured [m/s].
         """
+        known = vehicle_of(beside.vehicle if vehicle == "auto" else vehicle)
+        if not known.name and np.isnan(velocity_n[:, :2]).all():
+            known = known._replace(sideslip=np.inf)
         return cls(
-            vehicle_of(beside.vehicle if vehicle == "auto" else vehicle),
+            known,
             np.nan if heading is None else float(np.radians(heading)),
             float(np.radians(heading_sigma)),
             beside.headings,

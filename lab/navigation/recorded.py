@@ -294,7 +294,11 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
 def _hints(log: SensorLog, navigator: NavigatorSettings) -> Hints:
     """Return the hints of log and settings about vehicle and heading."""
     return Hints.of(
-        log.auxiliary, navigator.vehicle, navigator.initial_heading, navigator.initial_heading_uncertainty
+        log.auxiliary,
+        navigator.vehicle,
+        navigator.initial_heading,
+        navigator.initial_heading_uncertainty,
+        log.gnss.velocity_n,
     )
 
 

@@ -123,8 +123,12 @@ def test_a_contradiction_makes_the_heading_uncertain():
 
 def test_the_words_of_autopilots_are_known():
     for word, follows in (("rotary wing", False), ("fixed wing", True), ("rover", True), ("boat", False)):
-        assert Hints.of(AuxiliaryData(word), "auto", None, 5.0).vehicle.follows_nose == follows
-    assert Hints.of(AuxiliaryData("fixed wing"), "copter", None, 5.0).vehicle.name == "copter"
+        assert (
+            Hints.of(AuxiliaryData(word), "auto", None, 5.0, np.zeros((1, 3))).vehicle.follows_nose == follows
+        )
+    assert (
+        Hints.of(AuxiliaryData("fixed wing"), "copter", None, 5.0, np.zeros((1, 3))).vehicle.name == "copter"
+    )
 
 
 def test_matching_over_many_seeds_knows_how_well_it_knows():

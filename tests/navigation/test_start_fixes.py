@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from copter_logs import copter
 from phone_drive import RATE, trajectory
+from sensor_logs import write
 
+from lab.displacement import metres_per_radian
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.missions import read_sensor_log
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
 
+ARM = np.zeros(3)
 SIGMA = 2.5
 """σ of the positions, north and east [m]."""
 
@@ -45,7 +52,7 @@ def positions_only(start, rate, seed, vehicle="car"):
         time=ideal.time[kept],
         dtheta=ideal.dtheta[-size:] + gyro / RATE,
         dvelocity=ideal.dvelocity[-size:] + force / RATE,
-        gnss=GnssLog(at, position, unknown, sigma, unknown, np.zeros(3), 0.0),
+        gnss=GnssLog(at, position, unknown, sigma, unknown, ARM, 0.0),
         reference=None,
         gaps=np.empty((0, 2)),
         repairs=(),
@@ -72,6 +79,28 @@ def test_positions_show_course_speed_and_acceleration(start, rate, seed):
     assert np.sqrt(np.mean(north**2)) < SIGMA
 
 
-def test_the_kind_of_vehicle_must_show_its_heading_by_its_course():
-    made = navigate_log(positions_only(20, 1, 1, "copter"), suite(), NavigatorSettings())
+@pytest.mark.parametrize("vehicle", ["copter", ""])
+def test_the_kind_of_vehicle_must_show_its_heading_by_its_course(vehicle):
+    made = navigate_log(positions_only(20, 1, 1, vehicle), suite(), NavigatorSettings())
     assert "from the course" not in made.alignment.heading.source
+
+
+@pytest.mark.parametrize("sigma", [0.5, 1.5, 3.0])
+@pytest.mark.parametrize("vehicle", ["copter", ""])
+def test_the_heading_of_a_copter_is_uncertain_where_positions_do_not_show_it(sigma, vehicle, tmp_path):
+    """It flies sideways: a course taken for its heading is wrong by 40° to 160°."""
+    for seed in range(1, 5):
+        flown = copter(60, nose=0.7 * seed, rest=10.0 * (seed % 2), seed=seed)
+        log = read_sensor_log(write(tmp_path / str(seed), flown, f'vehicle = "{vehicle}"'))
+        gnss, rng = log.gnss, np.random.default_rng(seed)
+        spread = np.full(gnss.position.shape, sigma)
+        metres = rng.normal(size=spread.shape) * spread
+        per_radian = np.stack((*metres_per_radian(gnss.position[:, 0], 0.0), np.ones(len(metres))), axis=-1)
+        unknown = np.full(spread.shape, np.nan)
+        positions = GnssLog(
+            gnss.time, gnss.position + metres / per_radian, unknown, spread, unknown, ARM, 0.0
+        )
+        alignment = navigate_log(replace(log, gnss=positions), suite(), NavigatorSettings()).alignment
+        true = log.reference.euler[0, 2]
+        error = np.abs(wrap(euler_from_quaternion(alignment.start.q_nb)[2] - true))
+        assert error < 3 * alignment.attitude_sigma[2]
