@@ -154,7 +154,6 @@ def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, app
 
 
 def test_a_copy_for_jupyter_is_an_app_too(tmp_path: Path) -> None:
-    pytest.importorskip("nbconvert", reason="an extra that Panel needs to serve .ipynb files")
     copies, _ = copy_notebooks(tmp_path)
     copy = next(path for path in copies if path.stem == "03_sensor_errors")
     with serving([copy]) as address, ThreadPoolExecutor(1) as thread:

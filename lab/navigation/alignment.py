@@ -69,7 +69,7 @@ _ROUNDS = 3
 _LEAST_FAST = 0.5
 """Part of the fixes about a second that must show a course, for the second to be judged."""
 _ACCELERATION = 2.0
-"""σ of the mean acceleration in that time where no velocity shows it [m/s²]: turns and brakes of a car."""
+"""σ of the mean acceleration over `_LEVELLING` if no velocity shows it [m/s²]: a car turns and brakes so."""
 _LEAST_FOR_SLOPE = 3
 """Fewest fixes by which an acceleration is taken: a line through two has no redundancy."""
 _REST_NOISE = np.radians(0.02)
@@ -197,11 +197,15 @@ def align(
 
 
 def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the velocity (3,) at the start and its σ; a component that is known worse than zero is zero."""
-    zero = np.array([np.inf, np.inf, NO_VERTICAL_SIGMA])
+    """Return the velocity (3,) at the start and its σ.
+
+    A vehicle at rest has a speed below `REST_SPEED`, and one in motion climbs by `NO_VERTICAL_SIGMA`. Where a
+    receiver knows less, the velocity is zero with this σ.
+    """
+    sigma_of_zero = np.array([np.inf, np.inf, NO_VERTICAL_SIGMA])
     if rest:
-        zero = np.minimum(zero, REST_SPEED)
-    return np.where(sigma > zero, 0.0, velocity), np.minimum(sigma, zero)
+        sigma_of_zero[:] = REST_SPEED
+    return np.where(sigma > sigma_of_zero, 0.0, velocity), np.minimum(sigma, sigma_of_zero)
 
 
 def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Start fixes: the fixes with which the start of a navigator is found, and the σ of their velocities.
 
-The filter gives a velocity that no receiver measured no weight. For the start, the difference of the
-positions shows the course, as well as they are known.
+The filter gives no weight to a velocity that was not measured. The start takes it from the positions, with
+the σ that follows from theirs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 _APART = 1.0
 """Time between two positions whose difference is a velocity [s]: at 10 Hz, the difference of two neighbours
-has ten times its error. A vehicle seldom turns by more than its sideslip within two of them."""
+has ten times its error. In a steady turn, their difference has the course of the middle."""
 
 
 def start_fixes(fixes: Fixes, measured: FloatArray, variances: FloatArray) -> tuple[Fixes, FloatArray]:
@@ -28,7 +28,7 @@ def start_fixes(fixes: Fixes, measured: FloatArray, variances: FloatArray) -> tu
     Parameters
     ----------
     fixes
-        At least one fix, with the velocities that the filter uses.
+        The fixes, with the velocities that the filter uses.
     measured : (m, 3) array
         The measured velocities; NaN if unmeasured [m/s].
     variances : (m, 6) array

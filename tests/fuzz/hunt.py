@@ -92,6 +92,36 @@ def keep_bytes(name: str, data: bytes, error: BaseException) -> None:
         keep(name, Path(temporary), error)
 
 
+def repeat(name: str, seconds: float, attack: Callable[[int], int], save: Callable[[Exception], None]) -> int:
+    """Attack for a time, or until five attacks have broken something; tell how many there were.
+
+    Parameters
+    ----------
+    name
+        What is attacked.
+    seconds
+        For how long [s].
+    attack
+        Called with the number of the attack; returns how much of the data was still taken.
+    save
+        Called with what an attack raised.
+    """
+    limit_memory()
+    count = taken = broken = 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and broken < 5:
+        faulthandler.dump_traceback_later(HANG, exit=True)
+        try:
+            taken += attack(count)
+        except Exception as error:
+            broken += 1
+            save(error)
+        count += 1
+    faulthandler.cancel_dump_traceback_later()
+    print(f"{name}: {count} attacks; flights, samples, fixes and requests that were taken: {taken}")
+    return 1 if broken else 0
+
+
 def by_mutations(name: str, seconds: float) -> int:
     """Attack a reader with mutations of its seeds."""
     import numpy as np
@@ -99,25 +129,17 @@ def by_mutations(name: str, seconds: float) -> int:
     from mutations import mutated
 
     files, rng = seeds(name), np.random.default_rng()
-    limit_memory()
-    count = flights = broken = 0
     with tempfile.TemporaryDirectory() as temporary:
-        folder, end = Path(temporary), time.monotonic() + seconds
-        while time.monotonic() < end and broken < 5:
+        folder = Path(temporary)
+
+        def once(count: int) -> int:
             hostile = {file: mutated(seed, rng) for file, seed in files.items()}
-            faulthandler.dump_traceback_later(HANG, exit=True)
-            try:
-                flight = attack(name, folder, hostile, weigh=count % 20 == 0)
-                if flight is not None and count % 10 == 0:
-                    rebuild([folder / file for file in hostile])
-                flights += flight is not None
-            except Exception as error:
-                broken += 1
-                keep(name, folder, error)
-            count += 1
-        faulthandler.cancel_dump_traceback_later()
-    print(f"{name}: {count} attacks, {flights} of them still a flight")
-    return 1 if broken else 0
+            flight = attack(name, folder, hostile, weigh=count % 20 == 0)
+            if flight is not None and count % 10 == 0:
+                rebuild([folder / file for file in hostile])
+            return flight is not None
+
+        return repeat(name, seconds, once, lambda error: keep(name, folder, error))
 
 
 def by_atheris(name: str, seconds: float) -> int:
@@ -154,25 +176,17 @@ def by_bytes(name: str, seconds: float) -> int:
     from streams import DECODER_NAMES, attack_decoder, same, seed, unchecked
 
     protocol, rng = DECODER_NAMES[name], np.random.default_rng()
-    stream = seed(protocol)
-    limit_memory()
-    count = rows = broken = 0
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and broken < 5:
+    stream, hostile = seed(protocol), b""
+
+    def once(count: int) -> int:
+        nonlocal hostile
         hostile = mutated(stream, rng)
-        faulthandler.dump_traceback_later(HANG, exit=True)
-        try:
-            with unchecked() if count % 2 else contextlib.nullcontext():
-                found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
-                assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))
-            rows += len(found.imu) + len(found.fix)
-        except Exception as error:
-            broken += 1
-            keep_bytes(name, hostile, error)
-        count += 1
-    faulthandler.cancel_dump_traceback_later()
-    print(f"{name}: {count} attacks, {rows} samples and fixes left")
-    return 1 if broken else 0
+        with unchecked() if count % 2 else contextlib.nullcontext():
+            found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
+            assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))
+        return len(found.imu) + len(found.fix)
+
+    return repeat(name, seconds, once, lambda error: keep_bytes(name, hostile, error))
 
 
 def by_pushes(name: str, seconds: float) -> int:
@@ -181,22 +195,14 @@ def by_pushes(name: str, seconds: float) -> int:
     from pushes import PUSHES, changed
 
     (make, attack), rng = PUSHES[name], np.random.default_rng()
-    good = make()
-    limit_memory()
-    count = taken = broken = 0
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and broken < 5:
+    good, hostile = make(), b""
+
+    def once(_count: int) -> int:
+        nonlocal hostile
         hostile = changed(good, rng)
-        faulthandler.dump_traceback_later(HANG, exit=True)
-        try:
-            taken += attack(hostile)
-        except Exception as error:
-            broken += 1
-            keep_bytes(name, hostile, error)
-        count += 1
-    faulthandler.cancel_dump_traceback_later()
-    print(f"{name}: {count} attacks, {taken} of them taken")
-    return 1 if broken else 0
+        return attack(hostile)
+
+    return repeat(name, seconds, once, lambda error: keep_bytes(name, hostile, error))
 
 
 def by_phones(name: str, seconds: float) -> int:

@@ -30,6 +30,7 @@ from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.phone_line import LONGEST
 from lab.live.sensor_server import KINDS, SensorServerTransport
 from lab.phone.hub import PhoneHub
+from lab.phone.phone import Phone
 from lab.phone.posted import posted_of
 from lab.phone.pushed import pushed_of
 from lab.phone.server import PhoneServer
@@ -116,12 +117,7 @@ def attack_page(body: bytes) -> bool:
     posted = posted_of(body)
     if posted is None:
         return False
-    hub = PhoneHub()
-    ticket = hub.invite()
-    phone = hub._phones[ticket.key]
-    phone.start_reading()
-    assert hub.claim(phone, posted.device, posted.name)
-    return _is_read_again(hub, ticket.key, phone.take_posted(posted).status)
+    return _is_taken(posted.device, posted.name, lambda phone: phone.take_posted(posted).status)
 
 
 def attack_logger(body: bytes) -> bool:
@@ -129,12 +125,17 @@ def attack_logger(body: bytes) -> bool:
     pushed = pushed_of(body)
     if pushed is None:
         return False
+    return _is_taken(pushed.device, "", lambda phone: phone.take_pushed(pushed).status)
+
+
+def _is_taken(device: str, name: str, take: Callable[[Phone], int]) -> bool:
+    """Return whether the phone of a new hub takes a request, and check that what it keeps is read again."""
     hub = PhoneHub()
     ticket = hub.invite()
     phone = hub._phones[ticket.key]
     phone.start_reading()
-    assert hub.claim(phone, pushed.device, "")
-    return _is_read_again(hub, ticket.key, phone.take_pushed(pushed).status)
+    assert hub.claim(phone, device, name)
+    return _is_read_again(hub, ticket.key, take(phone))
 
 
 def _is_read_again(hub: PhoneHub, key: int, status: int) -> bool:
