@@ -72,6 +72,8 @@ _MIN_LAG = 0.4
 navigator is told or finds."""
 _LAG_STEP = 0.1
 """Step of the clock offsets tried with each axis [s]: a tenth of a leg."""
+_LAGS = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
+"""These offsets [s]."""
 _AROUND_LEAP = 1.5
 """Offsets around it that are tried [s]: the receiver's latency and the recorder's delay add to it."""
 _MAX_UNLIKE = 0.5
@@ -179,21 +181,21 @@ def _check_leap_seconds(log: SensorLog) -> None:
     motion = Motion(*(column[inside] for column in motion))
     if motion.turn.size < 2 * _MIN_LEGS or np.std(motion.turn) < _LIVELY_TURN:
         return
-    near = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
     around = np.arange(-_AROUND_LEAP, _AROUND_LEAP + _LAG_STEP / 2, _LAG_STEP)
-    rows = [
-        max((abs(_correlation(log, log.dtheta[:, axis], motion, motion.turn, lag)[0]), lag) for lag in lags)
-        for lags in (near, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
-        for axis in range(3)
-    ]
-    at_zero, at_leap = max(rows[:3]), max(rows[3:])
-    if at_zero[0] < _MAX_UNLIKE and at_leap[0] > _MIN_CORRELATION:
-        side = "late" if at_leap[1] < 0 else "early"
+    at_zero, at_leap = (
+        max(
+            (_largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
+            key=lambda one: abs(one[0]),
+        )
+        for lags in (_LAGS, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
+    )
+    if abs(at_zero[0]) < _MAX_UNLIKE and abs(at_leap[0]) > _MIN_CORRELATION:
+        side = "late" if at_leap[2] < 0 else "early"
         raise MissionError(
-            f"{log.name}: the stamps of the GPS are about {abs(at_leap[1]):.1f} s {side} relative to the "
-            f"IMU's (correlation of the turns {at_leap[0]:.2f}, with equal stamps {at_zero[0]:.2f}): one "
-            f"clock is likely to be GPS time and the other UTC, {LEAP_SECONDS:g} leap seconds apart; "
-            "accepted are stamps of one clock"
+            f"{log.name}: the stamps of the GPS are about {abs(at_leap[2]):.1f} s {side} relative to the "
+            f"IMU's (correlation of the turns {abs(at_leap[0]):.2f}, with equal stamps "
+            f"{abs(at_zero[0]):.2f}): one clock is likely to be GPS time and the other UTC, "
+            f"{LEAP_SECONDS:g} leap seconds apart; accepted are stamps of one clock"
         )
 
 
@@ -431,25 +433,23 @@ def _shows_lag(found: Match) -> bool:
 
 
 def _largest_correlation(
-    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray
+    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lags: FloatArray = _LAGS
 ) -> tuple[float, float, float]:
-    """Return correlation, factor and lag at the largest correlation, of either sign."""
-    lags = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
-    found = [(*_correlation(log, increments, motion, seen, lag), float(lag)) for lag in lags]
-    return max(found, key=lambda one: abs(one[0]))
+    """Return correlation, factor and lag at the largest correlation, of either sign.
 
-
-def _correlation(
-    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lag: float
-) -> tuple[float, float]:
-    """Return the correlation of an IMU axis, `lag` later, with the motion by the fixes, and the factor."""
+    It is that of an IMU axis, later by the lag, with the motion by the fixes.
+    """
     total = np.concatenate(([0.0], np.cumsum(increments)))
-    measured = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
     rows = np.isfinite(seen)
-    a, b = (measured / (motion.end - motion.start))[rows], seen[rows]
-    a, b = a - a.mean(), b - b.mean()
-    power = float(np.sqrt((a @ a) * (b @ b)))
-    if power == 0:
-        return 0.0, 0.0
-    # The factor from the ratio of sizes: regression would shrink it by the noise of the course.
-    return float(a @ b) / power, float(np.sqrt((a @ a) / (b @ b)))
+    start, end = motion.start[rows], motion.end[rows]
+    until_end, until_start = (np.interp(at + lags[:, None], log.time, total) for at in (end, start))
+    a, b = (until_end - until_start) / (end - start), seen[rows]
+    a, b = a - a.mean(axis=1, keepdims=True), b - b.mean()
+    size, other = (a * a).sum(axis=1), float(b @ b)
+    power = np.sqrt(size * other)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = np.where(power > 0, (a @ b) / power, 0.0)
+        # The factor from the ratio of sizes: regression would shrink it by the noise of the course.
+        factor = np.where(power > 0, np.sqrt(size / other), 0.0)
+    best = int(np.argmax(np.abs(correlation)))
+    return float(correlation[best]), float(factor[best]), float(lags[best])

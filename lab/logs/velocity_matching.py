@@ -19,6 +19,8 @@ from scipy.spatial.transform import Rotation
 from lab.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
+Quaternions = NDArray[np.complex128]
+"""Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 WINDOW = 20.0
@@ -37,7 +39,12 @@ _MODEL_SIGMA = 0.1
 _HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
 """Headings from which the fit starts [rad]: it converges from within 45°."""
 _ROUGH, _FINE = 3, 8
-"""Rounds of the fit from each start, and from the best of them. A plain choice."""
+"""Most rounds of the fit from each start, and from the best of them. A plain choice."""
+_VELOCITY = slice(9, 12)
+"""Place of the initial velocity among the unknowns."""
+_SETTLED = 1e-8
+"""Sum of squares by which a round moves the residuals, in σ, below which it is the last: no unknown has then
+moved by more than 1e-4 of its σ."""
 _MIN_FIXES = 8
 """Fewest fixes of a window: with two velocities each they exceed its thirteen unknowns."""
 _MAX_CHANGE = 1e4
@@ -229,30 +236,54 @@ def steps(time: FloatArray, increments: FloatArray, start: float, end: float) ->
 
 def turned(dtheta: FloatArray) -> Rotation:
     """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
-    total = Rotation.from_rotvec(np.concatenate((np.zeros((1, 3)), dtheta))).as_quat().T.copy()
+    a, b = _attitudes(_quaternions(dtheta))
+    return Rotation.from_quat(np.stack((a.imag, b.real, b.imag, a.real), axis=-1))
+
+
+def _quaternions(rotation: FloatArray) -> Quaternions:
+    """Return the quaternions (2, k) of rotation vectors (k, 3) [rad]."""
+    half = 0.5 * np.sqrt((rotation * rotation).sum(axis=1))
+    x, y, z = rotation.T * (0.5 * np.sinc(half / np.pi))
+    made = np.empty((2, half.size), complex)
+    made.real = np.cos(half), y
+    made.imag = x, z
+    return made
+
+
+def _attitudes(increments: Quaternions) -> Quaternions:
+    """Return the products (2, k + 1) of all increments (2, k) until each, from that of none on."""
+    total = np.concatenate(([[1.0], [0.0]], increments), axis=1)
     reach = 1
     while reach < total.shape[1]:  # each pass doubles how many increments are in each product
         total[:, reach:] = _product(total[:, :-reach], total[:, reach:])
         reach *= 2
-    return Rotation.from_quat(total.T)
+    return total
 
 
-def _product(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return products of quaternions (4, k), scalar last: those of `Rotation` take seven times as long."""
-    ax, ay, az, aw = one
-    bx, by, bz, bw = other
-    return np.stack(
-        (
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        )
+def _product(one: Quaternions, other: Quaternions) -> Quaternions:
+    """Return the products of quaternions (2, k): those of `Rotation` take twenty times as long."""
+    (a, b), (c, d) = one, other
+    made = np.empty_like(other)
+    made[0] = a * c - b * d.conj()
+    made[1] = a * d + b * c.conj()
+    return made
+
+
+def _matrices(quaternions: Quaternions) -> FloatArray:
+    """Return the rotation matrices (k, 3, 3) of unit quaternions (2, k)."""
+    (w, y), (x, z) = quaternions.real, quaternions.imag
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = 2.0 * np.stack(
+        (x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z)
     )
+    rows = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
+    return np.stack(rows, axis=-1).reshape(-1, 3, 3)
 
 
 def _total(values: FloatArray) -> FloatArray:
-    return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
+    """Return the sums (k + 1, ...) of values (k, ...) until each, from that of none on."""
+    made = np.zeros((len(values) + 1, *values.shape[1:]))
+    np.cumsum(values, axis=0, out=made[1:])
+    return made
 
 
 def _levelled(window: Window, bias: FloatArray) -> Rotation:
@@ -310,6 +341,10 @@ def _fitted(
         C_nb = Rotation.from_rotvec(change[:3]) * C_nb
         found = found + change[3:9]
         lag = float(np.clip(lag + change[12], -_MAX_FITTED_LAG, _MAX_FITTED_LAG))
+        change[_VELOCITY] = 0.0  # found anew in each round
+        moved = design @ change
+        if moved @ moved < _SETTLED:
+            break
     count = int(known.sum())
     # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
     scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
@@ -325,29 +360,28 @@ def _model(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
     dt = np.diff(window.time)[:, None]
-    attitude = turned(window.dtheta - bias[:3] * dt)
-    middle = attitude[:-1] * Rotation.from_rotvec(0.5 * (window.dtheta - bias[:3] * dt))
-    C = C_nb.as_matrix() @ middle.as_matrix()
-    force = np.einsum("kij,kj->ki", C, window.dvelocity - bias[3:] * dt)
-    at = window.at + lag
-    swing = np.cumsum(C * dt[:, :, None], axis=0)  # ∫ C dt
-    swing = np.concatenate((np.zeros((1, 3, 3)), swing))
-    half = 0.5 * (swing[1:] + swing[:-1])
+    half = _quaternions(0.5 * (window.dtheta - bias[:3] * dt))
+    middle = _product(_attitudes(_product(half, half))[:, :-1], half)
+    C = C_nb.as_matrix() @ _matrices(middle)
+    force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
+    cross = _cross(force)
+    C_dt = C * dt[:, :, None]
+    swing = _total(C_dt)  # ∫ C dt
     columns = np.concatenate(
         (
             force + _G * dt,
-            _cross(force).reshape(-1, 9),
-            (_cross(force) @ half).reshape(-1, 9),
+            cross.reshape(-1, 9),
+            (cross @ (swing[1:] - 0.5 * C_dt)).reshape(-1, 9),
         ),
         axis=1,
     )
-    total = _total(columns)
+    at = window.at + lag
     place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(dt) - 1)
     part = ((at - window.time[place]) / dt[place, 0])[:, None]
-    here = total[place] + part * columns[place]
+    here = _total(columns)[place] + part * columns[place]
     by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
     by_gyro = here[:, 12:].reshape(-1, 3, 3)
-    by_force = -(swing[place] + part[:, :, None] * (C * dt[:, :, None])[place])
+    by_force = -(swing[place] + part[:, :, None] * C_dt[place])
     by_lag = columns[place, :3] / dt[place]
     return here[:, :3], by_rotation, by_gyro, by_force, by_lag
 
