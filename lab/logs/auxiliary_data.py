@@ -125,6 +125,8 @@ class AuxiliaryData:
     vehicle : str
         Name of the vehicle, one of `lab.logs.vehicle.VEHICLES`, or an autopilot's word for it; empty
         where nobody named it.
+    forward_assumed : bool
+        Whether it is only assumed which axis of the IMU points forward. The course is then no safe heading.
     magnetometer : Magnetometer or None
         The magnetometer.
     headings : Headings or None
@@ -142,6 +144,7 @@ class AuxiliaryData:
     odometer: Series | None = None
     airspeed: Series | None = None
     comparisons: tuple[Comparison, ...] = ()
+    forward_assumed: bool = False
 
     def later(self, seconds: float) -> AuxiliaryData:
         """Return the same with later times."""
@@ -156,7 +159,7 @@ class AuxiliaryData:
             )
         }
         others = tuple(one.later(seconds) for one in self.comparisons)
-        return AuxiliaryData(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
+        return replace(self, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
 
     def named(self, vehicle: str) -> AuxiliaryData:
         """Return the same with another vehicle."""

@@ -28,6 +28,7 @@ outages refer to as well. Heights are above the ellipsoid, or all above the same
     heading = "heading.csv"       # taken where it exists
     vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
+    forward_assumed = false       # true: which one points forward is only assumed (docs/logs.md)
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
     latency_s = 0                 # by how much the stamps of the fixes are late
@@ -130,6 +131,8 @@ class LogFiles:
         Headings of columns with other names, and what the TOML says of them.
     axes_stated : bool
         Whether the TOML states the axes.
+    forward_assumed : bool
+        Whether it is only assumed which axis points forward.
     """
 
     path: Path
@@ -153,6 +156,7 @@ class LogFiles:
     declination: float
     columns: tuple[tuple[str, str], ...] = ()
     axes_stated: bool = False
+    forward_assumed: bool = False
 
     @property
     def has_own_names(self) -> bool:
@@ -190,7 +194,8 @@ class LogFiles:
         """The keys of the TOML that change how the files are read."""
         names = tuple(name for name, _ in self.comparisons)
         kept = self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
-        return (*kept, self.columns) if self.columns else kept
+        seldom = self.columns, self.forward_assumed
+        return (*kept, *(one for one in seldom if one))
 
     @property
     def duration(self) -> float:
@@ -219,6 +224,7 @@ class LogFiles:
             headings = _read_headings(self.heading, repairs)
         auxiliary = AuxiliaryData(
             vehicle=self.vehicle,
+            forward_assumed=self.forward_assumed,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer, repairs),
             headings=headings,
             barometer=None if self.barometer is None else _read_series(self.barometer, HEIGHT, repairs),
@@ -356,6 +362,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         declination=float(values.get("declination_deg", "nan")),
         columns=tuple(values.get("columns", {}).items()),
         axes_stated="axes" in values,
+        forward_assumed=values.get("forward_assumed", False),
     )
 
 

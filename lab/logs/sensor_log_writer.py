@@ -123,6 +123,8 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
     }
     if vehicle_of(auxiliary.vehicle).name:
         values["vehicle"] = vehicle_of(auxiliary.vehicle).name
+    if auxiliary.forward_assumed:
+        values["forward_assumed"] = True
     if auxiliary.magnetometer is not None and np.isfinite(auxiliary.magnetometer.declination):
         values["declination_deg"] = float(np.degrees(auxiliary.magnetometer.declination))
     if others:

@@ -23,6 +23,7 @@ from lab.navigation.initial_heading import (
     by_course,
     by_magnetometer,
     by_velocity,
+    contradict,
     shows_course,
     surest,
 )
@@ -120,14 +121,31 @@ class Alignment(NamedTuple):
                 f"{levelled}; the heading is unknown, since no motion and no sensor shows it. "
                 "navigator.initial_heading sets it."
             )
-        late, sigma = self.heading.late, self.heading.late_sigma
-        clock = ""
-        if abs(late) > max(_LATE, _LATE_SIGMAS * sigma):
-            clock = (
-                f" The same motion shows that the fixes are {abs(late):.2f} s "
-                f"{'late' if late > 0 else 'early'} (σ {sigma:.2f} s); set latency_s of the log accordingly."
-            )
-        return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
+        heading = f"heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
+        return " ".join((f"{levelled}; {heading}", *_late(self.heading), *_askew(self.heading)))
+
+
+def _late(found: Found) -> tuple[str, ...]:
+    """Return a sentence about the clock of the fixes, if the heading was found with a lateness."""
+    late, sigma = found.late, found.late_sigma
+    if not abs(late) > max(_LATE, _LATE_SIGMAS * sigma):
+        return ()
+    return (
+        f"The same motion shows that the fixes are {abs(late):.2f} s {'late' if late > 0 else 'early'} "
+        f"(σ {sigma:.2f} s); set latency_s of the log accordingly.",
+    )
+
+
+def _askew(found: Found) -> tuple[str, ...]:
+    """Return a sentence about the axes of the IMU, if the course contradicts the heading."""
+    apart = np.degrees(found.course_apart)
+    if not np.isfinite(apart):
+        return ()
+    return (
+        f"The axis that was assumed to point forward is {apart:.0f}° from the course. If the vehicle moves "
+        f"where its nose points, the IMU is mounted at this angle: mounting_deg = [0, 0, {apart:.0f}] in "
+        "log.toml corrects the axes, or --axes of the import.",
+    )
 
 
 def align(
@@ -334,13 +352,19 @@ def _heading(
     course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
     antennas = by_antennas(imu, hints.headings, turning, rest)
     matched = UNKNOWN
-    if not (vehicle.name and vehicle.follows_nose and course.source):
+    by_nose = vehicle.follows_nose and bool(course.source)
+    if not (by_nose and vehicle.name) or hints.forward_assumed:
         before = bias if rest or vehicle.follows_nose else np.zeros(3)
         matched = by_velocity(imu, fixes, velocity_sigma, before, rest)
     if not np.isnan(hints.given):
         given = Found(float(wrap(hints.given)), hints.given_sigma, "given", float(imu.time[0]))
         return given._replace(gyro_bias=matched.gyro_bias, gyro_bias_sigma=matched.gyro_bias_sigma)
-    if vehicle.follows_nose and course.source:
+    if by_nose and hints.forward_assumed:
+        # The IMU may be turned in the vehicle by any angle; the surer one is used.
+        if contradict(course, matched):
+            apart = float(wrap(matched.heading - course.heading))
+            course, matched = UNKNOWN, matched._replace(course_apart=apart)
+    elif by_nose:
         # The course is used unless the specific force contradicts it: then the kind of vehicle is unknown.
         course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
         matched = UNKNOWN if course.source else matched

@@ -70,6 +70,8 @@ class Hints(NamedTuple):
         Measured headings.
     magnetometer : Magnetometer or None
         The magnetometer.
+    forward_assumed : bool
+        Whether it is only assumed which axis of the IMU points forward, and measured velocities can show it.
     """
 
     vehicle: Vehicle = vehicle_of("")
@@ -77,6 +79,7 @@ class Hints(NamedTuple):
     given_sigma: float = np.nan
     headings: Headings | None = None
     magnetometer: Magnetometer | None = None
+    forward_assumed: bool = False
 
     @classmethod
     def of(
@@ -104,7 +107,8 @@ class Hints(NamedTuple):
             Measured velocities; NaN if unmeasured [m/s].
         """
         known = vehicle_of(beside.vehicle if vehicle == "auto" else vehicle)
-        if not known.name and np.isnan(velocity_n[:, :2]).all():
+        unmeasured = bool(np.isnan(velocity_n[:, :2]).all())
+        if not known.name and unmeasured:
             known = known._replace(sideslip=np.inf)
         return cls(
             known,
@@ -112,6 +116,7 @@ class Hints(NamedTuple):
             float(np.radians(heading_sigma)),
             beside.headings,
             beside.magnetometer,
+            beside.forward_assumed and not unmeasured,
         )
 
 
@@ -131,6 +136,8 @@ class Found(NamedTuple):
     late, late_sigma : float
         Lateness of the time stamps of the fixes, estimated with the heading, and its σ [s]; NaN if not
         estimated.
+    course_apart : float
+        This heading minus the course, if the course contradicts it; NaN otherwise [rad].
     """
 
     heading: float
@@ -141,6 +148,7 @@ class Found(NamedTuple):
     gyro_bias_sigma: FloatArray | None = None
     late: float = np.nan
     late_sigma: float = np.nan
+    course_apart: float = np.nan
 
     @property
     def is_course(self) -> bool:
@@ -152,6 +160,12 @@ UNKNOWN = Found(0.0, np.pi, "", np.nan)
 """An unknown heading."""
 
 
+def contradict(one: Found, other: Found) -> bool:
+    """Return whether two headings are further apart than their σ explain."""
+    apart = abs(float(wrap(other.heading - one.heading)))
+    return bool(apart > _CONTRADICTION * np.hypot(one.sigma, other.sigma))
+
+
 def surest(found: Sequence[Found]) -> Found:
     """Return the most certain of several headings; its σ and source report a contradiction."""
     known = sorted((one for one in found if one.sigma < np.pi), key=lambda one: one.sigma)
@@ -160,7 +174,7 @@ def surest(found: Sequence[Found]) -> Found:
     best = known[0]
     for other in known[1:]:
         apart = abs(float(wrap(other.heading - best.heading)))
-        if apart > _CONTRADICTION * np.hypot(best.sigma, other.sigma):
+        if contradict(best, other):
             return best._replace(
                 sigma=min(np.pi, max(best.sigma, apart)),
                 source=f"{best.source} (contradicted: {np.degrees(apart):.0f}° away from the heading "

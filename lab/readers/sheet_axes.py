@@ -104,6 +104,7 @@ def oriented(
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
     log = log if shown is None else build(_turned(samples, axes))
+    log = replace(log, auxiliary=replace(log.auxiliary, forward_assumed=len(passed) > 1))
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
     doubtful = not signed and _passes(judged(_turned(reversed_, other)))
     doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
