@@ -19,7 +19,7 @@ from lab.logs.auxiliary_data import Comparison
 from lab.logs.sensor_log import SensorLog
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
-from lab.readers import READERS, Reader, log_reader_of, read_raw, reader_of
+from lab.readers import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.repair.raw_flight import RawFlight
@@ -220,10 +220,7 @@ def read_log(
         )
     if axes or vehicle:
         raise MissionError(f"{files[0]}: {reader.name} states its axes and its vehicle; they are not given")
-    if reader.read_log is None:
-        logs = ", ".join(other.name for other in READERS if other.read_log is not None)
-        raise MissionError(f"{files[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
-    log = reader.read_log(files[0])
+    log = read_log_of(reader, files[0])
     return replace(
         log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, files[0], log.epoch))
     )

@@ -7,7 +7,7 @@ import os
 import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lab.logs.sensor_log import SensorLog
@@ -32,7 +32,7 @@ from lab.readers import (
     ulog,
     xplane_data,
 )
-from lab.readers.damaged_head import as_plain_text, what_is_damaged
+from lab.readers.damaged_head import as_plain_text, copied_as_text, what_is_damaged
 from lab.readers.sheet_fixes import LatitudeError
 from lab.recordings.mission_error import MissionError
 from lab.recordings.text_blocks import check_file
@@ -100,6 +100,9 @@ READERS: tuple[Reader, ...] = (
 """All readers; at most one recognises a file."""
 
 
+_COPIED_BYTES = 2**20
+"""Bytes by which it is judged whether a file was copied as text: logs of PX4 begin with 64 kB of few line
+feeds."""
 _UNMISTAKABLE = re.compile(rb"[{}]|[a-z]/[a-z]+-[a-z]")
 """What headings have that are JSBSim's alone: V_{North} (ft/s), or the path of a property."""
 _TABLE = (
@@ -232,9 +235,13 @@ def read_raw(
                 f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
                 "flight in one format"
             )
+    copied = copied_as_text(_head(files[0], _COPIED_BYTES))
     try:
-        return readers[0].read(files, units or {})
-    except MissionError:
+        raw = readers[0].read(files, units or {})
+        return replace(raw, remarks=(*raw.remarks, copied)) if copied else raw
+    except MissionError as refusal:
+        if copied:
+            raise MissionError(f"{refusal}. {copied}") from refusal
         if readers[0].name != jsbsim_csv.NAME or any(_UNMISTAKABLE.search(_head(path)) for path in files):
             raise
         # JSBSim's headings time, latitude and vn are those of any receiver, too.
@@ -247,14 +254,40 @@ def read_raw(
         raise
 
 
-def _head(path: Path) -> bytes:
+def read_log_of(reader: Reader, path: Path) -> SensorLog:
+    """Return the log of an autopilot's file.
+
+    Parameters
+    ----------
+    reader, path
+        The reader, with `read_log`, and its file.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with the file.
+    """
+    if reader.read_log is None:
+        logs = ", ".join(other.name for other in READERS if other.read_log is not None)
+        raise MissionError(f"{path}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
+    copied = copied_as_text(_head(path, _COPIED_BYTES))
+    try:
+        log = reader.read_log(path)
+    except MissionError as refusal:
+        if copied:
+            raise MissionError(f"{refusal}. {copied}") from refusal
+        raise
+    return replace(log, repairs=(*log.repairs, copied)) if copied else log
+
+
+def _head(path: Path, size: int = HEAD_BYTES) -> bytes:
     try:
         check_file(path, 2**40)
         with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
+            head = file.read(size)
         if head.startswith(b"\x1f\x8b"):
             with gzip.open(path, "rb") as stream:
-                return stream.read(HEAD_BYTES)
+                return stream.read(size)
     except MissionError:
         raise
     except (OSError, EOFError, ValueError, zlib.error) as error:

@@ -14,7 +14,15 @@ _MESSAGE_BYTES = 1024
 random bytes have the mark once in 65,536."""
 _MIN_MESSAGES = 8
 """Fewest of them."""
+_LINE_ENDS = 16
+"""Fewest line feeds in a binary file, all after a carriage return, from which it was copied as text: one of
+random bytes follows one by chance in 256."""
+_REPLACED = 1000
+"""Bytes for each U+FFFD from which a file was decoded as UTF-8: random bytes have one in 17 million."""
+_BINARY = 0.01
+"""Least share of bytes beyond ASCII in a binary file; texts that a logger filled up with zeros have fewer."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+_ASCII = bytes(range(128))
 _ULOG = ".ulg"
 _MISSING = (
     "but its beginning is missing, which describes {}: without that they cannot be decoded. Accepted is the "
@@ -28,6 +36,27 @@ def as_plain_text(head: bytes) -> bytes:
     return as_utf8(head[: len(head) // 2 * 2]) if looks_so else b""
 
 
+def copied_as_text(head: bytes) -> str:
+    """Return a sentence on a binary file that was copied as text; empty if nothing shows it.
+
+    Parameters
+    ----------
+    head
+        Its first bytes, decompressed.
+    """
+    ends, replaced = head.count(b"\n"), head.count("\ufffd".encode())
+    if b"\0" not in head or len(head.translate(None, _ASCII)) < _BINARY * len(head):
+        return ""
+    if replaced * _REPLACED > len(head):
+        return "Its bytes were decoded as text and are lost: copy it as a binary file."
+    if ends >= _LINE_ENDS and head.count(b"\r\n") == ends:
+        return (
+            "It was copied as text: each line feed has got a carriage return before it. Copy it as a binary "
+            "file (with ftp: the command binary)."
+        )
+    return ""
+
+
 def what_is_damaged(path: Path, head: bytes) -> str:
     """Return a sentence on what is wrong with the beginning of a file; empty if nothing is known.
 
@@ -38,6 +67,8 @@ def what_is_damaged(path: Path, head: bytes) -> str:
     head
         Its first bytes, decompressed.
     """
+    if said := copied_as_text(head):
+        return said
     if head.startswith(_GZIP):
         return "It was compressed twice with gzip: decompress it once."
     if head.count(MARKS) >= max(_MIN_MESSAGES, len(head) // _MESSAGE_BYTES):

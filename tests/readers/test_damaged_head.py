@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from writers import WRITERS
 
+from lab.logs.sensor_log import SensorLog
 from lab.missions import MissionError, mission
 from lab.missions.flight_import import read_log
 from lab.readers import read_raw
+from lab.readers.damaged_head import copied_as_text
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,31 @@ def test_twice_compressed_and_empty(tmp_path, recording):
 def test_sentences_in_utf_16(tmp_path, recording, coding):
     data = WRITERS["NMEA 0183"](recording).decode().encode(coding)
     assert "It is NMEA 0183 in UTF-16" in refused(tmp_path / "walk.nmea", data)
+
+
+def said_of(read, path, data):
+    """Return the remarks on a file, or why it is refused."""
+    path.write_bytes(data)
+    try:
+        found = read(path)
+    except MissionError as refusal:
+        return str(refusal)
+    return " ".join(found.repairs if isinstance(found, SensorLog) else found.remarks)
+
+
+@pytest.mark.parametrize("read", [lambda path: read_raw([path]), lambda path: read_log([path])])
+@pytest.mark.parametrize(("name", "ending"), [("ArduPilot DataFlash", "bin"), ("PX4 ULog", "ulg")])
+def test_a_binary_log_that_was_copied_as_text(tmp_path, recording, name, ending, read):
+    """Windows programs write a carriage return before each line feed; others replace what is no UTF-8."""
+    data, path = WRITERS[name](recording), tmp_path / f"flight.{ending}"
+    said = said_of(read, path, data.replace(b"\n", b"\r\n"))
+    assert "each line feed has got a carriage return before it" in said
+    assert "decoded as text and are lost" in said_of(read, path, data.decode("utf-8", "replace").encode())
+    assert "copied as text" not in said_of(read, path, data)
+
+
+def test_a_table_filled_up_with_zeros_was_not_copied_as_text():
+    assert not copied_as_text(b"t_s,lat_deg\r\n" + b"1,48.2\r\n" * 500 + bytes(4000))
 
 
 @pytest.mark.parametrize("seed", range(8))
