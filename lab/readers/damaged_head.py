@@ -23,6 +23,7 @@ _BINARY = 0.01
 """Least share of bytes beyond ASCII in a binary file; texts that a logger filled up with zeros have fewer."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _ASCII = bytes(range(128))
+"""All bytes of ASCII."""
 _ULOG = ".ulg"
 _MISSING = (
     "but its beginning is missing, which describes {}: without that they cannot be decoded. Accepted is the "
