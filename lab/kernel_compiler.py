@@ -32,6 +32,8 @@ from numba.core.untyped_passes import (
     WithLifting,
 )
 
+from lab.compiled_cache import cached
+
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a kernel that no Python and no C calls."""
 
@@ -126,7 +128,7 @@ class _CompilerApart(_Compiler):
 class Kernel(CPUDispatcher):
     """A function that kernels call.
 
-    A kernel that Python calls, as tests do, is compiled a second time, as Numba does.
+    A kernel that Python calls, as the reference does, is compiled a second time, as Numba does.
     """
 
     def __init__(self, function: Any, options: dict[str, Any], *, apart: bool = False) -> None:
@@ -139,8 +141,10 @@ class Kernel(CPUDispatcher):
 
     @functools.cached_property
     def for_python(self) -> Callable[..., Any]:
-        """The function compiled for callers in Python, at the first call."""
+        """The function compiled for callers in Python, at the first call; one of the lab is kept on disk."""
         called = {name: value for name, value in self.targetoptions.items() if name not in WITHOUT_WRAPPERS}
+        if self.py_func.__module__.startswith("lab."):
+            return cast(Callable[..., Any], cached(self.py_func, called))
         return cast(Callable[..., Any], numba.jit(**called)(self.py_func))
 
     def get_call_template(self, args: Any, kws: Any) -> Any:

@@ -61,6 +61,9 @@ GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "headin
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
 WIND, AIRSPEED_SCALE = "wind", "airspeed scale"
 
+OF_AIDS = frozenset({BAROMETER_BIAS, HEADING_BIAS, ODOMETER_SCALE, WIND, AIRSPEED_SCALE})
+"""Blocks of the errors of other sensors than IMU and GPS."""
+
 BLOCKS: dict[str, Block] = {
     GYRO_SCALE: Block(tuple(f"{GYRO_SCALE} {axis}" for axis in "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
     ACCEL_SCALE: Block(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lab.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
-from lab.navigation.blocks import LEVER_ARM
+from lab.navigation.blocks import LEVER_ARM, OF_AIDS
 from lab.navigation.compilation import is_ready
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, ErrorModel
@@ -172,6 +172,14 @@ def go_through(
             done = end
 
 
+def takes_aids(model: ErrorModel, aids: Aids) -> bool:
+    """Return whether a filter is one for other measurements: it has some, or states for their errors.
+
+    With such states, a run without measurements, as that for the observability, needs no second compilation.
+    """
+    return bool(aids.time.size) or not OF_AIDS.isdisjoint(model.blocks)
+
+
 Go = Callable[[Filter, Imu, Fixes, Solution, int, Schedule, ErrorModel], int]
 """Advances a navigator as `within_frame` does."""
 
@@ -184,7 +192,7 @@ def within_frame(
     Returns the number of increments that were used.
     """
     model = model_at(run.state, model)
-    go = driver(model, summed=schedule.stride > 1, aided=bool(run.aids.time.size))
+    go = driver(model, summed=schedule.stride > 1, aided=takes_aids(model, run.aids))
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 

@@ -34,7 +34,7 @@ from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.frames import change, model_at
 from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import go_through, within_frame, within_frame_in_piece
+from lab.navigation.navigator import go_through, takes_aids, within_frame, within_frame_in_piece
 from lab.navigation.piece import Piece
 from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
@@ -135,7 +135,7 @@ def navigate(
     end = imu.dtheta.shape[0]
     while copies:
         first, own, there, changed = copies.pop()
-        back = backward_pass(model_at(own.state, model), aided=bool(aids.time.size))
+        back = backward_pass(model_at(own.state, model), aided=takes_aids(model, aids))
         kept = _Kept(
             np.zeros((end - first + 1, run.state.size)),
             np.zeros((end - first + 1, n * run.P.shape[1])),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from aided_flights import flight, standing, starting, winding_road
+from numpy.typing import NDArray
 from scipy import stats
 
 from lab import Experiment
@@ -16,6 +17,8 @@ from lab.analysis.errors import error_state
 from lab.navigation import blocks
 from lab.navigation.aids import NORTHWARD
 from lab.result import Result
+
+FloatArray = NDArray[np.float64]
 
 SEEDS = 24
 RATE = 50.0
@@ -49,8 +52,19 @@ QUIET = {
     "navigator.attitude_error": (0.0, 0.0, 0.0),
 }
 """Sensors with which the other errors of a navigator that runs free stay almost linear for some minutes."""
-LEVELLED = {"sensors__barometer__fitted": True}
-"""A barometer, so that zero velocity is used by a filter that is compiled for the barometer already."""
+KINDS = ("barometer", "heading", "odometer", "airspeed")
+RUNNING = 1e4
+"""Longer than any flight here [s]."""
+
+
+def only(*names: str) -> dict[str, Any]:
+    """Return settings with all other sensors fitted, of which only those named ever measure.
+
+    The states of a silent sensor touch no others. So all tests use one compiled filter, that of
+    `test_aids.py`.
+    """
+    silent = {f"sensors.{name}.outages": [(0.0, RUNNING)] for name in KINDS if name not in names}
+    return {f"sensors.{name}.fitted": True for name in KINDS} | silent
 
 
 def test_all_states_and_measurements_together_are_consistent() -> None:
@@ -82,56 +96,76 @@ def test_all_states_and_measurements_together_are_consistent() -> None:
         assert np.mean(squares) == pytest.approx(1, abs=4 * np.std(squares) / np.sqrt(SEEDS) + 0.01)
 
 
-def ends(mission: Path | str, column: list[int], **settings: Any) -> tuple[float, float]:
-    """Return the rms error at the end of an outage of 60 s [m], and the rms of error / σ, over seeds."""
-    errors, ratios = [], []
+class Ends(NamedTuple):
+    """Errors of position at the end of an outage of 60 s [m], and their σ, over seeds (seeds, 3)."""
+
+    errors: FloatArray
+    sigma: FloatArray
+
+
+def ends(mission: Path | str, settings: dict[str, Any]) -> Ends:
+    """Return what an outage leaves, over seeds."""
+    errors, sigma = [], []
     for seed in range(SEEDS):
         made = Experiment(mission=str(mission), seed=seed)
         made.set("trajectory.imu_rate", RATE)
         made.set("sensors.gps.outages", [(100.0, 160.0)])
-        for path, value in settings.items():
-            made.set(path.replace("__", "."), value)
+        made.update(settings)
         result = made.run()
         at = np.array([np.searchsorted(result.time, 159.9)])
         further = result.true_further()
         x = error_state(
             result.solution_arrays, at, result.known_truth("errors"), result.true_bias, further=further
         )
-        errors.append(x[0, column])
-        ratios.append(x[0, column] / np.sqrt(result.solution_arrays.variance[at[0], column]))
-    return float(np.sqrt(np.mean(np.square(errors)))), float(np.sqrt(np.mean(np.square(ratios))))
+        errors.append(x[0, :3])
+        sigma.append(np.sqrt(result.solution_arrays.variance[at[0], :3]))
+    return Ends(np.array(errors), np.array(sigma))
 
 
-def check_gain(name: str, alone: tuple[float, float], aided: tuple[float, float], number: int) -> None:
+def check_gain(name: str, alone: Ends, aided: Ends, axes: list[int]) -> None:
     """Print the gain; the errors must be as large as σ says, and smaller than without the measurement."""
-    print(f"\n{name}: {alone[0]:.3g} m becomes {aided[0]:.3g} m, error / σ {aided[1]:.2f}")
+    before, after, ratio = (
+        float(np.sqrt(np.mean(np.square(values[:, axes]))))
+        for values in (alone.errors, aided.errors, aided.errors / aided.sigma)
+    )
+    number = SEEDS * len(axes)
+    print(f"\n{name}: {before:.3g} m becomes {after:.3g} m, error / σ {ratio:.2f}")
     low, high = np.sqrt(stats.chi2.ppf([1e-4, 1 - 1e-4], number) / number)
-    assert low < aided[1] < high
-    assert aided[0] < 0.5 * alone[0]
+    assert low < ratio < high
+    assert after < 0.5 * before
 
 
-def test_a_barometer_halves_the_vertical_error_of_an_outage() -> None:
-    alone, aided = ends("montreal", [2]), ends("montreal", [2], **LEVELLED)
-    check_gain("barometer", alone, aided, SEEDS)
+LEVEL, VERTICAL = [0, 1], [2]
+"""Axes of the position, in north, east, down."""
 
 
-def test_airspeed_shortens_the_level_error_of_an_outage() -> None:
-    alone, aided = ends("montreal", [0, 1]), ends("montreal", [0, 1], sensors__airspeed__fitted=True)
-    check_gain("airspeed", alone, aided, SEEDS)
+@pytest.fixture(scope="module")
+def unaided() -> Ends:
+    """Return what an outage leaves of a flight without other sensors."""
+    return ends("montreal", {})
+
+
+def test_a_barometer_halves_the_vertical_error_of_an_outage(unaided: Ends) -> None:
+    check_gain("barometer", unaided, ends("montreal", only("barometer")), VERTICAL)
+
+
+def test_airspeed_shortens_the_level_error_of_an_outage(unaided: Ends) -> None:
+    check_gain("airspeed", unaided, ends("montreal", only("airspeed")), LEVEL)
 
 
 def test_wind_and_scale_are_consistent_beside_a_navigator_that_runs_free() -> None:
     """Its velocity is soon wrong by 10 m/s, over which an airspeed is far from linear: see the airspeeds."""
-    free = {"navigator.correction": "feedforward", "sensors.airspeed.fitted": True} | QUIET
+    free = {"navigator.correction": "feedforward"} | only("airspeed") | QUIET
     nees, aids = [], []
     for seed in range(SEEDS):
         result = flight("montreal", seed, free).run()
         solution = result.solution_arrays
         used = solution.fix_sample[solution.fix_sample >= 0]
+        own = np.r_[*(blocks.states_of(result.blocks, name) for name in (blocks.WIND, blocks.AIRSPEED_SCALE))]
         x = error_state(
             solution, used, result.known_truth("errors"), result.true_bias, further=result.true_further()
-        )[:, blocks.CORE :]
-        P = solution.fix_covariance[solution.fix_sample >= 0][:, blocks.CORE :, blocks.CORE :]
+        )[:, own]
+        P = solution.fix_covariance[solution.fix_sample >= 0][:, own[:, None], own]
         nees.append(normalised_squares(x, P).mean() / x.shape[1])
         aids.append(float(np.mean(solution.aid_innovation**2 / solution.aid_variance)))
     print(f"\nNEES of wind and scale {np.mean(nees):.2f}, NIS of airspeeds {np.mean(aids):.2f}")
@@ -148,10 +182,8 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_an_odometer_and_wheels_that_do_not_slip_hold_the_position(drive: Path) -> None:
-    wheels = {"sensors__odometer__fitted": True, "navigator__no_slip": True}
-    alone = ends(drive, [0, 1])
-    aided = ends(drive, [0, 1], navigator__slip_sigma=(0.05, 0.05), **wheels)
-    check_gain("odometer and no slip", alone, aided, SEEDS)
+    wheels = only("odometer") | {"navigator.no_slip": True, "navigator.slip_sigma": (0.05, 0.05)}
+    check_gain("odometer and no slip", ends(drive, {}), ends(drive, wheels), LEVEL)
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +209,7 @@ def at_rest(parked: Path, *, used: bool) -> list[Result]:
     for seed in range(SEEDS):
         made = Experiment(mission=str(parked), seed=seed)
         made.set("trajectory.imu_rate", RATE)
-        made.set("sensors.barometer.fitted", True)
+        made.update(only("barometer"))
         made.set("navigator.zero_velocity", used)
         found.append(made.run())
     return found
@@ -187,7 +219,7 @@ def at_rest(parked: Path, *, used: bool) -> list[Result]:
 def test_a_start_is_no_rest(acceleration: float, tmp_path: Path) -> None:
     """The fixes of a default receiver show its speed at 1.8 m/s; σ of the velocity at rest is 0.01 m/s."""
     path = starting(tmp_path, acceleration)
-    settings = {"sensors.barometer.fitted": True, "navigator.zero_velocity": True}
+    settings = only("barometer") | {"navigator.zero_velocity": True}
     squares = []
     for seed in range(8):
         result = flight(path, seed, {"trajectory.imu_rate": RATE} | settings).run()
@@ -206,10 +238,9 @@ def test_a_start_is_no_rest(acceleration: float, tmp_path: Path) -> None:
 
 def test_zero_velocity_holds_the_position_without_fixes(parked: Path) -> None:
     """The vehicle stands still exactly, so σ must be small for it to say more than the inertial sensors."""
-    sharp = {"navigator__zero_velocity": True, "navigator__zero_velocity_sigma": 0.002}
-    alone = ends(parked, [0, 1], **LEVELLED)
-    aided = ends(parked, [0, 1], **LEVELLED, **sharp)
-    check_gain("zero velocity", alone, aided, 2 * SEEDS)
+    barometer = only("barometer")
+    sharp = {"navigator.zero_velocity": True, "navigator.zero_velocity_sigma": 0.002}
+    check_gain("zero velocity", ends(parked, barometer), ends(parked, barometer | sharp), LEVEL)
 
 
 def test_smoothed_errors_are_smaller_and_as_large_as_their_sigma() -> None:

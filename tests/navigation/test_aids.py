@@ -14,10 +14,11 @@ from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
 from lab.memory import bytes_per_aid
-from lab.navigation import aids, blocks, reference_aids, strapdown, wander
+from lab.navigation import aids, blocks, navigator, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
-from lab.navigation.error_models import MODELS
+from lab.navigation.driver import Advance, driver
+from lab.navigation.error_models import MODELS, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.frames import keep_radii
 from lab.navigation.further_columns import with_blocks
@@ -87,9 +88,11 @@ def test_memory_of_measurements_is_counted() -> None:
     ],
 )
 def test_covariance_after_a_fix_is_that_of_its_sample(own: dict[str, Any]) -> None:
-    """NEES holds the errors after the sample, with its other readings, against P of the fix."""
-    sensors = {"sensors.barometer.fitted": True, "sensors.heading.fitted": True, "sensors.heading.noise": 0.1}
-    found = of(sensors | own).run().solution_arrays
+    """NEES holds the errors after the sample, with its other readings, against P of the fix.
+
+    With the sensors of other tests, so that the filter is one that they compile too.
+    """
+    found = of(VEHICLE | {"sensors.heading.noise": 0.1} | own).run().solution_arrays
     fixes = np.flatnonzero(found.fix_sample >= 0)
     at = found.fix_sample[fixes]
     assert np.isin(found.aid_sample, at).any()
@@ -336,8 +339,18 @@ def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> Non
         assert {"R height", "R heading", "R speed forward", "R airspeed"} <= found
 
 
-def test_observability_shows_what_each_state_gains() -> None:
+def test_observability_shows_what_each_state_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run without measurements is of the filter that is compiled already."""
+    made: list[bool] = []
+
+    def watched(model: ErrorModel, *, summed: bool, aided: bool) -> Advance:
+        made.append(aided)
+        return driver(model, summed=summed, aided=aided)
+
+    monkeypatch.setattr(navigator, "driver", watched)
     found = of(ALL).run().observability
+    assert len(made) > 1
+    assert all(made)
     assert found.sizes["quantity"] == 15 + sum(block.size for block in BLOCKS.values())
     first, last = found.sigma.isel(time=0), found.sigma.isel(time=-1)
     for state in ("lever arm right", "barometer bias", "odometer scale", "latency", "gyro misalignment zx"):
