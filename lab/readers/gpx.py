@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lab import ecef
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.pressure_tracks import pressure_copies
 from lab.readers.track import Track, refuse_units
 from lab.readers.xml_elements import has_root
 from lab.recordings.bounds import LATITUDES, LONGITUDES
@@ -81,6 +82,8 @@ class _Points:
         self._segment = self._line = 0
         self._point: dict[str, float] | None = None
         self._name, self._text = "", ""
+        self._title, self._titles = "", dict[int, str]()
+        self._copies: dict[int, str] = {}
         self._start: datetime | None = None
         self._vehicle, self._broken = "", ""
         self._parser = expat.ParserCreate()
@@ -109,7 +112,7 @@ class _Points:
         MissionError
             If there are none.
         """
-        segments = np.array(self._segments, dtype=np.int64)
+        segments = self._without_copies()
         if not len(segments):
             what = f" It is broken in {self._broken}." if self._broken else ""
             raise MissionError(
@@ -147,6 +150,16 @@ class _Points:
             vehicle=self._vehicle,
         )
 
+    def _without_copies(self) -> NDArray[np.int64]:
+        """Leave out tracks that are copies with pressure altitudes; return the segment of each point."""
+        segments = np.array(self._segments, dtype=np.int64)
+        self._copies = pressure_copies(self._titles, segments, np.array(self._columns["time"]))
+        kept = ~np.isin(segments, list(self._copies))
+        if not kept.all():
+            self._columns = {name: array("d", np.array(one)[kept]) for name, one in self._columns.items()}
+            self._lines = array("q", np.array(self._lines)[kept])
+        return segments[kept]
+
     def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which points belong to the longest segment, or to an adjacent one on the same path."""
         time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
@@ -174,6 +187,7 @@ class _Points:
         remarks = [f"Time counts from {self._start:%Y-%m-%d} 00:00 UTC."]
         if np.isfinite(height).any():
             remarks.append(SEA_LEVEL)
+        remarks += self._copies.values()
         if self._broken:
             remarks.append(f"The file is broken in {self._broken}. The rest is not read.")
         return tuple(remarks)
@@ -187,8 +201,11 @@ class _Points:
     def _begin(self, name: str, attributes: dict[str, str]) -> None:
         name = name.rpartition(":")[2]
         self._name, self._text = name, ""
-        if name == "trkseg":
+        if name == "trk":
+            self._title = ""
+        elif name == "trkseg":
             self._segment += 1
+            self._titles[self._segment] = self._title
         elif name == "trkpt":
             self._point = {key: _number(attributes.get(key, "")) for key in ("lat", "lon")}
             self._line = self._parser.CurrentLineNumber
@@ -208,6 +225,8 @@ class _Points:
                 self._point = None
             elif name in _OF_A_POINT and name == self._name:
                 self._point[name] = self._seconds(self._text) if name == "time" else _number(self._text)
+        elif name == "name" and name == self._name:
+            self._title = self._text.strip()
         elif name == "type" and name == self._name and not self._vehicle:
             self._vehicle = self._text.strip()
         self._name = ""

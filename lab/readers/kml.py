@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.fixes import UNKNOWN, Fixes, UtcClock, number
+from lab.readers.pressure_tracks import pressure_copies
 from lab.readers.track import refuse_units
 from lab.readers.xml_elements import has_root, read_elements
 from lab.recordings.mission_error import MissionError
@@ -68,6 +69,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         first = fixes.line[int(np.argmin(kept))]
         dropped = (Dropped("of a shorter track", int((~kept).sum()), int(first)),)
     remarks = [*tracks.clock.remarks, *_about_height(fixes, kept, tracks.modes.get(chosen, ""))]
+    remarks += tracks.copies.values()
     if tracks.unused:
         remarks.append(f"Other data of the tracks is not used: {', '.join(tracks.unused)}.")
     if broken:
@@ -102,20 +104,24 @@ class _Tracks:
         self.latitude, self.longitude, self.height = array("d"), array("d"), array("d")
         self.of_place = array("q")
         self.modes: dict[int, str] = {}
+        self.names: dict[int, str] = {}
+        self.copies: dict[int, str] = {}
         self.unused: list[str] = []
         self.drawn = self._tracks = self._line = 0
         self._inside = self._point = False
         self._when = UNKNOWN
+        self._name = ""
 
     def begin(self, name: str, attributes: Mapping[str, str], line: int) -> None:
         """Take the start of an element."""
         if name == "Track":
             self._inside = True
             self._tracks += 1
+            self.names[self._tracks] = self._name
         elif name == "when":
             self._line = line
         elif name == "Placemark":
-            self._when = UNKNOWN
+            self._when, self._name = UNKNOWN, ""
         elif name in {"LineString", "Point"}:
             self.drawn += 1
             self._point = name == "Point"
@@ -139,6 +145,8 @@ class _Tracks:
 
     def _end_outside(self, name: str, text: str) -> None:
         """Take the end of an element of a placemark: points with a time are a track, number 0."""
+        if name == "name":
+            self._name = text.strip()
         if self._tracks:
             return
         if name == "when":
@@ -173,6 +181,8 @@ class _Tracks:
         of_time, of_place = np.array(self.of_time), np.array(self.of_place)
         size = self._tracks + 1
         both = np.minimum(np.bincount(of_time, minlength=size), np.bincount(of_place, minlength=size))
+        self.copies = pressure_copies(self.names, of_time, np.array(self.times))
+        both[list(self.copies)] = 0
         # The n-th time of a track goes with its n-th place.
         placed, timed = (np.flatnonzero(_before_in_track(of) < both[of]) for of in (of_time, of_place))
         fixes, of_fix = Fixes(), array("q")

@@ -104,15 +104,16 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If there are none, or a column that a person names is not there.
     """
     sheets = sheets_of(paths, units)
-    fixes = fixes_of(sheets)
+    fixes = fixes_of(sheets, with_height=False)
     gnss = fixes.gnss
-    columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets))}
+    columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
     places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
+    remarks = (*_of_rows(sheets), *fixes.remarks, *((SEA_LEVEL,) if fixes.units[2].column else ()))
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
         course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2, columns=places,
-        rows_read=len(gnss.time), remarks=(*_of_rows(sheets), *fixes.remarks, SEA_LEVEL),
+        rows_read=len(gnss.time), remarks=remarks,
     ).flight()  # fmt: skip
     return replace(flight, units=tuple(columns.values()))
 

@@ -358,7 +358,7 @@ def _numbers(
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
     how: dict[str, Any] = {
-        "header": None, "names": list(range(len(layout.headings))), "usecols": sorted(set(places)),
+        "header": None, "names": list(range(_ended(layout.headings))), "usecols": sorted(set(places)),
         "index_col": False,
         "sep": layout.delimiter if layout.delimiter != " " else r"\s+", "engine": "c", "encoding": "utf-8",
         "encoding_errors": "replace", "on_bad_lines": "skip", "skipinitialspace": True, "comment": None,
@@ -390,6 +390,11 @@ def _numbers(
         except (ValueError, OverflowError, pd.errors.ParserError) as error:
             raise MissionError(f"{name}: its rows cannot be read: {error}") from error
     return [np.concatenate(part) for part in parts], texts
+
+
+def _ended(headings: Sequence[str]) -> int:
+    """Return how many headings there are: a logger may end its header with a delimiter, and its rows not."""
+    return max(place + 1 for place, text in enumerate(headings) if text.strip())
 
 
 def _parsed(

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
 from lab.logs.sensor_log import GnssLog, believed_sigma
-from lab.readers.heading_names import SCALARS
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
+from lab.readers.sheet_heights import BY_SIZE, Column, column_of, heights_of
 from lab.readers.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
 from lab.rotation import wrap
-from lab.units import DEGREE, FOOT
+from lab.units import DEGREE
 
 FloatArray = NDArray[np.float64]
 
@@ -36,12 +36,6 @@ _HUNDRED, _MINUTES = 100.0, 60.0
 """Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
 _ROUNDING = 1e-9
 """By how much a coordinate may be beyond a pole, relative to 90°."""
-_MAX_METRES = 10_000.0
-"""Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
-_TRANSPONDER_STEP = 25.0
-"""Step of the heights of a transponder [ft] (ICAO Annex 10, mode S)."""
-_MIN_LEVELS = 4
-"""Fewest different heights that show it: four multiples of 25 by chance have a probability of 25⁻⁴."""
 _SIGMA_OF_RADIUS = 1.515
 """Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
 sqrt(-2 ln 0.32)."""
@@ -52,8 +46,6 @@ _SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s")
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
 second; and their factor to degrees."""
-_HIGHEST = 18_000.0
-"""Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
@@ -62,7 +54,6 @@ _UNIT_TOLERANCE = 0.1
 """Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
 
 
-BY_SIZE = "guessed by its size"
 DOUBTFUL = ("assumed", BY_SIZE)
 """Sources of a unit that the motion may contradict."""
 
@@ -99,14 +90,7 @@ class Fixes(NamedTuple):
     rows: NDArray[np.intp]
 
 
-class _Column(NamedTuple):
-    name: str
-    values: FloatArray
-    unit: str
-    source: str
-
-
-def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
+def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height: bool = True) -> Fixes:
     """Return the fixes of the best receiver in the sheets.
 
     Parameters
@@ -115,11 +99,13 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
         The sheets of the log.
     wanted
         Headings of the time stamps of the IMU, whose clock the fixes should have.
+    with_height
+        Whether a receiver needs heights; without them they are NaN.
 
     Raises
     ------
     MissionError
-        If no sheet has latitude, longitude, height and time.
+        If no sheet has latitude, longitude, height where it is needed, and time.
     """
     places = [one for one in sheets if one.all_of("latitude") and one.all_of("longitude")]
     timed = [
@@ -139,7 +125,7 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = ()) -> Fixes:
         )
     sheet, clock = min(timed, key=lambda one: _preference(one[0]))
     others = [one.name for one, _ in timed if one is not sheet]
-    fixes = _fixes(sheet, clock)
+    fixes = _fixes(sheet, clock, with_height)
     if others:
         fixes = fixes._replace(remarks=(*fixes.remarks, f"Fixes of {', '.join(others)} are not used."))
     return fixes
@@ -163,41 +149,31 @@ def _preference(sheet: Sheet) -> tuple[float, ...]:
     return (is_of_another_device(sheet), not sheet.all_of("height"), rank, not motion, -len(sheet))
 
 
-def _fixes(sheet: Sheet, clock: Clock) -> Fixes:
-    latitude, longitude = (_column(sheet, name) for name in ("latitude", "longitude"))
-    height = _column(sheet, "height")
+def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
+    latitude, longitude = (column_of(sheet, name) for name in ("latitude", "longitude"))
     assert latitude is not None and longitude is not None
     latitude, longitude = _on_the_earth(sheet, *_in_degrees(latitude, longitude))
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
     ]
-    if height is None:
-        raise MissionError(
-            f"{sheet.name}: no column with the height of the fixes found; accepted are headings such as "
-            "altitude, alt_m or height, or --column HEADING=height[m]"
-        )
-    height = _metres(height, latitude)
-    known = np.isfinite(latitude.values) & np.isfinite(longitude.values) & np.isfinite(height.values)
+    height, words = heights_of(sheet, latitude, needed=with_height)
+    known = np.isfinite(latitude.values) & np.isfinite(longitude.values)
+    known &= np.isfinite(height.values) | (height.name == "")
     rows, time, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
     changed, held = _changes(rows, latitude.values, longitude.values)
     rows, time = rows[changed], time[changed]
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
     remarks += [
-        f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).",
+        words,
         clock.report("GPS"), *sorted_, *held,
     ]  # fmt: skip
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
-    velocity, speed, course, units, words = _velocity(sheet, rows, time, position)
+    velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
     sigmas, more = _sigmas(sheet, rows)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
-    return Fixes(sheet, gnss, speed, course, used, (*remarks, *words, *more), rows)
-
-
-def _or_other(height: _Column) -> str:
-    """Return how the unit of heights is stated where it is assumed: those of a level drive do not show it."""
-    return f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
+    return Fixes(sheet, gnss, speed, course, used, (*remarks, *moved, *more), rows)
 
 
 def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
@@ -223,25 +199,13 @@ def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
 
 def pace_of(fixes: Fixes) -> FloatArray:
     """Return the speeds of fixes [m/s], even without a course beside; NaN where unknown."""
-    speed = _column(fixes.sheet, "speed")
+    speed = column_of(fixes.sheet, "speed")
     if speed is None:
         return fixes.speed
     return _speed_unit(speed, fixes.rows, fixes.gnss.time, fixes.gnss.position).values[fixes.rows]
 
 
-def _column(sheet: Sheet, quantity: str) -> _Column | None:
-    """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
-    found = sheet.all_of(quantity)
-    if not found:
-        return None
-    heading, values = found[0]
-    kind = SCALARS[quantity]
-    unit = heading.unit or next(iter(UNITS[kind]))
-    source = "named in the heading" if heading.unit else "assumed"
-    return _Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
-
-
-def _in_degrees(latitude: _Column, longitude: _Column) -> tuple[_Column, _Column]:
+def _in_degrees(latitude: Column, longitude: Column) -> tuple[Column, Column]:
     """Return coordinates without a unit by their size: degrees, ddmm.mmmm of NMEA, or 1e-7°."""
     numbers = [np.abs(one.values[np.isfinite(one.values)]) / DEGREE for one in (latitude, longitude)]
     stated = {latitude.source, longitude.source} != {"assumed"} or not all(one.size for one in numbers)
@@ -251,7 +215,7 @@ def _in_degrees(latitude: _Column, longitude: _Column) -> tuple[_Column, _Column
     return _degrees(latitude), _degrees(longitude)
 
 
-def _on_the_earth(sheet: Sheet, latitude: _Column, longitude: _Column) -> tuple[_Column, _Column]:
+def _on_the_earth(sheet: Sheet, latitude: Column, longitude: Column) -> tuple[Column, Column]:
     """Return coordinates with longitudes from -180° to 180°, and NaN for those that are none.
 
     Raises
@@ -276,46 +240,17 @@ def _on_the_earth(sheet: Sheet, latitude: _Column, longitude: _Column) -> tuple[
     )
 
 
-def _of_nmea(column: _Column) -> _Column:
+def _of_nmea(column: Column) -> Column:
     """Return a coordinate that is written as the number ddmm.mmmm."""
     degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
     values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
     return column._replace(values=values, unit="ddmm.mmmm", source=BY_SIZE)
 
 
-def _degrees(column: _Column) -> _Column:
+def _degrees(column: Column) -> Column:
     if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
         return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
     return column
-
-
-def _metres(height: _Column, latitude: _Column) -> _Column:
-    if _is_of_transponder(height):
-        return height._replace(
-            values=height.values * FOOT,
-            unit="ft",
-            source="guessed: all are multiples of 25, as transponders send",
-        )
-    whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
-    if (
-        height.source == "assumed"
-        and latitude.unit == "1e-7°"
-        and whole
-        and np.nanmax(height.values) > _MAX_METRES
-    ):
-        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
-    if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
-        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
-    return height
-
-
-def _is_of_transponder(height: _Column) -> bool:
-    """Return whether all heights are multiples of 25, the step in which transponders send feet."""
-    known = height.values[np.isfinite(height.values)]
-    levels = np.unique(known)
-    return bool(
-        height.source == "assumed" and levels.size >= _MIN_LEVELS and (known % _TRANSPONDER_STEP == 0).all()
-    )
 
 
 def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.bool_], list[str]]:
@@ -333,12 +268,12 @@ def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.b
 
 def _velocity(
     sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, list[_Column], list[str]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, list[Column], list[str]]:
     """Return velocity north, east, down, speed, course, the columns they are from, and a report."""
     velocity = np.full((len(rows), 3), np.nan)
-    north, east, down, up = (_column(sheet, name) for name in ("north", "east", "down", "up"))
-    speed, course = _column(sheet, "speed"), _column(sheet, "course")
-    used: list[_Column] = []
+    north, east, down, up = (column_of(sheet, name) for name in ("north", "east", "down", "up"))
+    speed, course = column_of(sheet, "speed"), column_of(sheet, "course")
+    used: list[Column] = []
     remarks: list[str] = []
     pace, angle = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     if north is not None and east is not None:
@@ -366,8 +301,8 @@ def _velocity(
 
 
 def _component_units(
-    components: list[_Column | None], rows: NDArray[np.intp], time: FloatArray, position: FloatArray
-) -> list[_Column | None]:
+    components: list[Column | None], rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> list[Column | None]:
     """Return north, east, down and up in the unit that the positions show, if no heading names one."""
     north, east = components[:2]
     assert north is not None and east is not None
@@ -382,7 +317,7 @@ def _component_units(
     ]
 
 
-def _speed_unit(speed: _Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> _Column:
+def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
     """Return the speed in the unit that the positions show, if its heading names none."""
     if speed.source != "assumed" or len(rows) < _MIN_LEGS:
         return speed
@@ -407,7 +342,7 @@ def _speed_unit(speed: _Column, rows: NDArray[np.intp], time: FloatArray, positi
     )
 
 
-def _course_unit(course: _Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> _Column:
+def _course_unit(course: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
     """Return the course in radians if its heading names no unit and the positions move so."""
     stated = course.values[rows] / DEGREE
     known = stated[np.isfinite(stated)]
@@ -441,7 +376,7 @@ def _sigmas(sheet: Sheet, rows: NDArray[np.intp]) -> tuple[FloatArray, list[str]
     sigmas = np.full((len(rows), 6), np.nan)
     remarks = []
     horizontal, vertical, speed = (
-        _column(sheet, f"{name}_sigma") for name in ("horizontal", "vertical", "speed")
+        column_of(sheet, f"{name}_sigma") for name in ("horizontal", "vertical", "speed")
     )
     if horizontal is not None:
         sigmas[:, :2] = horizontal.values[rows, None] / _SIGMA_OF_RADIUS

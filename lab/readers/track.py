@@ -122,7 +122,8 @@ class Track:
                 "of a smooth curve through the heights."
             )
         elif np.isfinite(self.speed).any():
-            remarks.append("Speed and course are not used: they are known at too few points.")
+            why = "they are known at too few points" if has_height else "they are together with heights only"
+            remarks.append(f"Speed and course are not used: {why}.")
         self._refuse_if_too_few(kept)
         velocity = None
         if has_velocity:

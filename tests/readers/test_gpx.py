@@ -58,6 +58,22 @@ def test_an_independent_parser_reads_the_same(file):
     assert "above sea level" in " ".join(flight.remarks)
 
 
+def test_a_copy_with_pressure_altitudes_is_not_taken(file):
+    """GPSBabel writes the flight of an IGC file twice, the pressure altitudes first."""
+    low = points(9).replace("<ele>", "<ele>-")
+    tracks = [
+        f"<trk><name>{name}</name><trkseg>{one}</trkseg></trk>"
+        for name, one in (("PRESALTTRK", low), ("GNSSALTTRK", points(9)))
+    ]
+    flight = file(document(inside="".join(tracks)))
+    np.testing.assert_array_equal(flight.height, 100 + np.arange(9))
+    assert flight.rows_read == 9
+    assert not flight.dropped
+    assert "The track PRESALTTRK is not used: its heights are pressure" in " ".join(flight.remarks)
+    alone = file(document(inside=tracks[0]))
+    np.testing.assert_array_equal(alone.height, -100 - np.arange(9))
+
+
 def test_the_longest_segment_is_taken_and_the_rest_counted(file):
     flight = file(document(points(5), points(9, 10, lat=10.0), points(6, 30)))
     assert len(flight.time) == 9

@@ -161,6 +161,22 @@ def test_points_with_times_are_a_track_unless_there_is_one(file):
     assert len(file(document(track(90), points)).time) == 90
 
 
+def test_a_copy_with_pressure_altitudes_is_not_taken(file):
+    """GPSBabel writes the flight of an IGC file twice, the pressure altitudes first."""
+
+    def named(name: str, height: int) -> str:
+        text = re.sub(r" (\d+)</gx:coord>", lambda one: f" {int(one[1]) + height}</gx:coord>", track(20))
+        return text.replace("<Placemark>", f"<Placemark><name>{name}</name>")
+
+    flight = file(document(named("PRESALTTRK", -30), named("GNSSALTTRK", 0)))
+    np.testing.assert_array_equal(flight.height, 100 + np.arange(20))
+    assert flight.rows_read == 20
+    assert not flight.dropped
+    assert "The track PRESALTTRK is not used: its heights are pressure" in " ".join(flight.remarks)
+    alone = file(document(named("PRESALTTRK", -30)))
+    np.testing.assert_array_equal(alone.height, 70 + np.arange(20))
+
+
 def test_a_broken_off_file_gives_what_it_holds(file):
     text = document(track(10))
     flight = file(text[: text.index("45.000600")])

@@ -10,6 +10,8 @@ from foreign_tables import motion, same, table
 
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.readers import read_raw
+from lab.readers.fields import SEA_LEVEL
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_cells import angles_of_cells
 from lab.readers.sheet_clock import clock_of
@@ -130,3 +132,27 @@ def test_a_wrong_gyro_is_not_blamed_on_the_accelerometers(recordings, tmp_path):
     assert ".." not in str(caught.value)
     corrected = read_log(files, {"gyro_z_rad_s": "-rate_z[rad/s]"})
     assert corrected.gnss.time.size > 500
+
+
+def test_a_header_that_ends_with_a_delimiter_and_rows_that_do_not(tmp_path):
+    """Data loggers of MTK write it so; their texts, such as the state of the fix, make each row text."""
+    rows = "".join(
+        f"{i},2024-05-01,10:12:{i:02d},SPS,{51 + i * 1e-4:.4f},N,{12.4},E,{146 + i}\n" for i in range(9)
+    )
+    path = tmp_path / "log.csv"
+    path.write_text(f"INDEX,DATE,TIME,VALID,LATITUDE,N/S,LONGITUDE,E/W,HEIGHT,\n{rows}")
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.height, 146.0 + np.arange(9))
+    np.testing.assert_allclose(np.degrees(flight.latitude), 51 + 1e-4 * np.arange(9), rtol=1e-9)
+
+
+def test_a_track_without_heights_is_a_flight_as_in_other_formats(tmp_path):
+    rows = "".join(f"2024-05-01,10:12:{i:02d},{51 + i * 1e-4:.4f},12.4\n" for i in range(9))
+    path = tmp_path / "log.csv"
+    path.write_text(f"date,time,latitude,longitude\n{rows}")
+    flight = read_raw(path)
+    assert flight.height is None
+    assert len(flight.time) == 9
+    assert "No column with heights is found." in flight.remarks
+    assert SEA_LEVEL not in flight.remarks
+    assert [unit.column for unit in flight.units] == ["latitude", "longitude"]

@@ -1,0 +1,121 @@
+"""Sheet heights: the heights beside the positions in a sheet, in the unit that they show."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.readers.heading_names import SCALARS
+from lab.readers.sheet import Sheet
+from lab.readers.unit_names import UNITS
+from lab.recordings.mission_error import MissionError
+from lab.units import FOOT
+
+FloatArray = NDArray[np.float64]
+
+_MAX_METRES = 10_000.0
+"""Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
+_TRANSPONDER_STEP = 25.0
+"""Step of the heights of a transponder [ft] (ICAO Annex 10, mode S)."""
+_MIN_LEVELS = 4
+"""Fewest different heights that show it: four multiples of 25 by chance have a probability of 25⁻⁴."""
+_HIGHEST = 18_000.0
+"""Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
+
+BY_SIZE = "guessed by its size"
+
+
+class Column(NamedTuple):
+    """A column in SI units.
+
+    Attributes
+    ----------
+    name : str
+        Its heading; empty if there is none.
+    values : (n,) array
+        Its numbers in SI units; NaN where unknown.
+    unit, source : str
+        The unit in which they were read, and how it is known.
+    """
+
+    name: str
+    values: FloatArray
+    unit: str
+    source: str
+
+
+def column_of(sheet: Sheet, quantity: str) -> Column | None:
+    """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
+    found = sheet.all_of(quantity)
+    if not found:
+        return None
+    heading, values = found[0]
+    kind = SCALARS[quantity]
+    unit = heading.unit or next(iter(UNITS[kind]))
+    source = "named in the heading" if heading.unit else "assumed"
+    return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:
+    """Return the heights [m] beside latitudes, and a sentence on them.
+
+    Parameters
+    ----------
+    sheet
+        The sheet.
+    latitude
+        The latitudes: heights beside coordinates in 1e-7° are often in mm.
+    needed
+        Whether there must be heights; if not, those of a sheet without them are NaN.
+
+    Raises
+    ------
+    MissionError
+        If there are none, and they are needed.
+    """
+    found = column_of(sheet, "height")
+    if found is None and needed:
+        raise MissionError(
+            f"{sheet.name}: no column with the height of the fixes found; accepted are headings such as "
+            "altitude, alt_m or height, or --column HEADING=height[m]"
+        )
+    if found is None:
+        return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
+    height = _in_metres(found, latitude)
+    return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)})."
+
+
+def _in_metres(height: Column, latitude: Column) -> Column:
+    if _is_of_transponder(height):
+        return height._replace(
+            values=height.values * FOOT,
+            unit="ft",
+            source="guessed: all are multiples of 25, as transponders send",
+        )
+    whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
+    if (
+        height.source == "assumed"
+        and latitude.unit == "1e-7°"
+        and whole
+        and np.nanmax(height.values) > _MAX_METRES
+    ):
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
+    if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
+    return height
+
+
+def _is_of_transponder(height: Column) -> bool:
+    """Return whether all heights are multiples of 25, the step in which transponders send feet."""
+    known = height.values[np.isfinite(height.values)]
+    levels = np.unique(known)
+    return bool(
+        height.source == "assumed" and levels.size >= _MIN_LEVELS and (known % _TRANSPONDER_STEP == 0).all()
+    )
+
+
+def _or_other(height: Column) -> str:
+    """Return how the unit of heights is stated where it is assumed: those of a level drive do not show it."""
+    return f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
