@@ -236,14 +236,14 @@ def _gaps(flight: RepairedFlight) -> str:
     bridged = f"{flight.gaps} of more than three usual steps bridged" if flight.gaps else "none bridged"
     if not flight.cuts:
         return bridged
-    where = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
+    where = ", ".join(f"{start:.12g} to {end:.12g} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
     more = ", ..." if len(flight.cuts) > _MAX_CUTS_SHOWN else ""
     kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
     return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
 
 
 def _resets(resets: Sequence[Reset]) -> str:
-    where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:_MAX_RESETS_SHOWN])
+    where = "; ".join(f"{reset.change} at {reset.time:.12g} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
         "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
@@ -256,7 +256,7 @@ def _what_keeps_more(flight: RepairedFlight) -> str:
         f"--set longest_gap={more.gap:g} keeps {100 * more.share:.0f} % of the samples"
         for more in flight.bridging
     )
-    return f"The recording is cut at pauses longer than longest_gap ({flight.longest_gap:g} s): {kept}"
+    return f"The recording is cut at pauses longer than {flight.longest_gap:.4g} s: {kept}"
 
 
 def _resolution(flight: RepairedFlight) -> list[ReportRow]:

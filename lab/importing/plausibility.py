@@ -301,9 +301,11 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
             abs(like.correlation) > _MIN_CORRELATION
             and not _SAME_VELOCITY[0] < like.slope < _SAME_VELOCITY[1]
         ):
+            noisy = like.explained_by_noise()
             words = _cause_of_slope(like.slope) if like is level else cause(like.slope, "speed")
+            words = "noise of the positions, or fixes too seldom for the motion" if noisy else words
             sentence = f"{name} is {like.slope:.3g} times that of the positions. Likely: {words}."
-            found.append(Finding(IMPLAUSIBLE, sentence))
+            found.append(Finding(QUESTIONABLE if noisy else IMPLAUSIBLE, sentence))
         elif abs(like.correlation) <= _MIN_CORRELATION:
             found.append(
                 Finding(
@@ -456,8 +458,7 @@ def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
         Finding(
             QUESTIONABLE,
             f"The airspeed is usually {ratio:.3g} times the speed over the Earth. Likely: "
-            f"{cause(ratio, 'speed')}, or indicated "
-            "for true airspeed.",
+            f"{cause(ratio, 'speed')}, or indicated for true airspeed.",
         )
     ]
 
@@ -471,14 +472,13 @@ def _residuals(rebuilt: Reconstruction) -> list[Finding]:
     if off < limit:
         return []
     level = IMPLAUSIBLE if off > _IMPLAUSIBLE_RESIDUAL * limit else QUESTIONABLE
-    return [
-        Finding(
-            level,
-            f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: "
-            "velocity and "
-            "position of different clocks or units; another curve may do better (setting curve).",
-        )
-    ]
+    words = "velocity and position of different clocks or units; another curve may do better (setting curve)"
+    if rebuilt.curve == "position":
+        words = "noise of the positions, or fixes too seldom for the turns (setting smoothing)"
+    said = (
+        f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: {words}."
+    )
+    return [Finding(level, said)]
 
 
 def _usual_angle(angle: FloatArray) -> float:

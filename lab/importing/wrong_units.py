@@ -54,6 +54,14 @@ class Agreement:
     correlation: float
     strength: float
 
+    def explained_by_noise(self) -> bool:
+        """Return whether noise of the reference explains a slope below 1.
+
+        Errors of the other series alone give the slope, and errors of the reference alone give it over r².
+        """
+        largest = self.slope / self.correlation**2 if self.correlation else math.inf
+        return self.slope < 1 < largest * (1 + _NO_FACTOR)
+
 
 def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
     """Return how a series (n,) agrees with a reference (n,)."""

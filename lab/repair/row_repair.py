@@ -255,6 +255,15 @@ def reset_places(raw: RawFlight) -> NDArray[np.intp]:
     return np.unique(after[(after > 0) & (after < len(raw.time))])
 
 
+def bridged_gap(raw: RawFlight, longest_gap: float) -> float:
+    """Return the longest pause [s] that is bridged: `longest_gap`, and at least five usual steps."""
+    return max(longest_gap, _MIN_GAP_STEPS * _usual(np.diff(raw.time)))
+
+
+def _usual(steps: NDArray[np.float64]) -> float:
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+
 def longest_stretch(
     raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float
 ) -> tuple[RawFlight, tuple[tuple[float, float], ...]]:
@@ -282,8 +291,8 @@ def longest_stretch(
         If no stretch has samples enough.
     """
     steps = np.diff(raw.time)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    cut = steps > max(longest_gap, _MIN_GAP_STEPS * usual)
+    usual = _usual(steps)
+    cut = steps > bridged_gap(raw, longest_gap)
     if raw.latitude is not None and raw.longitude is not None:
         cut |= _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
     cut[breaks - 1] = True
@@ -333,8 +342,7 @@ def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tu
         Longest pause between samples that is bridged so far [s].
     """
     steps = np.diff(raw.time)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    bridged = max(longest_gap, _MIN_GAP_STEPS * usual)
+    bridged = bridged_gap(raw, longest_gap)
     jumps = np.zeros(len(steps), dtype=bool)
     if raw.latitude is not None and raw.longitude is not None:
         jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)

@@ -88,7 +88,7 @@ class RepairedFlight:
     gaps : int
         Pauses of more than three usual steps that were bridged.
     longest_gap : float
-        Longest pause that was to be bridged [s].
+        Longest pause that was bridged [s].
     bridging : tuple of Bridging
         By which longer one most, and nearly all, of the samples would be kept.
     """
@@ -131,6 +131,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     if not len(breaks):
         raw = row_repair.without_spikes(row_repair.fresh(raw))
     breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
+    bridged = row_repair.bridged_gap(raw, longest_gap)
     more = row_repair.bridging(raw, breaks, longest_gap)
     raw, cuts = row_repair.longest_stretch(raw, breaks, longest_gap)
     raw = _one_each(raw, time_stamps)
@@ -163,7 +164,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         dropped=raw.dropped[reported:],
         cuts=cuts,
         gaps=int(np.count_nonzero(steps > _GAP_STEPS * np.median(steps))),
-        longest_gap=longest_gap,
+        longest_gap=bridged,
         bridging=more,
     )
 

@@ -131,6 +131,26 @@ def test_what_is_wrong_is_named(name, verdict, words):
     assert words in " ".join(report.reasons)
 
 
+def test_noisy_positions_are_no_wrong_unit_of_the_velocity():
+    """A logger on a walk: its positions have errors of 3 m on the 7 m of a step, its speed has none."""
+    rng = np.random.default_rng(5)
+    time = 5.0 * np.arange(400)
+    course = np.cumsum(rng.normal(0, 0.3, 400))
+    velocity = 1.4 * np.stack((np.cos(course), np.sin(course), np.zeros(400)), axis=-1)
+    path = np.concatenate((np.zeros((1, 3)), np.cumsum(5.0 * (velocity[1:] + velocity[:-1]) / 2, axis=0)))
+    path += rng.normal(0, 3.0, path.shape) * (1, 1, 0)
+    walk = RawFlight(
+        format="logger", time=time, latitude=0.8 + path[:, 0] / 6.37e6,
+        longitude=0.2 + path[:, 1] / (6.38e6 * np.cos(0.8)), height=np.full(400, 80.0), velocity_n=velocity,
+        rows_read=400,
+    )  # fmt: skip
+    report = prepare_flight(walk).report
+    assert report.verdict == "questionable"
+    assert "Likely: noise of the positions, or fixes too seldom" in " ".join(report.reasons)
+    knots = prepare_flight(replace(walk, velocity_n=velocity * KNOTS)).report
+    assert knots.verdict == "implausible"
+
+
 def test_rates_in_degrees_are_noticed():
     raw = raw_of(mission("montreal").recording)
     rates = np.gradient(np.unwrap(raw.euler, axis=0), raw.time, axis=0)

@@ -94,6 +94,7 @@ def test_segments_of_one_way_are_one_track(file, tmp_path):
     assert "--set longest_gap=8 keeps 100 % of the samples" in str(made.report).replace("\n", " ").replace(
         "                     ", ""
     )
+    assert "cut at pauses longer than 5 s" in " ".join(str(made.report).split())
     assert len(prepare_import(tmp_path / "track.gpx", ImportSettings(longest_gap=8.0)).flight.raw.time) == 30
     # Another receiver at the same time, and one that is elsewhere, are other tracks.
     flight = file(document(parts[2], parts[2].replace('lon="-73.0"', 'lon="-73.001"'), points(8, 40, lat=46)))
