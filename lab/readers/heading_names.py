@@ -89,6 +89,7 @@ _WORSE = {
     "truth": 9,
     "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
     "setpoint": 9, "sp": 9, "max": 9, "min": 9, "sea": -1,
+    "ellipsoid": -2, "ellipsoidal": -2, "hae": -2, "amsl": -1,
     "baroaltitude": 6, "baroalt": 6,
     "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
     "pressure": 6, "last": 9, "local": 6,
@@ -404,9 +405,10 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
         r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:enu|nwu)?(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
         r"vspd|vertvel|vertrate|vertspeed|climbrate")),
     ("height", re.compile(
-        r".*(?:altitude|elevation)(?:msl|ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
+        r".*(?:altitude|elevation)(?:a?msl|hae|(?:above)?ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
         r"(?:.*(?:gps|gnss|position|pos|fix|location|lla))?"
-        r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:msl|ellipsoid)?")),
+        r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:a?msl|hae|(?:above)?ellipsoid)?|"
+        r"ellipsoid(?:al)?(?:height|alt)|h(?:ae|ell|ellipsoid)")),
     ("speed", re.compile(
         r"(?:.*(?:gps|gnss|location|position|osd))?(?:ground|d|h|g)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
         r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),

@@ -134,9 +134,10 @@ def _sentences(path: Path) -> tuple[_Sentences, int, int, int]:
         named = fine | _named(characters, starts)
         starts, stars, fine = starts[named], stars[named], fine[named]
         lines = line + np.searchsorted(ends, starts)
-        if not fine.all():
-            bad += int((~fine).sum())
-            first_bad = first_bad or int(lines[np.argmin(fine)])
+        broken = ~fine & np.isin(_names(characters, starts), [name.encode() for name in FIELDS])
+        if broken.any():
+            bad += int(broken.sum())
+            first_bad = first_bad or int(lines[np.argmax(broken)])
         parts += _decoded(characters, starts[fine], stars[fine], lines[fine])
         line += len(ends)
     if not parts:
@@ -217,8 +218,7 @@ def _decoded(
     starts, stars, lines = starts[short], stars[short], lines[short]
     if not len(starts):
         return []
-    # $ppGGA: two letters say of which system, three which sentence.
-    names = characters[starts[:, None] + np.arange(3, 6)].copy().view("S3")[:, 0]
+    names = _names(characters, starts)
     commas = np.flatnonzero(characters == ord(","))
     cells = np.searchsorted(commas, stars) - np.searchsorted(commas, starts) + 1
     characters[stars] = ord("\n")
@@ -233,6 +233,12 @@ def _decoded(
     order = np.argsort(line, kind="stable")
     values = {key: np.concatenate([one[key] for one in made])[order] for key in made[0].values}
     return [_Sentences(np.concatenate([one.kind for one in made])[order], line[order], values)]
+
+
+def _names(characters: NDArray[np.uint8], starts: IntArray) -> NDArray[np.bytes_]:
+    """Return which sentence begins at each ``$``: in $ppGGA, two letters tell the system, three the kind."""
+    places = np.minimum(starts[:, None] + np.arange(3, 6), len(characters) - 1)
+    return characters[places].reshape(-1, 3).copy().view("S3")[:, 0]
 
 
 def _cut(characters: NDArray[np.uint8], starts: IntArray, stars: IntArray) -> bytes:

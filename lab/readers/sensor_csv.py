@@ -21,7 +21,6 @@ from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.readers.along_track import along_track
-from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
 from lab.readers.height_unit import unit_that_agrees
 from lab.readers.leap_offset import end_together, offset_that_agrees, remark_on_ends
@@ -31,6 +30,7 @@ from lab.readers.sheet_axes import oriented
 from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
 from lab.readers.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
+from lab.readers.sheet_heights import about_heights
 from lab.readers.sheet_imu import Imu, app_of, imu_of, in_other_unit
 from lab.readers.sheet_sources import (
     KITTI_FRAME,
@@ -108,7 +108,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     gnss = fixes.gnss
     columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
     places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
-    remarks = (*_of_rows(sheets), *fixes.remarks, *((SEA_LEVEL,) if fixes.units[2].column else ()))
+    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column))
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,

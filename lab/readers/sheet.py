@@ -33,6 +33,8 @@ from lab.recordings.mission_error import MissionError
 FloatArray = NDArray[np.float64]
 
 _DELIMITERS = (",", ";", "\t", "|", " ")
+_COMMAS = 3
+"""Headings that end with a comma from which commas separate a line, and not the blanks in its headings."""
 _MAX_HEADER_LINE = 100
 """Last line on which the header may stand."""
 HEAD = 2**18
@@ -167,6 +169,8 @@ def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> Lay
             if delimiter not in text:
                 continue
             cells = _cells(text, delimiter)
+            if delimiter == " " and sum(cell.endswith(",") for cell in cells) >= _COMMAS:
+                continue
             if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
                 continue
             layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}))

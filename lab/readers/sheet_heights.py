@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.readers.fields import SEA_LEVEL
 from lab.readers.heading_names import SCALARS
 from lab.readers.sheet import Sheet
 from lab.readers.unit_names import UNITS
@@ -24,6 +26,9 @@ _MIN_LEVELS = 4
 _HIGHEST = 18_000.0
 """Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
 
+ABOVE_ELLIPSOID = "Heights are above the ellipsoid, as their heading says."
+_ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])hae(?![a-z])|(?<=[a-z])HAE")
+"""In a heading of heights above the ellipsoid."""
 BY_SIZE = "guessed by its size"
 
 
@@ -56,6 +61,13 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     unit = heading.unit or next(iter(UNITS[kind]))
     source = "named in the heading" if heading.unit else "assumed"
     return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def about_heights(name: str) -> tuple[str, ...]:
+    """Return above what the heights of a column are, by its heading; empty without one."""
+    if not name:
+        return ()
+    return (ABOVE_ELLIPSOID,) if _ELLIPSOID.search(name) else (SEA_LEVEL,)
 
 
 def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:

@@ -101,6 +101,10 @@ def test_a_wrong_checksum_and_a_missing_one_are_counted(file):
     assert flight.height.max() < 100
     assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(2, 5)]
     assert flight.rows_read == 12
+    # Sentences without positions are no loss: some receivers write theirs with 00 for a checksum.
+    again = file("".join(line for one in fixes(12) for line in (one, "$PGLOR,2,PWR,mA,26.0*00\r\n")))
+    assert again.rows_read == 12
+    assert not again.dropped
 
 
 def test_heights_that_too_few_points_have_are_named(file):

@@ -156,3 +156,37 @@ def test_a_track_without_heights_is_a_flight_as_in_other_formats(tmp_path):
     assert "No column with heights is found." in flight.remarks
     assert SEA_LEVEL not in flight.remarks
     assert [unit.column for unit in flight.units] == ["latitude", "longitude"]
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [("altitudeRelative,altitudeAMSL", "above sea level"), ("alt,alt_ellipsoid", "above the ellipsoid"),
+     ("Alt (MSL),Alt (HAE)", "above the ellipsoid"), ("height_msl,h_ellipsoid", "above the ellipsoid")],
+)  # fmt: skip
+def test_the_heights_are_those_above_the_ellipsoid_or_the_sea(tmp_path, heading, words):
+    """QGroundControl, PX4 and u-center write two heights; the report names what the one that is read is."""
+    rows = "".join(f"2024-05-01 10:12:{i:02d},{51 + i * 1e-4:.4f},12.4,{9 + i},{146 + i}\n" for i in range(9))
+    path = tmp_path / "log.csv"
+    path.write_text(f"Timestamp,gps.lat,gps.lon,{heading}\n{rows}")
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.height, 146.0 + np.arange(9))
+    assert words in flight.remarks[-1]
+
+
+def test_commas_separate_headings_of_several_words(tmp_path):
+    """Torque writes a blank after the comma, and its words named more quantities than its cells."""
+    header = (
+        "GPS Time, Device Time, Longitude, Latitude,GPS Speed (Meters/second), "
+        "Horizontal Dilution of Precision, Altitude, Bearing, G(x), G(y), G(z), G(calibrated)"
+    )
+    rows = "".join(
+        f"Sat Jun 01 10:30:{i:02d} GMT+02:00 2024,01-Jun-2024 10:30:{i:02d}.250,12.4,"
+        f"{51 + i * 1e-4:.4f},11.1,3,{146 + i},0.0,0,0,1,0\n"
+        for i in range(9)
+    )
+    path = tmp_path / "trackLog.csv"
+    path.write_text(f"{header}\n{rows}")
+    flight = read_raw(path)
+    np.testing.assert_allclose(np.degrees(flight.latitude), 51 + 1e-4 * np.arange(9), rtol=1e-9)
+    np.testing.assert_allclose(flight.height, 146.0 + np.arange(9))
+    np.testing.assert_allclose(np.diff(flight.time), 1.0)
