@@ -14,7 +14,7 @@ from lab.displacement import metres_per_radian
 from lab.logs.sensor_log import GnssLog, believed_sigma
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
-from lab.readers.sheet_heights import BY_SIZE, Column, column_of, heights_of
+from lab.readers.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of
 from lab.readers.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
@@ -173,7 +173,9 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     sigmas, more = _sigmas(sheet, rows)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
-    return Fixes(sheet, gnss, speed, course, used, (*remarks, *moved, *more), rows)
+    return Fixes(
+        sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, units), *more), rows
+    )
 
 
 def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:

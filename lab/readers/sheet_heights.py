@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ _MIN_LEVELS = 4
 _HIGHEST = 18_000.0
 """Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
 
+_FOREFLIGHT = {"Timestamp", "Altitude", "Course", "Speed", "Horizontal Error", "Vertical Error"}
+"""Headings of the track logs of ForeFlight, whose heights are in feet and speeds in knots."""
 ABOVE_ELLIPSOID = "Heights are above the ellipsoid, as their heading says."
 _ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])hae(?![a-z])|(?<=[a-z])HAE")
 """In a heading of heights above the ellipsoid."""
@@ -70,6 +73,16 @@ def about_heights(name: str) -> tuple[str, ...]:
     return (ABOVE_ELLIPSOID,) if _ELLIPSOID.search(name) else (SEA_LEVEL,)
 
 
+def doubt_of_feet(height: Column, columns: Sequence[Column]) -> tuple[str, ...]:
+    """Return a sentence if heights without a unit stand beside a speed in knots, as in aviation."""
+    if height.source != "assumed" or all(column.unit != "kt" for column in columns):
+        return ()
+    return (
+        "The speed is in knots: if the heights are in feet, as in aviation, "
+        f'--unit "{height.name}=ft" says so.',
+    )
+
+
 def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:
     """Return the heights [m] beside latitudes, and a sentence on them.
 
@@ -96,6 +109,8 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
     if found is None:
         return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
     height = _in_metres(found, latitude)
+    if found.source == "assumed" and {*(one.text for one in sheet.headings), *sheet.unknown} >= _FOREFLIGHT:
+        height = found._replace(values=found.values * FOOT, unit="ft", source="as ForeFlight writes")
     return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)})."
 
 

@@ -15,6 +15,7 @@ from lab.readers.fields import SEA_LEVEL
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_cells import angles_of_cells
 from lab.readers.sheet_clock import clock_of
+from lab.units import FOOT
 
 IMU = "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
 PLACE = "latitude,longitude,altitude,vel_n,vel_e"
@@ -190,3 +191,23 @@ def test_commas_separate_headings_of_several_words(tmp_path):
     np.testing.assert_allclose(np.degrees(flight.latitude), 51 + 1e-4 * np.arange(9), rtol=1e-9)
     np.testing.assert_allclose(flight.height, 146.0 + np.arange(9))
     np.testing.assert_allclose(np.diff(flight.time), 1.0)
+
+
+def test_foreflight_writes_feet_and_another_log_in_knots_may(tmp_path):
+    rows = [
+        f"{1.7e9 + i:.3f},{51 + i * 46.3 / 111_250:.7f},12.4,{1000 + 10 * i},0.0,90.0,{{}}" for i in range(30)
+    ]
+    path = tmp_path / "track.csv"
+    head = (
+        "Pilot,Tail Number,Start Time\n,N1,1700000000000\nTimestamp,Latitude,Longitude,Altitude,Course,Speed"
+    )
+    path.write_text(
+        f"{head},Bank,Pitch,Horizontal Error,Vertical Error\n" + "\n".join(rows).format(*["0,1,5,4"] * 30)
+    )
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.height, FOOT * (1000 + 10 * np.arange(30)))
+    assert "in ft (as ForeFlight writes)" in " ".join(flight.remarks)
+    path.write_text(f"{head},bat\n" + "\n".join(rows).format(*["0"] * 30))
+    other = read_raw(path)
+    np.testing.assert_allclose(other.height, 1000 + 10 * np.arange(30))
+    assert '--unit "Altitude=ft" says so' in " ".join(other.remarks)
