@@ -419,12 +419,14 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
 """What a column is by its words, put together."""
 
 
+_PLANES = {"2d", "3d"}
+_SAY_NOTHING = {"field", "msg", "data", "imu", "of", "over", *"0123456789"}
+
+
 def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
-    kept = [
-        word
-        for word in words
-        if word not in {"field", "msg", "data", "imu", "of", "over"} | set("0123456789")
-    ]
+    # The D of 2D and 3D is no down.
+    words = [word for before, word in zip(["", *words], words, strict=False) if before + word not in _PLANES]
+    kept = [word for word in words if word not in _SAY_NOTHING]
     joined = "".join(kept)
     for quantity, pattern in _SCALAR_WORDS:
         if not pattern.fullmatch(joined):
@@ -439,7 +441,8 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
         reversed_ = {"longitude": {"west"}, "east": {"west", "w"}, "north": {"south"}}
         if set(words) & reversed_.get(quantity, set()):
             return Heading(text, quantity, unit=known, rank=rank, sign=-1)
-        if unit and not known and unit_of("speed" if quantity != "speed" else "length", unit):
+        others = ("acceleration", "speed" if quantity != "speed" else "length")
+        if unit and not known and any(unit_of(other, unit) for other in others):
             return None
         return Heading(text, quantity, unit=known, rank=rank)
     return None

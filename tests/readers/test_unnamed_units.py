@@ -88,11 +88,17 @@ def test_longitudes_from_0_to_360(made):
         ("v_x_ned", "north", 1), ("vel_ned[2]", "down", 1), ("nwu_velocity.y", "east", -1),
         ("velocity_west", "east", -1), ("vel_w", "east", -1), ("v_south", "north", -1),
         ("baroaltitude", "height", 1), ("geoaltitude", "height", 1),
+        ("Speed 2D (m/s)", "speed", 1), ("gps_speed_3d", "speed", 1), ("Speed2D", "speed", 1),
     ],
 )  # fmt: skip
 def test_components_of_velocities_in_other_frames(text, quantity, sign):
     found = heading_of(text)
     assert (found.quantity, found.sign) == (quantity, sign)
+
+
+def test_a_vertical_acceleration_is_no_accuracy():
+    assert heading_of("VerticalAcc (g)") is None
+    assert heading_of("VerticalAcc (m)").quantity == "vertical_sigma"
 
 
 def test_the_receivers_height_is_better_than_the_barometers():
