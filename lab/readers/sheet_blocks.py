@@ -196,6 +196,9 @@ def of_one_instance(sheet: Sheet) -> Sheet:
         numbers, counts = np.unique(values[np.isfinite(values)], return_counts=True)
         if not 1 < numbers.size <= _MAX_INSTANCES or (numbers % 1 != 0).any():
             continue
+        # The I of some phones' tables is the light, which changes seldom: sensors take turns.
+        if heading.text.strip() == "I" and 2 * np.count_nonzero(np.diff(values)) < values.size - counts.max():
+            continue
         taken = numbers[int(np.argmax(counts))]
         rows = np.flatnonzero(values == taken)
         others = ", ".join(f"{number:g}" for number in numbers if number != taken)

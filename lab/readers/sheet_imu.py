@@ -265,7 +265,7 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
         if _ONE_G[0] < size * UNITS["acceleration"][other] / STANDARD_GRAVITY < _ONE_G[1]
     ]  # fmt: skip
     where = f"{bare.sheet.name}, columns {bare.headings[0].text} to {bare.headings[2].text}"
-    if bare.unit and fitting:
+    if bare.unit and fitting and _is_steady(bare):
         raise MissionError(
             f"{where}: the accelerometers measure {size:.3g} {unit} (median), but gravity is 9.81 m/s²: the "
             f"numbers look like {fitting[0]}, although the heading names {unit}; state the unit"

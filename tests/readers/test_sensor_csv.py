@@ -224,6 +224,20 @@ def test_axes_that_a_person_gives(tmp_path, made, expected):
         read_log([one, two], axes=("y", "y", "z"))
 
 
+def test_accelerations_without_gravity_are_no_g_in_a_wrong_unit(tmp_path, made):
+    """Those of a lively ride are 0.5 to 1.5 m/s² long, as gravity in g is, and point anywhere."""
+    imu, gnss = made
+    force = np.random.default_rng(1).normal(0, 0.6, (len(imu), 3))
+    header = '"Time (s)","X (m/s^2)","Y (m/s^2)","Z (m/s^2)"'
+    files = [
+        table(tmp_path / "Linear Accelerometer.csv", header, np.column_stack((imu[:, 0], force))),
+        table(tmp_path / "Gyroscope.csv", header.replace("m/s^2", "rad/s"), imu[:, :4]),
+        table(tmp_path / "b.csv", "t,lat,lon,alt", gnss[:, :4]),
+    ]
+    with pytest.raises(MissionError, match="so they are without gravity"):
+        read_log(files)
+
+
 def test_a_wrong_unit_in_a_heading_is_named(tmp_path, made):
     imu, gnss = made
     rows = np.column_stack((imu[:, :4], imu[:, 4:] / STANDARD_GRAVITY))

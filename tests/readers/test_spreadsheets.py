@@ -198,6 +198,13 @@ def test_rows_of_the_second_imu_and_receiver_are_not_mixed_in(tmp_path, made, ex
     assert any("instance is 0 in the rows that are read, and not 1" in remark for remark in log.repairs)
 
 
+def test_the_light_that_a_phone_calls_i_is_no_second_imu(tmp_path, made, expected):
+    imu, gnss = made
+    rows = [[row[0], i // 300 % 3, *row[1:]] for i, row in enumerate(imu)]
+    one = table(tmp_path / "a.csv", IMU.replace("time", "time,I"), rows)
+    same(read_log([one, table(tmp_path / "b.csv", PLACE, gnss[:, :6])]), expected)
+
+
 def test_another_receiver_in_the_table_is_named(made):
     rows = made[1][:, :6]
     header = "time,gps1_lat,gps1_lon,gps1_alt,gps2_lat,gps2_lon,gps2_alt"
