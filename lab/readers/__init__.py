@@ -179,7 +179,9 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     advice = next((advice for mark, advice in _NOT_READ if mark.match(head)), "")
     if (plain := as_plain_text(head)) and (found := [one.name for one in READERS if one.recognises(plain)]):
         advice = f"It is {found[0]} in UTF-16, as Windows PowerShell writes it: save it as UTF-8 or ASCII."
-    advice = what_is_damaged(path, head) or advice
+    advice = (
+        what_is_damaged(path, head) or (sensor_csv.lacks_time(head) if advice == _TABLE else "") or advice
+    )
     hint = f" {advice}" if advice else ""
     raise MissionError(
         f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"

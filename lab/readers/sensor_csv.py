@@ -63,6 +63,7 @@ _MOST_CONTROLS = 0.02
 """Largest part of them in a text with damaged rows: tables of loggers had none, noise at least 5.3 %."""
 _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
+_STAMPS = {"time", "seconds", "clock", "date"}
 _POSITION = ("latitude", "longitude")
 _PHONE_WORDS = ("accelerometer", "acceleration")
 
@@ -82,11 +83,25 @@ def recognises(head: bytes) -> bool:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
     names = {name for name, _ in quantities}
-    has_time = bool(names & {"time", "seconds", "clock", "date"})
+    has_time = bool(names & _STAMPS)
     return (
         len(quantities) >= _MIN_QUANTITIES
         and has_time
         and (set(_POSITION) <= names or bool(names & {"rate", "force", "place"}))
+    )
+
+
+def lacks_time(head: bytes) -> str:
+    """Return advice for a table that names positions or sensors, and no time; else an empty text."""
+    layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    known = [] if layout is None else [one for one in layout.known if one is not None]
+    names = {one.quantity for one in known}
+    if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
+        return ""
+    texts = ", ".join(dict.fromkeys(one.text for one in known))[:_MAX_REPORT]
+    return (
+        f"It is a table with {texts}, and none of its headings names a time: --column HEADING=time[s] says "
+        "which one is the time."
     )
 
 

@@ -29,6 +29,8 @@ _HIGHEST = 18_000.0
 
 _FOREFLIGHT = {"Timestamp", "Altitude", "Course", "Speed", "Horizontal Error", "Vertical Error"}
 """Headings of the track logs of ForeFlight, whose heights are in feet and speeds in knots."""
+_SIMCONNECT = re.compile(r"(?i)\bplane[ _]?alt(?:itude)?\b")
+"""A variable of Microsoft's simulators, in feet."""
 ABOVE_ELLIPSOID = "Heights are above the ellipsoid, as their heading says."
 _ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])hae(?![a-z])|(?<=[a-z])HAE")
 """In a heading of heights above the ellipsoid."""
@@ -111,6 +113,8 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
     height = _in_metres(found, latitude)
     if found.source == "assumed" and {*(one.text for one in sheet.headings), *sheet.unknown} >= _FOREFLIGHT:
         height = found._replace(values=found.values * FOOT, unit="ft", source="as ForeFlight writes")
+    elif found.source == "assumed" and _SIMCONNECT.search(found.name):
+        height = found._replace(values=found.values * FOOT, unit="ft", source="as SimConnect has it")
     return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)})."
 
 

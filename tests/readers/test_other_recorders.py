@@ -211,3 +211,21 @@ def test_foreflight_writes_feet_and_another_log_in_knots_may(tmp_path):
     other = read_raw(path)
     np.testing.assert_allclose(other.height, 1000 + 10 * np.arange(30))
     assert '--unit "Altitude=ft" says so' in " ".join(other.remarks)
+
+
+def test_a_variable_of_simconnect_is_in_feet(tmp_path):
+    rows = "".join(f"{i},{51 + i * 1e-4:.4f},12.4,{1000 + i}\n" for i in range(9))
+    path = tmp_path / "log.csv"
+    path.write_text(f"SIM TIME,PLANE LATITUDE,PLANE LONGITUDE,PLANE ALTITUDE\n{rows}")
+    np.testing.assert_allclose(read_raw(path).height, FOOT * (1000 + np.arange(9)))
+
+
+def test_a_table_without_a_time_is_told_that_it_lacks_one(tmp_path):
+    rows = "".join(f"{1.7e9 + i:.1f},4b1815,{51 + i * 1e-4:.4f},12.4,{1000 + i}\n" for i in range(9))
+    path = tmp_path / "log.csv"
+    path.write_text(f"now,hex,lat,lon,altitude\n{rows}")
+    with pytest.raises(
+        MissionError, match="a table with lat, lon, altitude, and none of its headings names a"
+    ):
+        read_raw(path)
+    assert len(read_raw(path, {"now": "time[s]"}).time) == 9
