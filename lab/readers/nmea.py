@@ -238,7 +238,7 @@ def _decoded(
 def _names(characters: NDArray[np.uint8], starts: IntArray) -> NDArray[np.bytes_]:
     """Return which sentence begins at each ``$``: in $ppGGA, two letters tell the system, three the kind."""
     places = np.minimum(starts[:, None] + np.arange(3, 6), len(characters) - 1)
-    return characters[places].reshape(-1, 3).copy().view("S3")[:, 0]
+    return np.asarray(characters[places].reshape(-1, 3).copy().view("S3")[:, 0])
 
 
 def _cut(characters: NDArray[np.uint8], starts: IntArray, stars: IntArray) -> bytes:

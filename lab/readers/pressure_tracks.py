@@ -19,7 +19,7 @@ _MAX_NAME = 40
 
 
 class _Extent(NamedTuple):
-    count: int
+    points: int
     start: float
 
 
