@@ -100,7 +100,8 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             max(ratio, 1 / ratio),
             f"The {what} are {written(np.sqrt(ratio))} × as large as the filter says. {judged} explains it.",
             "Look for errors that the filter does not model: scale factors, drifting biases, an error "
-            "model that does not fit.",
+            "model that does not fit, or attitude errors of degrees at the start, whose products a linear "
+            "model neglects.",
             mean_square(squares, f"{what} (by {name})"),
         )
         found.append(Weighed(size_weight(float(squares.total), float(squares.number)), finding))

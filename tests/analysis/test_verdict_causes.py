@@ -107,6 +107,20 @@ def test_a_g_sensitive_gyro_is_no_wrong_p0():
     assert finding.quantity == "gyro g-sensitivity"
 
 
+@pytest.mark.parametrize("seed", [4, 7])
+def test_products_of_attitude_errors_at_the_start_are_among_what_to_look_for(seed):
+    """Poor accelerometers and a start that is wrong by degrees: all that the filter assumes is right."""
+    experiment = Experiment(mission="los_angeles", seed=seed)
+    experiment.set("sensors.accelerometer.bias_sigma", 20.0)
+    experiment.set("navigator.attitude_sigma", (2.0, 2.0, 10.0))
+    experiment.set("navigator.alignment", 30.0)
+    (finding,) = experiment.run().verdict.findings
+    assert (finding.quantity, finding.direction) == ("NEES", "too large")
+    assert "attitude errors of degrees at the start" in finding.advice
+    small = experiment.copy().update({"navigator.attitude_sigma": (0.5, 0.5, 2.0)})
+    assert small.run().verdict.consistent
+
+
 def test_scale_times_bias_is_no_noise_to_a_filter_with_scale_states():
     experiment = Experiment(seed=1)
     experiment.set("navigator.states", 21)
