@@ -53,6 +53,7 @@ _WORDS = {
     "fixed wing": "aeroplane",
     "aircraft": "aeroplane",
     "rotary wing": "copter",
+    "vtol": "copter",  # it hovers like one, in all directions
     "rover": "car",
     "blimp": "airship",
 }

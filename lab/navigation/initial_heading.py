@@ -29,6 +29,9 @@ COURSE_SPEED = 1.0
 """Speed above which a vehicle has a course, if it also exceeds `COURSE_SIGMAS` [m/s]."""
 COURSE_SIGMAS = 3
 """The same in σ of its speed: the course is then known within 1/3 rad."""
+FORWARD_SPEED = 5.0
+"""Speed above which no vehicle moves backwards [m/s]: aeroplanes are pushed back, models carried to the
+runway tail first, and cars reversed, at 1 to 3 m/s."""
 MAGNETIC_SIGMA = np.radians(10.0)
 """σ of a magnetometer's heading [rad]: iron and currents of the vehicle after one calibration."""
 ANTENNA_SIGMA = np.radians(2.0)
@@ -195,6 +198,8 @@ def by_course(
 ) -> Found:
     """Return the heading from the course of the first lasting motion, carried back by the gyros.
 
+    A slow vehicle may move backwards, or be carried. The first course above `FORWARD_SPEED` shows it.
+
     Parameters
     ----------
     imu, fixes
@@ -208,22 +213,51 @@ def by_course(
     vehicle
         The vehicle, with the largest difference between its course and its heading.
     """
+    if np.isinf(vehicle.sideslip):
+        return UNKNOWN
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
     sigma = np.linalg.norm(velocity_sigma[:, :2], axis=1)
+    course = np.arctan2(fixes.velocity_n[:, 1], fixes.velocity_n[:, 0])
     fast = shows_course(fixes, velocity_sigma) & (fixes.time >= imu.time[0] - _ROUNDING)
-    lasting = fast & np.append(fast[1:], False)
-    if not lasting.any() or np.isinf(vehicle.sideslip):
-        return UNKNOWN
-    first = int(np.argmax(lasting))
-    time = float(fixes.time[first])
-    course = np.arctan2(fixes.velocity_n[first, 1], fixes.velocity_n[first, 0])
-    drift = _drift(rest) * (time - imu.time[0])
-    return Found(
-        float(wrap(course - np.interp(time, imu.time, turning))),
-        float(min(np.pi, np.sqrt(vehicle.sideslip**2 + (sigma[first] / speed[first]) ** 2 + drift**2))),
-        f"{_COURSE} at {time:.1f} s",
-        time,
-    )
+
+    def first_of(motion: NDArray[np.bool_]) -> Found:
+        lasting = motion & np.append(motion[1:], False)
+        if not lasting.any():
+            return UNKNOWN
+        first = int(np.argmax(lasting))
+        time = float(fixes.time[first])
+        drift = _drift(rest) * (time - imu.time[0])
+        return Found(
+            float(wrap(course[first] - np.interp(time, imu.time, turning))),
+            float(min(np.pi, np.sqrt(vehicle.sideslip**2 + (sigma[first] / speed[first]) ** 2 + drift**2))),
+            f"{_COURSE} at {time:.1f} s",
+            time,
+        )
+
+    found, forward = first_of(fast), first_of(fast & (speed > FORWARD_SPEED))
+    return _forward(found, forward, rest, vehicle) if forward.source else found
+
+
+def _forward(found: Found, forward: Found, rest: float, vehicle: Vehicle) -> Found:
+    """Return the heading by the first course, of a vehicle that may move backwards there.
+
+    Parameters
+    ----------
+    found, forward
+        The headings by the first course, and by the first one of a vehicle that moves forward.
+    rest, vehicle
+        As in `by_course`.
+    """
+    apart = float(wrap(forward.heading - found.heading))
+    if abs(apart) > np.pi / 2:
+        found = found._replace(
+            heading=float(wrap(found.heading + np.pi)),
+            source=f"{found.source}, where the vehicle moved backwards",
+        )
+        apart = float(wrap(forward.heading - found.heading))
+    between = np.hypot(np.sqrt(2) * vehicle.sideslip, _drift(rest) * (forward.time - found.time))
+    # Neither forward nor backward: it was carried.
+    return forward if abs(apart) > _CONTRADICTION * between else found
 
 
 def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: float) -> Found:

@@ -143,7 +143,8 @@ def read_log(path: Path) -> SensorLog:
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
-    auxiliary = AuxiliaryData(_vehicle(log), compass, headings)
+    vehicle = "vtol" if parameters.get("Q_ENABLE", 0.0) > 0 else _vehicle(log)
+    auxiliary = AuxiliaryData(vehicle, compass, headings)
     made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     check_log(made)
     remarks = [*_instance_remarks(times), *_lost_remarks(log)]

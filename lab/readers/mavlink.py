@@ -55,7 +55,7 @@ within half a second, as they do, is not seen to turn."""
 _VEHICLES = {  # names of MAV_TYPE
     1: "fixed wing", 2: "rotary wing", 3: "rotary wing", 4: "rotary wing", 7: "airship", 8: "balloon",
     10: "rover", 11: "boat", 12: "submarine", 13: "rotary wing", 14: "rotary wing", 15: "rotary wing",
-    **dict.fromkeys(range(19, 26), "fixed wing"),
+    **dict.fromkeys(range(19, 26), "vtol"),
 }  # fmt: skip
 _NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID, of what is no autopilot."""

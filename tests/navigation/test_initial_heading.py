@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from copter_logs import LATITUDE, LONGITUDE, copter
+from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
-from sensor_logs import EPOCH, tables, write
+from sensor_logs import EPOCH, Tables, tables, write
 
+from lab import earth
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.velocity_matching import match, turned, window_of
 from lab.magnetic_field import magnetic_declination
@@ -165,3 +167,75 @@ def test_turning_is_the_product_of_the_increments():
 def test_the_place_of_the_test_is_where_the_model_knows_it():
     found, _ = magnetic_declination(np.array((LATITUDE, LONGITUDE, 120.0)))
     assert -15 < np.degrees(found) < -9
+
+
+def aeroplane(heading: float, rest: float, backwards: float, aside: float = np.pi) -> Tables:
+    """Return what a level aeroplane logs that is pushed at 1.3 m/s after a rest, stands, and takes off.
+
+    Parameters
+    ----------
+    heading
+        Its heading [rad].
+    rest, backwards
+        How long it stands before, and how long it is pushed [s].
+    aside
+        The course of the push, relative to the heading [rad].
+    """
+    rng = np.random.default_rng(1)
+    knots = rest + np.array((-1.0, 0.0, 1.0, backwards, backwards + 1, backwards + 4, backwards + 14))
+    end = knots[-1] + 5.0
+    pushed = np.array((0.0, 0.0, 1.3, 1.3, 0.0, 0.0, 0.0))
+    own = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0))
+    knots, pushed, own = np.append(knots, end + 2), np.append(pushed, 0.0), np.append(own, 25.0)
+    directions = np.array([[np.cos(angle), np.sin(angle), 0.0] for angle in (heading + aside, heading)])
+    moving = PchipInterpolator(knots, pushed[:, None] * directions[0] + own[:, None] * directions[1])
+    time = np.arange(0.0, end, 0.01)
+    force_n = moving(time, 1) - (0, 0, float(earth.gravity(np.sin(LATITUDE), 120.0)))
+    attitude = Rotation.from_euler("z", heading)
+    imu = np.column_stack((time, np.zeros((len(time), 3)), attitude.inv().apply(force_n)))
+    imu[:, 1:4] += rng.normal(scale=2e-3, size=(len(time), 3)) + np.radians((0.2, -0.1, 0.15))
+    imu[:, 4:] += rng.normal(scale=0.05, size=(len(time), 3))
+    at = np.arange(0.0, end, 0.2)
+    gone = moving.antiderivative()(at) - moving.antiderivative()(0.0)
+    meridian, transverse = earth.radii(np.sin(LATITUDE))
+    place = np.column_stack(
+        (
+            np.degrees(LATITUDE + gone[:, 0] / (meridian + 120.0)),
+            np.degrees(LONGITUDE + gone[:, 1] / ((transverse + 120.0) * np.cos(LATITUDE))),
+            np.full(len(at), 120.0),
+        )
+    )
+    euler = np.tile((0.0, 0.0, np.degrees(heading)), (len(at), 1))
+    sigma = np.tile((0.4, 0.4, 0.6, 0.06, 0.06, 0.06), (len(at), 1))
+    noise = rng.normal(scale=(3e-6, 4e-6, 0.5, 0.06, 0.06, 0.06), size=(len(at), 6))
+    gnss = np.column_stack((at, np.column_stack((place, moving(at))) + noise, sigma))
+    reference = np.column_stack((at, place, moving(at), euler))
+    for table in (imu, gnss, reference):
+        table[:, 0] += EPOCH
+    return Tables(imu, gnss, reference)
+
+
+@pytest.mark.parametrize("vehicle", ["aeroplane", "car"])
+@pytest.mark.parametrize(
+    ("rest", "aside", "source"),
+    [(10.0, np.pi, "backwards"), (0.0, np.pi, "backwards"), (10.0, 1.6, "course")],
+)
+def test_what_is_pushed_back_or_carried_before_it_moves_has_the_heading_of_its_motion(
+    tmp_path, vehicle, rest, aside, source
+):
+    flown = aeroplane(1.0, rest, 12.0, aside)
+    log = read_sensor_log(write(tmp_path, flown, f'vehicle = "{vehicle}"'))
+    made = navigate_log(log, suite(), NavigatorSettings())
+    sigma = float(np.degrees(made.alignment.attitude_sigma[2]))
+    assert sigma < 20.0
+    assert abs(heading_error(log, made.alignment)) < 2 * sigma
+    assert source in made.alignment.heading.source
+
+
+def test_a_slow_motion_forward_has_the_heading_of_its_course(tmp_path):
+    flown = aeroplane(1.0, 10.0, 12.0, 0.0)
+    log = read_sensor_log(write(tmp_path, flown, 'vehicle = "aeroplane"'))
+    found = navigate_log(log, suite(), NavigatorSettings()).alignment.heading
+    assert found.time < 13.0
+    assert found.source.startswith("from the course at 1")
+    assert "backwards" not in found.source

@@ -12,6 +12,7 @@ from writers import ardupilot as writer
 from writers import autopilot
 
 from lab import ecef
+from lab.logs.vehicle import vehicle_of
 from lab.missions import MissionError, mission
 from lab.readers import ardupilot, reader_of
 from lab.readers.dataflash_file import DataFlashFile
@@ -238,3 +239,10 @@ def test_what_gives_no_flight_is_refused(file, data, words):
         ardupilot.read([file(data)], {})
     with pytest.raises(MissionError):
         ardupilot.read_log(file(data))
+
+
+@pytest.mark.parametrize("hovers", [True, False])
+def test_the_course_of_an_aeroplane_that_hovers_is_not_its_heading(file, monkeypatch, hovers):
+    monkeypatch.setitem(writer.PARAMETERS, "Q_ENABLE", float(hovers))
+    log = ardupilot.read_log(file(writer.write(mission("montreal").recording)))
+    assert vehicle_of(log.auxiliary.vehicle).follows_nose is not hovers

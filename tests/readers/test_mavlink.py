@@ -14,6 +14,7 @@ from writers import autopilot
 from writers import mavlink as writer
 
 from lab import ecef
+from lab.logs.vehicle import vehicle_of
 from lab.missions import MissionError, mission
 from lab.readers import mavlink, reader_of
 
@@ -37,10 +38,12 @@ def file(tmp_path):
     return path_of
 
 
-def vehicle(system: int = 1, seconds: int = 10, boot: int = 5000, lat: float = 45.0) -> writer.Station:
+def vehicle(
+    system: int = 1, seconds: int = 10, boot: int = 5000, lat: float = 45.0, kind: int = 2
+) -> writer.Station:
     """Return what a vehicle sends that goes north at 10 m/s and climbs at 2 m/s, its nose to the east."""
     station = writer.Station(system)
-    station.add(0.0, "HEARTBEAT", 2, 3, 81, 0, 4)
+    station.add(0.0, "HEARTBEAT", kind, 3, 81, 0, 4)
     for t in np.arange(0, seconds, 0.2).tolist():
         stamp = boot + round(1e3 * t)
         place = (round(1e7 * (lat + t * 9e-5)), -730_000_000, round(1e3 * (100 + 2 * t)))
@@ -130,6 +133,13 @@ def test_signs_and_units_of_whole_numbers(file):
     np.testing.assert_allclose(flight.height, 100 + 2 * (flight.time - 5.0), atol=1e-3)
     assert flight.vehicle == "rotary wing"
     assert "above sea level" in flight.remarks[1]
+
+
+@pytest.mark.parametrize(("kind", "follows"), [(1, True), (2, False), (20, False)])
+def test_what_hovers_does_not_follow_its_nose(file, kind, follows):
+    """MAV_TYPE 20 takes off like a copter and flies like an aeroplane."""
+    flight = mavlink.read([file(writer.log(vehicle(kind=kind)))], {})
+    assert vehicle_of(flight.vehicle).follows_nose is follows
 
 
 def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
