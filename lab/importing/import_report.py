@@ -236,14 +236,19 @@ def _gaps(flight: RepairedFlight) -> str:
     bridged = f"{flight.gaps} of more than three usual steps bridged" if flight.gaps else "none bridged"
     if not flight.cuts:
         return bridged
-    where = ", ".join(f"{start:.12g} to {end:.12g} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
+    where = ", ".join(f"{_stamp(start)} to {_stamp(end)} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
     more = ", ..." if len(flight.cuts) > _MAX_CUTS_SHOWN else ""
     kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
     return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
 
 
+def _stamp(time: float) -> str:
+    """Return a time of the file's clock, to the millisecond: it may count from 1970."""
+    return f"{round(time, 3):.15g}"
+
+
 def _resets(resets: Sequence[Reset]) -> str:
-    where = "; ".join(f"{reset.change} at {reset.time:.12g} s" for reset in resets[:_MAX_RESETS_SHOWN])
+    where = "; ".join(f"{reset.change} at {_stamp(reset.time)} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
         "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
