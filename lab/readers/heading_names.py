@@ -18,14 +18,15 @@ VECTORS = {"rate": "angular rate", "force": "acceleration", "gravity": "accelera
 """Quantities with three axes, and the kind of their unit."""
 SCALARS = {
     "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
+    "year": "", "month": "", "day": "", "hour": "", "minute": "", "second": "",
     "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
     "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
     "instance": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
-their fraction, or a date and a clock. A place is latitude and longitude in one cell, a side is N, S, E or
-W, an instance is the number of one of several sensors."""
+their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
+a side is N, S, E or W, an instance is the number of one of several sensors."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 GIVEN = "given"
@@ -346,13 +347,16 @@ _NAMED: dict[str, tuple[str, str, int]] = {
 """Quantity, unit and rank of headings that are a name of their own, or a unit alone."""
 _NAMED_STAMPS = {
     **dict.fromkeys(("date", "lcldate", "utcdate", "gpsdate"), ("date", "", 0)),
+    **{name: (name, "", 0) for name in ("year", "month", "day", "hour", "minute", "second")},
+    "hours": ("hour", "", 1), **dict.fromkeys(("min", "minutes"), ("minute", "", 1)),
+    "sec": ("second", "", 1),
     **dict.fromkeys(("tow", "gpstow", "timeofweek"), ("time", "", 6)),
     "itow": ("time", "ms", 6),
     "cts": ("time", "ms", 1),  # of GoPro
     "clockoffsettime": ("time", "s", 1),  # of DJI
     "yyyymoddhhmisssss": ("time", "", 4),
     "sampletimefine": ("time", "1e-4 s", 2),
-}
+}  # fmt: skip
 """Quantity, unit and rank of stamps with names of their own."""
 
 

@@ -63,7 +63,7 @@ _MOST_CONTROLS = 0.02
 """Largest part of them in a text with damaged rows: tables of loggers had none, noise at least 5.3 %."""
 _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
-_STAMPS = {"time", "seconds", "clock", "date"}
+_STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
 _PHONE_WORDS = ("accelerometer", "acceleration")
 

@@ -43,8 +43,14 @@ _MIN_KNOWN = 0.5
 _MIN_FORWARD = 0.5
 """Smallest part of the steps that do not go backwards in a column that is time."""
 
-_HOUR = 3600.0
+_HOUR, _MINUTE = 3600.0, 60.0
 """[s]."""
+_MILLISECONDS = 1000
+"""In a second."""
+_PARTS, _DATE_PARTS = ("hour", "minute", "second"), ("year", "month", "day")
+"""Columns of time stamps that have one for each part."""
+_YEARS = (1980, 2107)
+"""First and last year of such: GPS time begins, and 16 bits of a file system end."""
 _DAYS_BEFORE_1970 = {"1900": (25_569.0, 36_526.0, 58_000.0), "year 0": (719_529.0, 730_486.0, 770_000.0)}
 """Days until 1970 of spreadsheets and of MATLAB, and the first and last that are taken for such: the year
 2000, and 2058 (later numbers are modified Julian days) or 2108."""
@@ -118,6 +124,8 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
         return _leaping(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
+    if (clock := _of_parts(sheet)) is not None:
+        return clock
     candidates = sheet.all_of("time") + sheet.all_of("clock") + seconds
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
     for heading, values in candidates:
@@ -137,6 +145,39 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
         clock = Clock(time, heading.text, unit, not heading.unit)
         return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
     return None
+
+
+def _of_parts(sheet: Sheet) -> Clock | None:
+    """Return time stamps of which each part has a column: hour, minute, second, and maybe more of them."""
+    found = [sheet.all_of(name)[:1] for name in _PARTS]
+    found[-1] = found[-1] or [pair for pair in sheet.all_of("time") if pair[0].text.lower() == "seconds"][:1]
+    if not all(found):
+        return None
+    parts = [one for (one,) in found]
+    milliseconds = [
+        pair
+        for pair in sheet.all_of("time")
+        if pair[0].unit == "ms" and ((pair[1] >= 0) & (pair[1] < _MILLISECONDS)).all()
+    ][:1]
+    hour, minute, second = (values for _, values in parts)
+    time = _HOUR * hour + _MINUTE * minute + second
+    for _, values in milliseconds:
+        time = np.floor(time) + values / _MILLISECONDS
+    dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
+    columns = " + ".join(heading.text for heading, _ in (*dates, *parts, *milliseconds))
+    if len(dates) < len(_DATE_PARTS):
+        return _leaping(Clock(onwards(time, DAY), columns, "parts of a day", False), True)
+    return _leaping(
+        Clock(_days(*(values for _, values in dates)) * DAY + time, columns, "parts", False), False
+    )
+
+
+def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
+    """Return days since 1970; NaN where a part is not of the calendar."""
+    fine = (year >= _YEARS[0]) & (year <= _YEARS[1]) & (month >= 1) & (month <= _MONTHS)
+    months = np.where(fine, _MONTHS * (year - 1970) + month - 1, 0).astype(np.int64)
+    first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    return np.where(fine, first + day - 1, np.nan)
 
 
 def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:

@@ -293,6 +293,8 @@ def _velocity(
         angle = np.where(pace == 0, np.nan_to_num(angle), angle)
         velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
     vertical = down if down is not None else up
+    if north is None and vertical is not None and vertical.name.lower().endswith("_u"):
+        vertical = None  # beside POS_U: an uncertainty, and not the third of three components
     if vertical is not None:
         used.append(vertical)
         velocity[:, 2] = vertical.values[rows] * (1 if down is not None else -1)
