@@ -3,41 +3,16 @@
 The height is that of the standard atmosphere, shifted so that it begins at the height of the first fix: the
 weather moves it by a hundred metres. One reading is used in each `PERIOD`, since the errors of a barometer
 last for longer than a sample of the IMU.
-
-References
-----------
-International Civil Aviation Organization, *Manual of the ICAO Standard Atmosphere*, Doc 7488 (1993).
 """
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.logs.pressure_height import ACCEPTED, PERIOD, height_of, reading_at
 
 FloatArray = NDArray[np.float64]
-
-PERIOD: Final = 1.0
-"""Time between the readings that are used [s]: that of the barometer in `lab.sensors.barometer`."""
-ACCEPTED: Final = (22_700.0, 130_000.0)
-"""Pressures of a barometer that works [Pa]: from the tropopause, 11 km high, to a mine 2 km deep."""
-_SEA_LEVEL: Final = 101_325.0  # [Pa]
-_TEMPERATURE, _LAPSE = 288.15, 0.0065  # [K], [K/m]
-_GAS: Final = 287.05287  # of dry air [J/kg/K]
-_EXPONENT: Final = _GAS * _LAPSE / STANDARD_GRAVITY
-
-
-def height_of(pressure: FloatArray) -> FloatArray:
-    """Return the height in the standard atmosphere [m] of pressures [Pa], below the tropopause."""
-    return np.asarray(_TEMPERATURE / _LAPSE * (1 - (pressure / _SEA_LEVEL) ** _EXPONENT))
-
-
-def pressure_at(height: FloatArray) -> FloatArray:
-    """Return the pressure of the standard atmosphere [Pa] at heights [m], below the tropopause."""
-    return np.asarray(_SEA_LEVEL * (1 - _LAPSE * height / _TEMPERATURE) ** (1 / _EXPONENT))
 
 
 class Heights:
@@ -79,5 +54,4 @@ class Heights:
             The readings so far [s], [m]; that at the fix is the last one before it, or the first one.
         """
         if np.isnan(self.shift) and times.size:
-            at = max(int(np.searchsorted(times, time, "right")) - 1, 0)
-            self.shift = height - float(heights[at])
+            self.shift = height - float(heights[reading_at(times, time)])

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from lab.experiment import Experiment
 from lab.live.axis_map import AxisMap
-from lab.live.pressure import pressure_at
 from lab.live.samples import FIX, FIX_3D, IMU, NO_READINGS, READING
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import TransportError
+from lab.logs.pressure_height import pressure_at
 from lab.missions import mission
 from lab.missions.log_mission import LogMission
 from lab.recordings.flight_csv import write_flight_csv

@@ -10,11 +10,15 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from lab.readers.heading_field import FIELD_WORDS, GLUED_FIELD, names_field
 from lab.readers.heading_translations import in_english
-from lab.readers.unit_names import UNITS, unit_name
+from lab.readers.heading_units import UNIT, unit_of
+from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 
-VECTORS = {"rate": "angular rate", "force": "acceleration", "gravity": "acceleration"}
+VECTORS = {
+    "rate": "angular rate", "force": "acceleration", "gravity": "acceleration", "field": "magnetic field",
+}  # fmt: skip
 """Quantities with three axes, and the kind of their unit."""
 SCALARS = {
     "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
@@ -23,6 +27,7 @@ SCALARS = {
     "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
     "instance": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
+    "pressure": "pressure",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
@@ -44,30 +49,9 @@ _GLUED = re.compile(
     r"([xyz])$"
 )
 _LEADING = re.compile(
-    r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate)(?![a-z])"
+    r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate|mag|magnetometer)(?![a-z])"
 )
-_UNIT = re.compile(
-    r"(?i)[\s_.-](rad[_/ ]?s(?:ec)?|radps|rps|rad_per_s(?:ec)?|dps|deg[_/ ]?s(?:ec)?|degps|deg_per_s(?:ec)?|"
-    r"mdps|mrad_s|m[_/ ]?s\^?2|m_s_2|mps2|mpss|m_per_s2|m/s/s|mg|milli_?g|g|m[_/]s|mps|km[_/]?h|kph|kmh|"
-    r"knots|knot|kts|kt|kn|mph|ft_s|fps|deg|degrees|rad|m|meters|metres|ft|feet|mm|cm|s|sec|secs|seconds|ms|"
-    r"msec|millis|us|usec|micros|ns|nsec|nanos|1e7|e7)$"
-)
-_SPELLINGS = {
-    "rads": "rad/s", "rad_s": "rad/s", "rad s": "rad/s", "radsec": "rad/s", "rad_sec": "rad/s",
-    "rad_per_s": "rad/s", "rad_per_sec": "rad/s", "rps": "rad/s", "rads^-1": "rad/s", "rad*s^-1": "rad/s",
-    "r/s": "rad/s", "dps": "°/s", "deg_s": "°/s", "degs": "°/s", "degsec": "°/s", "deg_sec": "°/s",
-    "deg_per_s": "°/s", "deg_per_sec": "°/s", "deg/sec": "°/s", "deg*s^-1": "°/s", "d/s": "°/s", "º/s": "°/s",
-    "degrees/s": "°/s", "degrees/sec": "°/s", "degree/s": "°/s", "mdps": "m°/s", "mrad_s": "mrad/s",
-    "m_s2": "m/s²", "m_s^2": "m/s²", "ms2": "m/s²", "ms^2": "m/s²", "m_s_2": "m/s²", "mpss": "m/s²",
-    "m_per_s2": "m/s²", "m/s/s": "m/s²", "ms^-2": "m/s²", "m*s^-2": "m/s²", "m/sec^2": "m/s²",
-    "m/sec2": "m/s²", "m/(s^2)": "m/s²", "m/s**2": "m/s²", "meters/s^2": "m/s²",
-    "gs": "g", "gravity": "g", "millig": "mg", "milli_g": "mg", "m_s": "m/s", "meters/second": "m/s",
-    "meter/s": "m/s", "meters/s": "m/s", "m/sec": "m/s", "km_h": "km/h", "kmph": "km/h", "km/hr": "km/h",
-    "ft_s": "ft/s", "ft/sec": "ft/s", "secs": "s", "msec": "ms", "millis": "ms", "usec": "µs",
-    "micros": "µs", "μs": "µs", "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "1e7": "1e-7°",
-    "e7": "1e-7°", "dege7": "1e-7°", "arcmin": "′", "º": "°", "wgs84": "°",
-}  # fmt: skip
-_QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate"}
+_QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate", "magnetic field": "field"}
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[a-zµμ]+|%|\d+")
 
@@ -216,16 +200,6 @@ def given_heading(text: str, column: str) -> Heading | None:
     return Heading(column, quantity, name[-1] if vector else "", GIVEN, known, -100, sign)
 
 
-def unit_of(kind: str, spelling: str) -> str:
-    """Return a unit as `UNITS` has it; empty for what is no unit of the kind."""
-    spelling = spelling.strip("[]() ")
-    text = "".join(spelling.split()).lower()
-    try:
-        return unit_name(kind, _SPELLINGS.get(spelling.lower(), _SPELLINGS.get(text, spelling)))
-    except (MissionError, KeyError):
-        return ""
-
-
 def _cut(text: str) -> tuple[str, str, str]:
     """Cut a heading into words, axis and unit."""
     stem, axis, unit = text.strip().strip("\"'\ufeff#% ").strip(), "", ""
@@ -248,11 +222,11 @@ def _cut(text: str) -> tuple[str, str, str]:
             found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)
             if found:
                 stem, axis = stem[: found.start()], found[1].lower()
-            elif found := _GLUED.search(stem):
-                stem, axis = stem[:-1], found[2].lower()
+            elif found := _GLUED.search(stem) or GLUED_FIELD.search(stem):
+                stem, axis = stem[:-1], stem[-1].lower()
             elif found := _LEADING.search(stem):
                 stem, axis = stem[found.end(1) :], found[1].lower()
-        if not unit and (found := _UNIT.search(stem)):
+        if not unit and (found := UNIT.search(stem)):
             stem, unit = stem[: found.start()], found[1]
     return stem.strip(), axis, unit
 
@@ -272,10 +246,15 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         names = _words(file.partition(".")[0])
         rank = sum(_WORSE.get(word, 0) for word in names)
     given = set(names)
-    if given & (_NOT_SENSORS - {"raw"}):
-        return None
     joined = "".join(names)
     sensor = " ".join(words) or file
+    is_field = names_field(frozenset(given), joined)
+    if is_field or given & _NOT_SENSORS:
+        known = unit_of(VECTORS["field"], unit) if unit else ""
+        measured = is_field and not given & (_NOT_SENSORS - FIELD_WORDS) and (known or not unit)
+        # Core Motion removes the iron of the device from the field of its motions.
+        better = int("motion" in given)
+        return Heading(text, "field", axis, sensor, known, rank - better) if measured else None
     if given & {"gravity", "grav"}:
         sign = -1 if joined in _ALONG_GRAVITY else 1
         return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank, sign)
@@ -340,6 +319,7 @@ _NAMED: dict[str, tuple[str, str, int]] = {
                     ("side", "", 0)),
     **dict.fromkeys(("i", "instance", "imuinstance", "imuid", "sensorid", "sensorinstance", "gpsid"),
                     ("instance", "", 0)),
+    "p": ("pressure", "", 1),  # of Physics Toolbox
     "feet": ("height", "ft", 0),
     "kts": ("speed", "kt", 0),
     "mph": ("speed", "mph", 1),
@@ -394,6 +374,9 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("vertical_sigma", re.compile(r"(?:location|gps|gnss|fix)*(?:vertical|altitude|v)(?:accuracy|acc)|epv")),
     ("speed_sigma", re.compile(
         r"(?:location|gps|gnss|fix)*(?:speed|velocity|s)(?:accuracy|acc)|svariance|speedaccuracyms")),
+    ("pressure", re.compile(
+        r"(?:phone|sensor|air|atmospheric|atm|ambient|abs|absolute|static|baro|barometer|barometric|altimeter)*"
+        r"press(?:ure)?(?:pa)?")),
     ("latitude", re.compile(r".*latitude(?:ns)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?lat")),
     ("longitude", re.compile(
         r".*longitude(?:ew|west)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?(?:lon|long|lng)")),

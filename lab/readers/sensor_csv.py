@@ -26,12 +26,14 @@ from lab.readers.height_unit import unit_that_agrees
 from lab.readers.leap_offset import end_together, offset_that_agrees, remark_on_ends
 from lab.readers.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.readers.sheet import Sheet, as_utf8, layout_of
-from lab.readers.sheet_axes import oriented
+from lab.readers.sheet_axes import Oriented, axes_matrix, oriented
 from lab.readers.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.readers.sheet_clock import times_of
+from lab.readers.sheet_field import field_of
 from lab.readers.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
 from lab.readers.sheet_heights import about_heights
 from lab.readers.sheet_imu import Imu, app_of, imu_of, in_other_unit
+from lab.readers.sheet_pressure import barometer_of
 from lab.readers.sheet_sources import (
     KITTI_FRAME,
     KITTI_STAMP,
@@ -84,10 +86,12 @@ def recognises(head: bytes) -> bool:
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
     names = {name for name, _ in quantities}
     has_time = bool(names & _STAMPS)
+    if any(one is not None and one.quantity == "pressure" and one.unit for one in layout.known):
+        return has_time
     return (
         len(quantities) >= _MIN_QUANTITIES
         and has_time
-        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place"}))
+        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field"}))
     )
 
 
@@ -179,7 +183,7 @@ def read_logs(
 
     pace = pace_of(fixes)
 
-    def checked(imu: Imu, gnss: GnssLog) -> SensorLog:
+    def checked(imu: Imu, gnss: GnssLog) -> Oriented:
         def with_fixes(gnss: GnssLog) -> Callable[[np.ndarray], SensorLog]:
             auxiliary = AuxiliaryData(vehicle=vehicle)
             return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
@@ -189,16 +193,16 @@ def read_logs(
         return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
 
     def leap_seconds(imu: Imu) -> str:
-        return offset_that_agrees(imu.time, fixes.gnss, lambda gnss: checked(imu, gnss))
+        return offset_that_agrees(imu.time, fixes.gnss, lambda gnss: checked(imu, gnss).log)
 
     try:
-        log = checked(imu, fixes.gnss)
+        log, forward = checked(imu, fixes.gnss)
     except MissionError as error:
         other = in_other_unit(imu)
         try:
             if other is None:
                 raise
-            log = checked(other, fixes.gnss)
+            log, forward = checked(other, fixes.gnss)
         except MissionError:
             raise MissionError(_with_report(error, imu, fixes, leap_seconds(imu))) from None
         imu = other
@@ -210,13 +214,15 @@ def read_logs(
         unit, factor = unit_that_agrees(log, height.unit)
         if unit != height.unit:
             fixes = in_height_unit(fixes, unit, factor)
-            log = checked(imu, fixes.gnss)
+            log, forward = checked(imu, fixes.gnss)
     unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
-    remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks]
+    field, pressure = field_of(sheets, log, axes_matrix(forward)), barometer_of(sheets, log)
+    remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks]
     remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []
     if unread:
         remarks.append(f"Columns not read: {', '.join(unread)}.")
-    return replace(log, repairs=(*remarks, *log.repairs))
+    beside = replace(log.auxiliary, magnetometer=field.magnetometer, barometer=pressure.barometer)
+    return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside)
 
 
 def _of_rows(sheets: Sequence[Sheet]) -> list[str]:

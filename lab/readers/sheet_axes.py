@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,21 @@ _OR_REVERSED = (
 )
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
+
+
+class Oriented(NamedTuple):
+    """A log in forward, right, down.
+
+    Attributes
+    ----------
+    log : SensorLog
+        The log.
+    axes : tuple of str
+        The axes of the IMU that point forward, right and down.
+    """
+
+    log: SensorLog
+    axes: Axes
 
 
 def axes_matrix(axes: Sequence[str]) -> FloatArray:
@@ -63,8 +79,8 @@ def oriented(
     phone: bool = False,
     signed: bool = True,
     shown: Callable[[FloatArray], SensorLog] | None = None,
-) -> SensorLog:
-    """Return a log in forward, right, down.
+) -> Oriented:
+    """Return a log in forward, right, down, with the axes that point there.
 
     Parameters
     ----------
@@ -89,7 +105,7 @@ def oriented(
     if given:
         log = build(_turned(samples, given))
         check_log(log)
-        return _reported(log, f"Axes: {_words(given)}, as given.")
+        return Oriented(_reported(log, f"Axes: {_words(given)}, as given."), (given[0], given[1], given[2]))
     judged = shown or build
     passed, refused = _tried(samples, judged, phone)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
@@ -108,7 +124,7 @@ def oriented(
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
     doubtful = not signed and _passes(judged(_turned(reversed_, other)))
     doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
-    return _reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}")
+    return Oriented(_reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}"), axes)
 
 
 def _passes(log: SensorLog) -> bool:

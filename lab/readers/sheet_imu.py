@@ -136,10 +136,10 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
         If there are no gyros or accelerometers, or the accelerations are without gravity, or in an unknown
         unit.
     """
-    gyros, forces = _triads(sheets, "rate"), _triads(sheets, "force")
+    gyros, forces = triads(sheets, "rate"), triads(sheets, "force")
     if not gyros or not forces:
         raise MissionError(_what_is_missing(sheets, bool(gyros), bool(forces)))
-    force, remarks = _with_gravity(forces, _triads(sheets, "gravity"))
+    force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
     if force.unit == "mg" and force.source != NAMED:
@@ -179,7 +179,7 @@ def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray,
     return (rows, even, [remark]) if (np.diff(even) > 0).all() else (rows, time[rows], [])
 
 
-def _triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
+def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
     """Return all complete sensors of a quantity, the best first; numbers are not in SI units yet."""
     found = []
     for sheet in sheets:

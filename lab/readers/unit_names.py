@@ -28,8 +28,10 @@ UNITS: dict[str, dict[str, float]] = {
         "m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s²": FOOT, "cm/s²": 0.01,
         "mm/s²": 1e-3, "µg": 1e-6 * STANDARD_GRAVITY,
     },
+    "magnetic field": {"µT": 1.0, "nT": 1e-3, "mT": 1e3, "T": 1e6, "G": 100.0, "mG": 0.1},
+    "pressure": {"hPa": 100.0, "kPa": 1000.0, "Pa": 1.0, "mbar": 100.0, "bar": 1e5, "inHg": 3386.389},
 }  # fmt: skip
-"""Factor to SI of each unit, by quantity; angles in radians."""
+"""Factor to SI of each unit, by quantity; angles in radians, magnetic fields in µT."""
 
 _SPELLINGS = {
     "seconds": "s", "second": "s", "sec": "s", "milliseconds": "ms", "microseconds": "µs", "us": "µs",

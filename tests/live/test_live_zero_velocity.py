@@ -10,7 +10,7 @@ from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import HOST, driven, feed
 
 from lab.live.live_log import log_of
-from lab.live.pressure import pressure_at
+from lab.logs.pressure_height import pressure_at
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
 

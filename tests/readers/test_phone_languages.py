@@ -89,7 +89,7 @@ def test_a_single_table_in_german_is_recognised_whatever_its_encoding():
 
 
 @pytest.mark.parametrize(
-    "text", ["Ortho", "cap_ok", "Temperature (°C)", "Magnetfeld x (µT)", "Luftdruck (hPa)"]
+    "text", ["Ortho", "cap_ok", "Temperature (°C)", "Magnetfeld (µT)", "Reifendruck (hPa)"]
 )
 def test_other_words_name_nothing(text):
     assert heading_of(text) is None

@@ -271,7 +271,8 @@ HEADINGS = {
     "gFx": "force_x[g]",
     "wx": "rate_x", "w_RS_S_z [rad s^-1]": "rate_z[rad/s]", "a_RS_S_y [m s^-2]": "force_y[m/s²]",
     "accelerometerAccelerationX(G)": "force_x[g]", "motionRotationRateY(rad/s)": "rate_y[rad/s]",
-    "accelerometer_lsm6ds3_c.x": "force_x", "rotation_Vector.x": "", "MAGNETIC FIELD X (μT)": "", "Mag_X": "",
+    "accelerometer_lsm6ds3_c.x": "force_x", "rotation_Vector.x": "", "MAGNETIC FIELD X (μT)": "field_x[µT]",
+    "Mag_X": "field_x",
     "Acceleration Sensor(X axis)(g)": "force_x[g]", " G(z)": "force_z[g]", "xacc": "force_x",
     "gyro_rad[2]": "rate_z[rad/s]", "header.stamp.nanosec": "fraction[ns]", "header.stamp.secs": "seconds[s]",
     "#timestamp [ns]": "time[ns]", "TimeUS": "time[µs]", "SampleTimeFine": "time[1e-4 s]", "HDop": "",
@@ -279,7 +280,8 @@ HEADINGS = {
     "GPS Speed (Meters/second)": "speed[m/s]",
     "locationCourse(°)": "course[°]", "bearingAccuracy": "", "speedAccuracy": "speed_sigma", "GCrs": "course",
     "vel_d_m_s": "down[m/s]", "velocity_north": "north", "alt_ft": "height[ft]", "Satellites in range": "",
-    "Magnetometer z": "", "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "", "yaw": "", "temp": "",
+    "Magnetometer z": "field_z",
+    "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "", "yaw": "", "temp": "",
 }  # fmt: skip
 """Headings of real loggers, and what they are."""
 
