@@ -1,7 +1,8 @@
 """GnssLogger: the text file of Google's app of that name, whose rows begin with their kind, as tables.
 
 Comment lines name the columns: ``# Fix,Provider,LatitudeDegrees,…``, ``# UncalGyro,utcTimeMillis,…``. Of the
-sensors the uncalibrated rows are read, whose biases stay in them as the filter expects, and of the fixes
+inertial sensors the uncalibrated rows are read, whose biases stay in them as the filter expects; of the
+magnetometer the calibrated ones, or the uncalibrated less the bias beside them; and of the fixes
 those of the receiver before those that Android fuses. Raw measurements of satellites are not read.
 """
 
@@ -22,8 +23,10 @@ _SENSORS = {
     "accel_{}[m/s^2]": ("UncalAccel", "Accel"),
 }
 """Heading of the axes of each sensor, and the kinds of its rows, the better first."""
-_AXES = slice(2, 5)
-"""Cells of the axes in a row of a sensor, after its two clocks."""
+_FIELD = ("Mag", "UncalMag")
+"""Kinds of the rows of a magnetometer, the better first."""
+_AXES, _BIASES = slice(2, 5), slice(5, 8)
+"""Cells of the axes in a row of a sensor, after its two clocks, and of their biases."""
 _FIX = (
     ("latitude[°]", "latitude"), ("longitude[°]", "longitude"), ("altitude[m]", "altitude"),
     ("speed[m/s]", "speed"), ("speed[m/s]", "speedmps"), ("bearing[°]", "bearing"),
@@ -48,20 +51,26 @@ def is_gnss_logger(data: bytes) -> bool:
 def tables_of(data: bytes) -> bytes:
     """Return the sensors and fixes in a text of this app as csv tables, one below the other."""
     names = _names(data[:_HEAD].decode("utf-8", "replace"))
-    rows: dict[str, list[str]] = {kind: [] for kind in ("Fix", *chain(*_SENSORS.values()))}
+    rows: dict[str, list[str]] = {kind: [] for kind in ("Fix", *chain(*_SENSORS.values()), *_FIELD)}
     # A list of all lines, most of them raw measurements, would take several times the file.
     for line in io.TextIOWrapper(io.BytesIO(data), "utf-8", "replace"):
         kind, _, rest = line.partition(",")
         if kind in rows:
             rows[kind].append(rest.rstrip("\n"))
     since_boot = _has_boot_clock(rows["Fix"], names)
+    time = "time[ns]" if since_boot else "time[ms]"
     made = []
     for heading, pair in _SENSORS.items():
         kind = next((one for one in pair if rows[one]), pair[0])
-        time = "time[ns]" if since_boot else "time[ms]"
         made.append(",".join((time, *(heading.format(axis) for axis in "xyz"))))
         made += filter(None, (_of_sensor(row, since_boot) for row in rows[kind]))
-    return "\n".join((*made, *_fixes(rows["Fix"], names, since_boot), "")).encode()
+    made += _fixes(rows["Fix"], names, since_boot)
+    kind = next((one for one in _FIELD if rows[one]), "")
+    if kind:
+        made.append(",".join((time, *(f"magnetometer_{axis}[µT]" for axis in "xyz"))))
+        less = _without_bias if kind == "UncalMag" else _of_sensor
+        made += filter(None, (less(row, since_boot) for row in rows[kind]))
+    return "\n".join((*made, "")).encode()
 
 
 def _names(head: str) -> list[str]:
@@ -77,6 +86,16 @@ def _of_sensor(row: str, since_boot: bool) -> str:
     """Return time and axes of a sensor's row; nothing if cells are missing."""
     cells = row.split(",", _AXES.stop)
     return ",".join((cells[int(since_boot)], *cells[_AXES])) if len(cells) >= _AXES.stop else ""
+
+
+def _without_bias(row: str, since_boot: bool) -> str:
+    """Return time and axes of a row with the biases of the axes beside them, less these."""
+    cells = row.split(",", _BIASES.stop)
+    try:
+        pairs = zip(map(float, cells[_AXES]), map(float, cells[_BIASES]), strict=True)
+        return ",".join((cells[int(since_boot)], *(f"{value - bias:.6g}" for value, bias in pairs)))
+    except (ValueError, IndexError):
+        return ""
 
 
 def _has_boot_clock(fixes: Sequence[str], names: Sequence[str]) -> bool:

@@ -139,8 +139,8 @@ def _shift(time: FloatArray, height: FloatArray, log: SensorLog) -> tuple[float,
     usual = float(np.median(apart))
     if abs(usual) > _WEATHER:
         return 0.0, f"its heights are {-usual:+.0f} m from those of the receiver"
-    allowed = _GUSTS + _WARM * float(np.ptp(fixes[rows]))
-    allowed = allowed + _SIGMAS * np.where(np.isfinite(sigma[rows]), sigma[rows], _UNKNOWN)
+    changing = _GUSTS + _WARM * float(np.ptp(fixes[rows]))
+    allowed = changing + _SIGMAS * np.where(np.isfinite(sigma[rows]), sigma[rows], _UNKNOWN)
     share = float((np.abs(apart - usual) < allowed).mean())
     if share < _FITTING:
         return 0.0, f"its heights change as those of the receiver for {share:.0%} of the fixes"

@@ -7,8 +7,10 @@ import tracemalloc
 import numpy as np
 import pytest
 from foreign_tables import UNIX, phone
-from phone_drive import drive
+from phone_drive import LATITUDE, LONGITUDE, drive, trajectory
+from scipy.spatial.transform import Rotation
 
+from lab.magnetic_field import magnetic_field
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers.gnss_logger import tables_of
@@ -106,3 +108,35 @@ def test_many_short_rows_take_no_more_memory_than_long_ones():
     finally:
         tracemalloc.stop()
     assert peak < 5 * len(data)
+
+
+MAGNETOMETERS = {
+    "UncalMag": "UncalMagXMicroT,UncalMagYMicroT,UncalMagZMicroT,BiasXMicroT,BiasYMicroT,BiasZMicroT",
+    "Mag": "MagXMicroT,MagYMicroT,MagZMicroT",
+}
+IRON = np.array((-80.0, 25.0, 110.0))
+"""What Android calls the bias of the uncalibrated field [µT]."""
+
+
+@pytest.mark.parametrize("kinds", [("UncalMag",), ("Mag",), ("UncalMag", "Mag")], ids="+".join)
+def test_the_field_is_the_calibrated_one(tmp_path, kinds):
+    """The uncalibrated rows give the bias beside the field with it; it is as good as the calibrated one."""
+    one, place = drive(), np.radians((LATITUDE, LONGITUDE, 0.0))
+    attitude = Rotation.from_quat(trajectory().at(one.time).q_nb, scalar_first=True)
+    true = attitude.apply(magnetic_field(place), inverse=True)
+    rows = []
+    for t, field in zip(one.time[::10], phone(true[::10]), strict=True):
+        for kind in kinds:
+            cells = (*field,) if kind == "Mag" else (*(field + IRON), *IRON)
+            rows.append(f"{kind},{millis(t)},{nanos(t)},{','.join(f'{value:.6f}' for value in cells)}")
+    comments = [f"# {kind},utcTimeMillis,elapsedRealtimeNanos,{MAGNETOMETERS[kind]}" for kind in kinds]
+    path = tmp_path / "gnss_log.txt"
+    path.write_text("\n".join((*comments, text(NEW), *rows, "")))
+    log = read_log([path], vehicle="car")
+    taken = log.auxiliary.magnetometer
+    at = taken.time + log.epoch - 1000
+    seen = np.column_stack([np.interp(at, one.time, column) for column in true.T])
+    np.testing.assert_allclose(taken.field, seen, atol=0.1)
+    bare = tmp_path / "bare.txt"
+    bare.write_text(text(NEW))
+    np.testing.assert_array_equal(log.gnss.position, read_log([bare], vehicle="car").gnss.position)

@@ -149,7 +149,7 @@ def test_the_magnetometer_of_a_phone_gives_the_heading(tmp_path, mount, speed, c
         ("mx_uT", "µT"),
         ("magnetometerX(µT)", "µT"), ("motionMagneticFieldX(µT)", "µT"), ("locationHeadingX(µT)", "µT"),
         ("magnetometerX(G)", "G"), ("Magnetometer x [mT]", "mT"), ("magnetic_field.x", ""), ("Bx", ""),
-        ("MagX", ""), ("xmag", ""), ("Magnetometer X (nT)", "nT"), ("MagneticField.x", ""),
+        ("MagX", ""), ("xmag", ""), ("Magnetometer X (nT)", "nT"), ("MagneticField.x", ""), ("X (µT)", "µT"),
     ],
 )  # fmt: skip
 def test_headings_name_a_magnetometer(text, unit):
