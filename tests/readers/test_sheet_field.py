@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import zipfile
 from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from foreign_tables import table
+from foreign_tables import UNIX, table
 from scipy.spatial.transform import Rotation
 
 from lab.earth import STANDARD_GRAVITY
@@ -306,3 +307,91 @@ def test_a_cabin_with_its_own_pressure_is_not_taken(tmp_path):
     log = read_log(files)
     assert log.auxiliary.barometer is None
     assert any("The barometer Pressure (hPa) of Pressure.csv is not used" in one for one in log.repairs)
+
+
+def columns(file):
+    """Return the numbers of a table."""
+    return np.genfromtxt(file, delimiter=",", skip_header=1)
+
+
+def test_sensor_logger_on_an_iphone(tmp_path):
+    """Its accelerations are along gravity, and its field is not; the one of a watch is not read."""
+    files = export(tmp_path, path(0.0, 250.0), "leans", pressure=weather)
+    force, rate, place, field, air = map(columns, files)
+    folder = tmp_path / "export"
+    folder.mkdir()
+
+    def sheet(name, header, values):
+        stamps = [f"{int((UNIX + t) * 1e9)}" for t in values[:, 0]]
+        rows = [[text, t, *more] for text, (t, *more) in zip(stamps, values, strict=True)]
+        return table(folder / f"{name}.csv", f"time,seconds_elapsed,{header}", rows)
+
+    def vectors(name, values):
+        return sheet(name, "z,y,x", values[:, [0, 3, 2, 1]])
+
+    gravity = force.copy()
+    gravity[:, 1:] = -np.median(force[:, 1:], axis=0)
+    user = np.column_stack((force[:, 0], -force[:, 1:] - gravity[:, 1:]))
+    row = ["3", "Phone", "0", "2023-11-14_22-13-20", "UTC", "ios", "1.64", "id", "A", "10", "false", "17"]
+    table(
+        folder / "Metadata.csv",
+        "version,device name,recording epoch time,recording time,recording timezone,platform,appVersion,"
+        "device id,sensors,sampleRateMs,standardisation,platform version",
+        [row],
+    )
+    vectors("Gyroscope", rate)
+    vectors("Gravity", gravity)
+    vectors("Accelerometer", user)
+    vectors("Magnetometer", field)
+    vectors("MagnetometerUncalibrated", field + np.array((0.0, -90.0, 40.0, 200.0)))
+    vectors("WatchMagnetometer", field[:, [0, 2, 1, 3]])
+    sheet("Barometer", "relativeAltitude,pressure", np.insert(air, 1, 0.0, axis=1))
+    sheet("WatchBarometer", "relativeAltitude,pressure", np.insert(air / [1, 10], 1, 0.0, axis=1))
+    sheet("Location", "latitude,longitude,altitude,speed,verticalAccuracy", place)
+    archive = tmp_path / "export.zip"
+    with zipfile.ZipFile(archive, "w") as zipped:
+        for one in sorted(folder.iterdir()):
+            zipped.write(one, one.name)
+    log, other = read_log([archive]), read_log(files)
+    assert axes_of(log).tolist() == axes_of(other).tolist()
+    np.testing.assert_allclose(
+        log.auxiliary.magnetometer.field, other.auxiliary.magnetometer.field, atol=1e-9
+    )
+    np.testing.assert_allclose(log.auxiliary.barometer.value, other.auxiliary.barometer.value, atol=1e-6)
+    report = " ".join(log.repairs)
+    assert "x, y, z of Magnetometer.csv, in µT (guessed" in report
+    assert "pressure of Barometer.csv, in hPa (guessed" in report
+    assert "Watch" not in report.partition("Barometer:")[2]
+
+
+def test_one_table_of_sensorlog(tmp_path):
+    """Core Motion's field is preferred to the raw one; the pressure is in kPa, and slower sensors repeat."""
+    files = export(tmp_path, path(0.0, 250.0), "leans", pressure=weather)
+    force, rate, place, field, air = map(columns, files)
+    time = rate[:, 0]
+
+    def held(values):
+        return values[np.clip(np.searchsorted(values[:, 0], time, "right") - 1, 0, None), 1:]
+
+    fixes, iron = held(place), np.array((-90.0, 40.0, 200.0))
+    names = [
+        "accelerometerTimestamp_sinceReboot(s)",
+        *(f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"),
+        *(f"gyroRotation{axis}(rad/s)" for axis in "XYZ"),
+        *(f"magnetometer{axis}(µT)" for axis in "XYZ"),
+        *(f"motionMagneticField{axis}(µT)" for axis in "XYZ"),
+        "altimeterPressure(kPa)", "locationLatitude(WGS84)", "locationLongitude(WGS84)",
+        "locationAltitude(m)",
+        "locationSpeed(m/s)",
+    ]  # fmt: skip
+    rows = np.column_stack(
+        (time, -force[:, 1:] / STANDARD_GRAVITY, rate[:, 1:], held(field) + iron, held(field),
+         held(air) / 10, fixes[:, :4])
+    )  # fmt: skip
+    log = read_log([table(tmp_path / "log.csv", ",".join(names), rows)])
+    report = " ".join(log.repairs)
+    assert "Magnetometer: motionMagneticFieldX(µT)" in report
+    assert "25 Hz" in report
+    assert "not used: magnetometerX(µT) of log.csv" in report
+    assert "altimeterPressure(kPa) of log.csv, in kPa (named" in report
+    assert log.auxiliary.barometer is not None
