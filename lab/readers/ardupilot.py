@@ -50,7 +50,7 @@ FloatArray = NDArray[np.float64]
 
 NAME = "ArduPilot DataFlash"
 
-_FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA")
+_FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA", "PARM")
 _SENSORS = ("IMU", "GPS", "GPA", "PARM", "MAG", "MSG")
 _VEHICLES = {
     "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
@@ -58,6 +58,8 @@ _VEHICLES = {
 }  # fmt: skip
 _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
+_NOVATEL = 15
+"""Type of the receivers whose separation is logged with the receiver's own sign (AP_GPS_Type)."""
 _FIXED_IN_2012 = 2
 """Status of a fix in logs from before a 3-D fix had a status of its own."""
 _ABOUT_AS_MANY = 0.8
@@ -92,7 +94,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
     velocity = first_usable((*filtered, _gps_velocity(gps)))
     position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
-    geoid = _geoid(times)
+    geoid = _geoid(times, _parameters(log))
     if position is not None and geoid is not None:
         position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
     climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
@@ -135,11 +137,9 @@ def read_log(path: Path) -> SensorLog:
             f"{path}: the log does not have {missing} with a time; accepted are logs with both. "
             f"{_what_there_is(log, times, gps)}"
         )
-    names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
-    values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
-    parameters = dict(zip(names, values.tolist(), strict=False))
+    parameters = _parameters(log)
     instances = int(_counts(times, "IMU")[0]), int(_counts(times, "GPS")[0])
-    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters, instances)
+    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times, parameters), parameters, instances)
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
@@ -150,6 +150,12 @@ def read_log(path: Path) -> SensorLog:
     remarks = [*_instance_remarks(times), *_lost_remarks(log)]
     remarks += [_clock_remark(times)] if times.unstamped else []
     return replace(made, repairs=(*made.repairs, *remarks))
+
+
+def _parameters(log: Log) -> dict[str, float]:
+    names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
+    values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
+    return dict(zip(names, values.tolist(), strict=False))
 
 
 def _lost_remarks(log: Log) -> list[str]:
@@ -263,10 +269,18 @@ def _position(times: MessageTimes, name: str) -> Stream | None:
     return Stream.of("position", messages[TIME], place, is_position(place))
 
 
-def _geoid(times: MessageTimes) -> float | None:
-    """Return the height of the geoid over the ellipsoid from the receiver [m]; None if it gives none."""
+def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None:
+    """Return the height of the geoid over the ellipsoid from the receiver [m]; None if it gives none.
+
+    ArduPilot logs altitude less height over the ellipsoid, the negative of what receivers call separation.
+    """
     messages = _messages(times, "GPA")
-    return None if messages is None else geoid_height(messages.get("Und", np.empty(0)))
+    geoid = None if messages is None else geoid_height(messages.get("Und", np.empty(0)))
+    if geoid is None:
+        return None
+    number = int(_counts(times, "GPS")[0]) + 1
+    names = f"GPS{number}_TYPE", "GPS_TYPE" if number == 1 else f"GPS_TYPE{number}"
+    return geoid if _NOVATEL in (parameters.get(name) for name in names) else -geoid
 
 
 def _fixed(gps: Messages) -> NDArray[np.bool_]:

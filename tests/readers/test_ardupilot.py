@@ -104,6 +104,17 @@ def test_what_a_log_lacks_other_messages_stand_in_for(written, file):
     assert "above sea level" in without_geoid.remarks[1]
 
 
+def test_of_a_novatel_receiver_the_undulation_has_the_other_sign(written, file, monkeypatch):
+    monkeypatch.setitem(writer.PARAMETERS, "GPS1_TYPE", 15.0)
+    novatel = writer.write(mission("montreal").recording, undulation=writer.GEOID)
+    np.testing.assert_array_equal(
+        ardupilot.read([file(novatel)], {}).height, ardupilot.read([file(written)], {}).height
+    )
+    np.testing.assert_array_equal(
+        ardupilot.read_log(file(novatel)).gnss.position, ardupilot.read_log(file(written)).gnss.position
+    )
+
+
 def test_of_several_cores_and_instances_the_first_is_taken(written, file):
     data, number = bytearray(written), writer.FORMATS["XKF1"][0]
     size, at, count = writer.packer("XKF1").size, 0, 0

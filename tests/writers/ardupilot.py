@@ -17,6 +17,8 @@ from writers.autopilot import GPS_DELAY, GPS_SIGMA, LEVER_ARM, sensed, solution
 BOOT = 23_456_789
 """Time since boot at which the flight begins [µs]."""
 GEOID = -31.4
+UNDULATION = -GEOID
+"""What ArduPilot calls so: the height of the ellipsoid over the geoid [m]."""
 MARKS = b"\xa3\x95"
 IMU_RATE = 50.0
 FORMATS = {
@@ -61,7 +63,7 @@ def descriptions() -> bytes:
     )
 
 
-def write(recording: Recording) -> bytes:
+def write(recording: Recording, undulation: float = UNDULATION) -> bytes:
     """Return the log of a flight."""
     messages: list[tuple[int, bytes]] = []
 
@@ -105,7 +107,7 @@ def write(recording: Recording) -> bytes:
         )
     ))  # fmt: skip
     sigma = [round(100 * one) for one in (GPS_SIGMA[0], GPS_SIGMA[0], GPS_SIGMA[1])]
-    add("GPA", ((t + 20, 0, 120, *sigma, 0.0, 1, t // 1000, 200, GEOID) for t in times))
+    add("GPA", ((t + 20, 0, 120, *sigma, 0.0, 1, t // 1000, 200, undulation) for t in times))
     messages.sort(key=lambda one: one[0])
     start = [message("MSG", BOOT, b"ArduPlane V4.5.1 (0a1b2c3d)")]
     start += [message("PARM", BOOT, name.encode(), value, 0.0) for name, value in PARAMETERS.items()]
