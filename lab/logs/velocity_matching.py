@@ -261,7 +261,7 @@ def _attitudes(increments: Quaternions) -> Quaternions:
 
 
 def _product(one: Quaternions, other: Quaternions) -> Quaternions:
-    """Return the products of quaternions (2, k): those of `Rotation` take twenty times as long."""
+    """Return the products of quaternions (2, k): those of `Rotation` take thirty times as long."""
     (a, b), (c, d) = one, other
     made = np.empty_like(other)
     made[0] = a * c - b * d.conj()

@@ -94,7 +94,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
     velocity = first_usable((*filtered, _gps_velocity(gps)))
     position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
-    geoid = _geoid(times, _parameters(log))
+    parameters = _parameters(log)
+    geoid = _geoid(times, parameters)
     if position is not None and geoid is not None:
         position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
     climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
@@ -113,7 +114,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             attitude,
             units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
             remarks=tuple(remarks),
-            vehicle=_vehicle(log),
+            vehicle=_vehicle(log, parameters),
         )
     except MissionError as error:
         raise MissionError(f"{error}. {_what_there_is(log, times, gps)}") from None
@@ -143,8 +144,7 @@ def read_log(path: Path) -> SensorLog:
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
-    vehicle = "vtol" if parameters.get("Q_ENABLE", 0.0) > 0 else _vehicle(log)
-    auxiliary = AuxiliaryData(vehicle, compass, headings)
+    auxiliary = AuxiliaryData(_vehicle(log, parameters), compass, headings)
     made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     check_log(made)
     remarks = [*_instance_remarks(times), *_lost_remarks(log)]
@@ -392,7 +392,9 @@ def _lever_arm(parameters: Mapping[str, float], imu: int, gps: int) -> FloatArra
     return believed_lever_arm(arm)
 
 
-def _vehicle(log: Log) -> str:
+def _vehicle(log: Log, parameters: Mapping[str, float]) -> str:
+    if parameters.get("Q_ENABLE", 0.0) > 0:
+        return "vtol"
     for text in log.texts("MSG", "Message"):
         for name, vehicle in _VEHICLES.items():
             if text.startswith(name):

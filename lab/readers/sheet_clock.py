@@ -124,9 +124,11 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
         return _leaping(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
-    if (clock := _of_parts(sheet)) is not None:
-        return clock
-    candidates = sheet.all_of("time") + sheet.all_of("clock") + seconds
+    parts, used = _of_parts(sheet)
+    # A counter beside is finer than the parts, which often have whole seconds.
+    candidates = [
+        pair for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds if pair[0] not in used
+    ]
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
     for heading, values in candidates:
         known = np.isfinite(values)
@@ -144,15 +146,15 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
             time, unit = _of_days(values)
         clock = Clock(time, heading.text, unit, not heading.unit)
         return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
-    return None
+    return parts
 
 
-def _of_parts(sheet: Sheet) -> Clock | None:
-    """Return time stamps of which each part has a column: hour, minute, second, and maybe more of them."""
+def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
+    """Return time stamps of which each part has a column, and these: hour, minute, second, maybe others."""
     found = [sheet.all_of(name)[:1] for name in _PARTS]
     found[-1] = found[-1] or [pair for pair in sheet.all_of("time") if pair[0].text.lower() == "seconds"][:1]
     if not all(found):
-        return None
+        return None, []
     parts = [one for (one,) in found]
     milliseconds = [
         pair
@@ -164,12 +166,13 @@ def _of_parts(sheet: Sheet) -> Clock | None:
     for _, values in milliseconds:
         time = np.floor(time) + values / _MILLISECONDS
     dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
-    columns = " + ".join(heading.text for heading, _ in (*dates, *parts, *milliseconds))
-    if len(dates) < len(_DATE_PARTS):
-        return _leaping(Clock(onwards(time, DAY), columns, "parts of a day", False), True)
-    return _leaping(
-        Clock(_days(*(values for _, values in dates)) * DAY + time, columns, "parts", False), False
+    dated = len(dates) == len(_DATE_PARTS)
+    used = [heading for heading, _ in (*(dates if dated else ()), *parts, *milliseconds)]
+    time = DAY * _days(*(values for _, values in dates)) + time if dated else onwards(time, DAY)
+    clock = Clock(
+        time, " + ".join(one.text for one in used), f"{'years' if dated else 'hours'} to seconds", False
     )
+    return _leaping(clock, not dated), used
 
 
 def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:

@@ -293,8 +293,8 @@ def _velocity(
         angle = np.where(pace == 0, np.nan_to_num(angle), angle)
         velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
     vertical = down if down is not None else up
-    if north is None and vertical is not None and vertical.name.lower().endswith("_u"):
-        vertical = None  # beside POS_U: an uncertainty, and not the third of three components
+    if north is None and vertical is not None and _is_uncertainty(vertical, sheet):
+        vertical = None
     if vertical is not None:
         used.append(vertical)
         velocity[:, 2] = vertical.values[rows] * (1 if down is not None else -1)
@@ -302,6 +302,11 @@ def _velocity(
         words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
         remarks.append(f"Velocity: {words}.")
     return velocity, pace, angle, used, remarks
+
+
+def _is_uncertainty(vertical: Column, sheet: Sheet) -> bool:
+    """Return whether the U of a heading such as VEL_U is that of POS_U beside it, an uncertainty."""
+    return vertical.name.lower().endswith("_u") and any(one.lower().endswith("_u") for one in sheet.unknown)
 
 
 def _component_units(

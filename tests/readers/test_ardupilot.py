@@ -255,5 +255,6 @@ def test_what_gives_no_flight_is_refused(file, data, words):
 @pytest.mark.parametrize("hovers", [True, False])
 def test_the_course_of_an_aeroplane_that_hovers_is_not_its_heading(file, monkeypatch, hovers):
     monkeypatch.setitem(writer.PARAMETERS, "Q_ENABLE", float(hovers))
-    log = ardupilot.read_log(file(writer.write(mission("montreal").recording)))
-    assert vehicle_of(log.auxiliary.vehicle).follows_nose is not hovers
+    path = file(writer.write(mission("montreal").recording))
+    for vehicle in (ardupilot.read_log(path).auxiliary.vehicle, ardupilot.read([path], {}).vehicle):
+        assert vehicle_of(vehicle).follows_nose is not hovers

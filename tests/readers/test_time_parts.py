@@ -11,6 +11,7 @@ from foreign_tables import table
 from lab.missions.flight_import import prepare_import
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_clock import clock_of
+from lab.readers.sheet_fixes import fixes_of
 
 START = datetime(2024, 12, 31, 23, 59, 57, 250_000, tzinfo=UTC)
 """A flight into a new year."""
@@ -72,15 +73,29 @@ def test_the_parts_of_a_time_are_one_stamp(tmp_path, names, parts):
     assert made.report.verdict != "implausible"
 
 
-def test_an_uncertainty_is_no_velocity_up(tmp_path):
+def test_a_counter_beside_whole_seconds_is_the_finer_clock(tmp_path):
+    path = written(
+        tmp_path / "log.csv",
+        (*CLOCK, "millis"),
+        lambda t: (t.hour, t.minute, t.second, 5000 + round(1000 * (t - START).total_seconds())),
+    )
+    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=False)
+    np.testing.assert_allclose(clock.time, 5 + np.arange(60 * RATE) / RATE, atol=1e-9)
+
+
+@pytest.mark.parametrize(("beside", "is_velocity"), [((("POS_U", 1.5),), False), ((), True)])
+def test_an_uncertainty_is_no_velocity_up(tmp_path, beside, is_velocity):
     names = (*(name.upper() for name in CLOCK), "MS")
     path = written(
         tmp_path / "log.csv",
         names,
         lambda t: (*(getattr(t, one) for one in CLOCK), t.microsecond // 1000),
-        (("POS_U", 1.5), ("VEL_U", 0.4)),
+        (*beside, ("VEL_U", 0.4)),
     )
-    assert prepare_import(path).raw.velocity_n is None
+    sheet = read_sheet(path.name, path.read_bytes())
+    down = fixes_of([sheet]).gnss.velocity_n[:, 2]
+    assert bool((down == -0.4).all()) is is_velocity
+    assert bool(np.isnan(down).all()) is not is_velocity
 
 
 def test_an_hour_of_zero_is_an_hour(tmp_path):
