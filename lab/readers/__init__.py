@@ -29,6 +29,7 @@ from lab.readers import (
     sdlog2,
     sensor_csv,
     tcx,
+    ubx,
     ulog,
     xplane_data,
 )
@@ -90,6 +91,7 @@ READERS: tuple[Reader, ...] = (
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(ubx.NAME, ubx.recognises, ubx.read),
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
@@ -117,8 +119,8 @@ _NOT_READ = (
     ),
     (
         re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
-        "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
-        "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
+        "It looks like UBX messages of a u-blox receiver, and has none with a position (NAV-PVT, NAV-POSLLH, "
+        "NAV-SOL, NAV-POSECEF, or GGA of NMEA) in its first 64 kB: let the receiver send NAV-PVT too.",
     ),
     (
         re.compile(

@@ -1,8 +1,8 @@
 """Track: the points of a satellite receiver as a flight, with its speed and course where recorded.
 
 Recorded speed and course give the horizontal velocity: a receiver measures them by Doppler, far more
-accurately than differences of its rounded positions. The vertical velocity is then the slope of a smooth
-curve through the heights, as smooth as their noise and quantisation require.
+accurately than differences of its rounded positions. If the file has no vertical velocity, it is the slope of
+a smooth curve through the heights, as smooth as their noise and quantisation require.
 """
 
 from __future__ import annotations
@@ -40,6 +40,11 @@ _AMPLIFIED = 1.94**0.5
 """Noise of a sample appears so many times as large in what four neighbours say of it (`prediction_error`)."""
 _SIGMA_OF_MEDIAN = 1.4826
 """σ of normal noise over the median of its size."""
+_MEASURED = "The velocity is the receiver's."
+_SLOPE = (
+    "The horizontal velocity is the receiver's speed and course; the vertical one is the slope of a smooth "
+    "curve through the heights."
+)
 _MIN_KNOWN = 0.9
 """Part of the points at which a quantity has to be known to be used: the other points are left out."""
 
@@ -64,6 +69,8 @@ class Track:
         Speed over ground [m/s], its direction from true north to the east [°].
     lines : (n,) array
         Line of each point, as an editor shows it.
+    down : (n,) array or None
+        Vertical velocity, if the file has it [m/s].
     columns : tuple of ColumnUnit
         What the file calls its quantities: latitude, longitude, height, speed, course; in this order.
     rows_read, dropped, remarks, vehicle
@@ -84,6 +91,7 @@ class Track:
     dropped: tuple[Dropped, ...] = ()
     remarks: tuple[str, ...] = ()
     vehicle: str = ""
+    down: FloatArray | None = None
     _lost: list[Dropped] = field(default_factory=list, init=False)
 
     def flight(self) -> RawFlight:
@@ -100,7 +108,8 @@ class Track:
         self._keep(kept, on_earth, "without a position on the Earth")
         somewhere = (np.abs(self.latitude) > _ZERO) | (np.abs(self.longitude) > _ZERO)
         self._keep(kept, somewhere, NO_FIX)
-        remarks = list(self.remarks)
+        remarks, is_measured = list(self.remarks), False
+        down = np.full_like(self.time, np.nan) if self.down is None else self.down
         has_height = self._has(kept, self.height)
         if has_height:
             believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
@@ -117,10 +126,11 @@ class Track:
         if has_velocity:
             believed = (self.speed >= 0) & (self.speed <= MAX_SPEED) & np.isfinite(course)
             self._keep(kept, believed, "without a speed and a course")
-            remarks.append(
-                "The horizontal velocity is the receiver's speed and course; the vertical one is the slope "
-                "of a smooth curve through the heights."
-            )
+            falls = np.abs(down) <= MAX_SPEED
+            is_measured = self._has(kept, np.where(falls, down, np.nan))
+            if is_measured:
+                self._keep(kept, falls, "without a vertical velocity")
+            remarks.append(_MEASURED if is_measured else _SLOPE)
         elif np.isfinite(self.speed).any():
             why = "they are known at too few points" if has_height else "they are together with heights only"
             remarks.append(f"Speed and course are not used: {why}.")
@@ -128,8 +138,8 @@ class Track:
         velocity = None
         if has_velocity:
             angle, speed = np.radians(course[kept]), self.speed[kept]
-            down = -slope(self.time[kept], self.height[kept])
-            velocity = np.stack((speed * np.cos(angle), speed * np.sin(angle), down), axis=-1)
+            vertical = down[kept] if is_measured else -slope(self.time[kept], self.height[kept])
+            velocity = np.stack((speed * np.cos(angle), speed * np.sin(angle), vertical), axis=-1)
         used = (True, True, has_height, has_velocity, has_velocity)
         return RawFlight(
             format=self.format,
@@ -143,7 +153,7 @@ class Track:
             units=tuple(unit for unit, there in zip(self.columns, used, strict=True) if there),
             remarks=tuple(remarks),
             vehicle=self.vehicle,
-            made=(VERTICAL_VELOCITY,) if has_velocity else (),
+            made=(VERTICAL_VELOCITY,) if has_velocity and not is_measured else (),
         )
 
     def _keep(self, kept: NDArray[np.bool_], fine: NDArray[np.bool_], reason: str) -> None:

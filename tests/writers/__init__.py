@@ -27,6 +27,7 @@ from writers import (
     sdlog2,
     sensor_csv,
     tcx,
+    ubx,
     ulog,
     xplane_data,
 )
@@ -45,6 +46,7 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "KML": kml.write,
     "TCX": tcx.write,
     "NMEA 0183": nmea.write,
+    "u-blox UBX": ubx.write,
     "IGC": igc.write,
     "PX4 ULog": ulog.write,
     "PX4 sdlog2": sdlog2.write,
