@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
 from lab.logs.sensor_log import GnssLog, SensorLog
-from lab.logs.velocity_matching import Window, match
+from lab.logs.window_matches import WindowMatches
 from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
@@ -46,10 +46,6 @@ _AXIS_UNEXPLAINED = 0.9
 """The same, left by gyros that have nothing to do with it: below they are a part of it."""
 _MAX_WORSE = 1.5
 """Factor by which the velocities may fit worse with gyros that explain the course: the noise of a fit."""
-_SIGMA = 0.1
-"""Least σ of velocities in the comparison [m/s]: a receiver's own is what it was configured with."""
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median size of a normal variable over its σ; that of second differences is √6 times as large."""
 _MISFIT = 0.8
 """Mean square residual up to which the IMU as it is explains the velocities. Measured: up to 0.64, the mean
 over the windows, on real logs."""
@@ -96,32 +92,34 @@ class _Axes(NamedTuple):
         return _remedy("rate", "rad/s", self.gyros)
 
 
-def check_gyros(log: SensorLog, windows: Sequence[Window]) -> None:
+_AS_IT_IS = _Axes(np.eye(3), np.eye(3))
+
+
+def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
     """Raise if other axes or signs of the gyros explain the motion, and those of the log do not.
 
     Parameters
     ----------
     log
         The log, without a break.
-    windows
-        Windows in which the velocity changes most.
+    matches
+        Of the windows in which the velocity changes most.
 
     Raises
     ------
     GyroError
         Naming the axes.
     """
-    _check_velocities(log.name, windows)  # first, because it tells all three axes
-    _check_course(log, windows)
+    _check_velocities(log.name, matches)  # first, because it tells all three axes
+    _check_course(log, matches)
 
 
-def are_explained(windows: Sequence[Window]) -> bool:
+def are_explained(matches: WindowMatches) -> bool:
     """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
-    as_it_is = _Axes(np.eye(3), np.eye(3))
-    return not windows or float(np.mean([_misfit(window, as_it_is) for window in windows])) < _MISFIT
+    return not matches.windows or float(_misfits(matches).mean()) < _MISFIT
 
 
-def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
+def _check_course(log: SensorLog, matches: WindowMatches) -> None:
     """Compare the course with the gyros about the vertical and about each axis, of either sign."""
     stretches = list(_stretches(log))
     if not stretches:
@@ -134,7 +132,7 @@ def _check_course(log: SensorLog, windows: Sequence[Window]) -> None:
     down = -up / np.linalg.norm(up)
     right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
-    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(windows, _REVERSED):
+    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(matches, _REVERSED):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
             f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
@@ -199,45 +197,30 @@ def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> fl
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
-def _fits(windows: Sequence[Window], gyros: FloatArray) -> bool:
+def _fits(matches: WindowMatches, gyros: FloatArray) -> bool:
     """Return whether the velocities, where they change enough, do not contradict other gyros."""
-    as_it_is, other = (
-        sum(_misfit(window, _Axes(matrix, np.eye(3))) for window in windows) for matrix in (np.eye(3), gyros)
-    )
-    return bool(other <= _MAX_WORSE * as_it_is)
+    as_it_is, other = _misfits(matches), _misfits(matches, _Axes(gyros, np.eye(3)))
+    return bool(other.sum() <= _MAX_WORSE * as_it_is.sum())
 
 
-def _check_velocities(name: str, windows: Sequence[Window]) -> None:
+def _misfits(matches: WindowMatches, axes: _Axes = _AS_IT_IS) -> FloatArray:
+    """Return the misfit of each window with some axes."""
+    return np.array([matches.misfit(number, *axes) for number in range(len(matches.windows))])
+
+
+def _check_velocities(name: str, matches: WindowMatches) -> None:
     """Compare the velocities with the accelerometers, resolved by gyros of all axes and signs."""
-    as_it_is = _Axes(np.eye(3), np.eye(3))
-    misfits = np.array([_misfit(window, as_it_is) for window in windows])
+    misfits = _misfits(matches)
     if misfits.size < _MIN_WINDOWS or misfits.mean() < _MISFIT:
         return
-    best = min(_others(), key=lambda axes: _misfit(windows[0], axes))
-    others = np.array([_misfit(window, best) for window in windows])
+    best = min(_others(), key=lambda axes: matches.misfit(0, *axes))
+    others = _misfits(matches, best)
     if others.mean() < _MUCH_BETTER * misfits.mean() and (others < _BETTER * misfits).all():
         raise GyroError(
             f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
             f"square residual {misfits.mean():.2g} σ², and {others.mean():.2g} σ² with {best.words}): "
             f"swapped axes or signs are likely. {best.remedy}"
         )
-
-
-def _misfit(window: Window, axes: _Axes) -> float:
-    changed = window._replace(
-        dtheta=window.dtheta @ axes.gyros.T,
-        dvelocity=window.dvelocity @ axes.forces.T,
-        sigma=np.maximum(_SIGMA, np.broadcast_to(_noise(window.velocity_n), window.sigma.shape)),
-    )
-    return match(changed, lags=(0.0,)).misfit
-
-
-def _noise(velocity_n: FloatArray) -> FloatArray:
-    """Return the σ of white noise that second differences have like those of the velocities (3,) [m/s]."""
-    if len(velocity_n) < _MIN_FIXES:
-        return np.zeros(3)
-    steps = np.abs(np.diff(velocity_n, 2, axis=0))
-    return np.asarray(np.nan_to_num(np.median(steps, axis=0)) / (_MEDIAN_OF_NORMAL * np.sqrt(6)))
 
 
 def _others() -> Iterator[_Axes]:

@@ -9,6 +9,7 @@ changes by the sensed force. So do wrong gyros (`lab.logs.gyro_check`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,8 @@ from lab.logs.gyro_check import are_explained, check_gyros
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
-from lab.logs.velocity_matching import Match, Window, liveliest, match, turned
+from lab.logs.velocity_matching import Match, Window, liveliest, turned
+from lab.logs.window_matches import WindowMatches
 from lab.recordings.mission_error import MissionError
 from lab.rotation import wrap
 from lab.units import LEAP_SECONDS
@@ -135,8 +137,28 @@ class Motion(NamedTuple):
     speed: FloatArray
 
 
-def check_log(log: SensorLog) -> None:
+def windows_of(log: SensorLog) -> list[Window]:
+    """Return the windows of a log without a break in which its velocity changes most."""
+    gnss = log.gnss
+    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
+    arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
+    return liveliest(arrays, _WINDOWS, MAX_LAG)
+
+
+def matches_of(log: SensorLog) -> WindowMatches:
+    """Return the matches of the windows in which the velocity of a log changes most."""
+    return WindowMatches(windows_of(piece(log)))
+
+
+def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] = matches_of) -> None:
     """Raise if a log is implausible; the longest stretch without a break is judged.
+
+    Parameters
+    ----------
+    log
+        The log.
+    matches_of
+        Returns its matches as `matches_of` does, if other axes of the same log have been checked.
 
     Raises
     ------
@@ -150,13 +172,12 @@ def check_log(log: SensorLog) -> None:
     log = piece(log)
     _check_force(log)
     _check_tumbling(log)
-    windows = windows_of(log)
-    matches = [match(window, lags=(0.0,)) for window in windows[:_MIN_WINDOWS]]
+    matches = matches_of(log)
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.follows_nose:
         _check_leap_seconds(log)
         _check_gyro_unit(log, motion_of(log))
-    if vehicle.follows_nose and not _axes_are_right(windows, matches, vehicle):
+    if vehicle.follows_nose and not _axes_are_right(matches, vehicle):
         motion = motion_of(log)
         try:
             _check_turn(log, motion)
@@ -164,13 +185,13 @@ def check_log(log: SensorLog) -> None:
             _check_forward(log, motion)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
-    check_gyros(log, windows)
-    _check_clock(log, windows, matches)
+    check_gyros(log, matches)
+    _check_clock(log, matches)
 
 
 def is_explained(log: SensorLog) -> bool:
     """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
-    return are_explained(windows_of(piece(log)))
+    return are_explained(matches_of(log))
 
 
 def _check_leap_seconds(log: SensorLog) -> None:
@@ -366,21 +387,14 @@ def _check_forward(log: SensorLog, motion: Motion) -> None:
         )
 
 
-def windows_of(log: SensorLog) -> list[Window]:
-    """Return the windows of a log without a break in which its velocity changes most."""
-    gnss = log.gnss
-    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
-    arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
-    return liveliest(arrays, _WINDOWS, MAX_LAG)
-
-
-def _axes_are_right(windows: list[Window], matches: list[Match], vehicle: Vehicle) -> bool:
+def _axes_are_right(matches: WindowMatches, vehicle: Vehicle) -> bool:
     """Return whether the IMU explains the velocities without any change of its axes.
 
     The nose then points along the course or, on an unnamed vehicle, in changing directions: wrong axes
     would turn it by a constant angle.
     """
-    angles = [_off_course(*pair) for pair in zip(windows, matches, strict=False) if _is_clear(pair[1])]
+    found = [(window, matches.match(n)) for n, window in enumerate(matches.windows[:_MIN_WINDOWS])]
+    angles = [_off_course(window, one) for window, one in found if _is_clear(one)]
     apart = np.concatenate(angles) if angles else np.empty(0)
     if not apart.size:
         return False
@@ -403,13 +417,13 @@ def _off_course(window: Window, found: Match) -> FloatArray:
     return wrap(np.arctan2(east, north) - np.arctan2(nose[:, 1], nose[:, 0]))
 
 
-def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) -> None:
+def _check_clock(log: SensorLog, matches: WindowMatches) -> None:
     """Estimate the clock offset at which the velocity changes by the sensed force, in several windows."""
     lags: list[float] = []
-    for number, window in enumerate(windows):
-        found = matches[number] if number < len(matches) else match(window, lags=(0.0,))
+    for number in range(len(matches.windows)):
+        found = matches.match(number)
         if not (_shows_lag(found) and abs(found.lag) < _MIN_LAG):
-            found = min(found, match(window, lags=_STARTS), key=lambda one: one.cost)
+            found = min(found, matches.match(number, _STARTS), key=lambda one: one.cost)
         if _shows_lag(found):
             lags.append(found.lag)
         if len(lags) == _MIN_WINDOWS and np.abs(lags).max() < _MIN_LAG:

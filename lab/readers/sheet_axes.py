@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.logs.gyro_check import GyroError
-from lab.logs.log_check import check_log, is_explained
+from lab.logs.log_check import check_log, is_explained, matches_of
 from lab.logs.sensor_log import SensorLog
+from lab.logs.window_matches import WindowMatches
 from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
@@ -139,16 +141,30 @@ def _opposite(axis: str) -> str:
     return axis[1:] if axis.startswith("-") else f"-{axis}"
 
 
+class _SharedMatches:
+    """The matches of a log whose axes are tried: of the first ones that get so far, turned for the others."""
+
+    def __init__(self) -> None:
+        self._first: tuple[FloatArray, WindowMatches] | None = None
+
+    def of(self, C: FloatArray, log: SensorLog) -> WindowMatches:
+        """Return the matches of a log whose axes are C times those of the IMU."""
+        if self._first is None:
+            self._first = (C, matches_of(log))
+        return self._first[1].turned(C @ self._first[0].T)
+
+
 def _tried(
     samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool
 ) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
     """Return the axes with which a log passes, each with the log, and why it does not with the others."""
     passed: list[tuple[Axes, SensorLog]] = []
     refused: list[MissionError] = []
+    shared = _SharedMatches()
     for axes in _candidates(samples, phone):
         log = build(_turned(samples, axes))
         try:
-            check_log(log)
+            check_log(log, partial(shared.of, axes_matrix(axes)))
         except GyroError as error:
             refused.append(error)
             break  # it holds whichever way the IMU points
