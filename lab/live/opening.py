@@ -86,7 +86,10 @@ def _replay(address: Address) -> Replay:
     address.check(("speed",))
     fast = address.options.get("speed") == "max"
     speed = float("inf") if fast else address.number("speed", 1.0, *SPEEDS)
-    return Replay(Path(address.place), speed)
+    given = {
+        name: address.options[name] for name in ("protocol", "columns", "rate") if name in address.options
+    }
+    return Replay(Path(address.place), speed, **given)
 
 
 def _simulated(address: Address) -> Transport:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
+from lab.live.capture import recorded
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
-from lab.live.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of, read_header, records
+from lab.live.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of
 from lab.live.reading_times import NO_READINGS
 from lab.live.reception import Reception
 from lab.live.transport import TransportError
@@ -113,10 +114,10 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     DecoderError
         If a decoder of one's own fails.
     """
-    header = read_header(path)
+    header, records = recorded(path, **options)
     reception = reception_of(header, **options)
     imu, fix, readings, arrival = [], [], [NO_READINGS], 0.0
-    for kind, chunk in records(path):
+    for kind, chunk in records():
         if kind == DATA:
             arrival = chunk.arrival
             samples, fixes = reception.take(chunk)

@@ -1,4 +1,4 @@
-"""Replay: a raw recording as a transport."""
+"""Replay: a raw recording, or a capture of another program, as a transport."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.live.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of, read_header, records
+from lab.live.capture import recorded
+from lab.live.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of
 from lab.live.transport import Chunk, TransportError
 
 
 class Replay:
-    """The bytes of a raw recording at the pace at which they came, or faster; a `Transport`.
+    """The bytes of a recording at the pace at which they came, or faster; a `Transport`.
 
     Where the device was lost, it is lost again, and `open` goes on behind that.
 
@@ -31,24 +32,29 @@ class Replay:
         The recording.
     speed
         How many times as fast; infinite for as fast as it goes.
+    options
+        As of `lab.live.capture.recorded`.
 
     Raises
     ------
     TransportError
-        If the file is no raw recording.
+        If the file is neither a raw recording nor a capture.
+    DecoderError, ColumnMapError
+        If protocol or columns are not accepted.
     """
 
     reconnects = True
 
-    def __init__(self, path: str | os.PathLike[str], speed: float = 1.0) -> None:
+    def __init__(self, path: str | os.PathLike[str], speed: float = 1.0, **options: str) -> None:
         self.address = f"replay:{path}?speed={speed:g}"
         self.path = Path(path)
         self.speed = speed
         self.tell: Callable[[Mapping[str, Any]], None] = lambda event: None
         try:
-            self.header = read_header(path)
+            self._recorded = recorded(path, **options)
         except RecordingError as error:
             raise TransportError(str(error)) from error
+        self.header = self._recorded.header
         self._records: Generator[tuple[int, Chunk], None, bool] | None = None
         self._end = "The recording has ended."
         self._next: tuple[int, Chunk] | None = None
@@ -57,7 +63,7 @@ class Replay:
     def open(self) -> None:
         """Begin, or go on behind the place where the device was lost."""
         if self._records is None:
-            self._records = records(self.path)
+            self._records = self._recorded.records()
             self._next = self._following()
         if self._next is not None:
             self._begin = (time.monotonic(), self._next[1].arrival)

@@ -1,0 +1,156 @@
+"""Capture: bytes of a device that another program saved, replayed by the times that are in them.
+
+Such a file says nothing of when its bytes arrived. They are taken to have arrived when the samples in them
+were measured, by the clock of the IMU, or else of the receiver.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.decoders.catalogue import DECODERS, decoder_of
+from lab.live.decoders.column_map import ColumnMap
+from lab.live.decoders.recognition import recognise
+from lab.live.decoders.text_lines import TextLines
+from lab.live.device_clock import FORWARD
+from lab.live.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
+from lab.live.samples import Samples, joined
+from lab.live.transport import Chunk
+
+FloatArray = NDArray[np.float64]
+
+LARGEST = 2**30
+"""Largest capture [bytes]: nine hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
+_PIECE = 0.01
+"""Least time between two arrivals [s]: bytes come in pieces, not one by one."""
+_BLOCK = 2**20
+"""Bytes that are decoded at a time, while others wait for the interpreter."""
+
+Records = Generator[tuple[int, Chunk], None, bool]
+
+
+class Recorded(NamedTuple):
+    """Bytes of a device in a file.
+
+    Attributes
+    ----------
+    header : dict
+        What is known of the source.
+    records : callable
+        Yields the records as `lab.live.raw_recording.records` does, from the first on.
+    """
+
+    header: dict[str, Any]
+    records: Callable[[], Records]
+
+
+def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
+    """Return what a raw recording, or a capture of another program, holds.
+
+    Parameters
+    ----------
+    path
+        The file.
+    options
+        Of a capture: ``protocol`` and ``columns``, if they shall not be found out, and ``rate`` [Hz].
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, no protocol is recognised in it, or nothing in it has a time.
+    DecoderError, ColumnMapError
+        If protocol or columns are not accepted.
+    """
+    if Path(path).suffix == SUFFIX or _begin(path) == MAGIC:
+        return Recorded(read_header(path), partial(records, path))
+    data = _data(path)
+    protocol, columns = options.get("protocol", ""), options.get("columns", "")
+    if not protocol:
+        protocol = "text" if columns else _recognised(path, data)
+    decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(protocol)
+    parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
+    ends, arrivals = _arrivals(path, joined([*parts, decoder.finish()]), float(options.get("rate") or 0))
+    return Recorded({"protocol": protocol, "columns": columns}, partial(_records, data, ends, arrivals))
+
+
+def _begin(path: str | os.PathLike[str]) -> bytes:
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC))
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _data(path: str | os.PathLike[str]) -> bytes:
+    if not Path(path).is_file():  # a pipe could keep the reader waiting for ever
+        raise RecordingError(f"{path}: is not an ordinary file")
+    size = Path(path).stat().st_size
+    if size > LARGEST:
+        raise RecordingError(
+            f"{path}: has {size / 2**30:.1f} GiB; accepted are captures up to {LARGEST / 2**30:.0f} GiB"
+        )
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _recognised(path: str | os.PathLike[str], data: bytes) -> str:
+    """Return the protocol of the first bytes."""
+    found = recognise(data)
+    if not found:
+        raise RecordingError(
+            f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "
+            f"bytes of a device, as another program saved them, of the protocols {', '.join(DECODERS)}"
+        )
+    return found[0].name
+
+
+def _arrivals(
+    path: str | os.PathLike[str], samples: Samples, rate: float
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the ends of the pieces in the capture, and their times of arrival [s]."""
+    for rows, name in (
+        (samples.imu, "time"),
+        (samples.fix, "time"),
+        (samples.fix, "week_time"),
+        (samples.fix, "utc"),
+        (samples.reading, "time"),
+    ):
+        known = np.isfinite(rows[name])
+        if known.sum() > 1:
+            times, ends = rows[name][known], rows["end"][known]
+            break
+    else:
+        if not (rate > 0 and len(samples.imu)):
+            raise RecordingError(
+                f"{path}: nothing in it has a time, so that its samples cannot be timed; with rate=100 they "
+                "are taken to come 100 times a second"
+            )
+        times, ends = np.arange(len(samples.imu)) / rate, samples.imu["end"]
+    order = np.argsort(ends, kind="stable")
+    times, ends = times[order], ends[order]
+    steps = np.diff(times)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    steps[(steps < 0) | (steps > FORWARD)] = usual  # the clock was set
+    since = np.concatenate(([0.0], np.cumsum(steps)))
+    last = np.append(np.diff(np.floor(since / _PIECE)) > 0, True)
+    return ends[last], since[last]
+
+
+def _records(data: bytes, ends: NDArray[np.int64], arrivals: FloatArray) -> Records:
+    begin = 0
+    for end, arrival in zip(ends.tolist(), arrivals.tolist(), strict=True):
+        if end > begin:
+            yield DATA, Chunk(arrival, data[begin:end])
+            begin = end
+    if begin < len(data):
+        yield DATA, Chunk(float(arrivals[-1]), data[begin:])
+    return False
