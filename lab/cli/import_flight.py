@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ from lab.cli.options import AsJson, Force
 if TYPE_CHECKING:
     from lab.importing.import_report import ImportReport
     from lab.importing.sensor_noise import SensorNoise
+    from lab.logs.sensor_log import SensorLog
     from lab.missions.flight_import import FlightImport
 
 EXAMPLES = """\b
@@ -28,9 +30,16 @@ Examples:
   ins-lab import track.gpx --set vehicle=car
   ins-lab import flight.ulg --as log
   ins-lab import Accelerometer.csv Gyroscope.csv Location.csv --as log --vehicle car
+  ins-lab import xsens_capture.bin --as log --axes x,-y,-z
 The format is detected from the content. --set takes curve, time_stamps, longest_gap, smoothing,
 smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
 rate; the message about a refused value lists the accepted ones."""
+
+
+_OWN_AXES = (
+    "The axes of the device are taken to point forward, right and down, if the recording says nothing else; "
+    "--axes changes this."
+)
 
 
 class Kind(StrEnum):
@@ -93,13 +102,17 @@ def import_flight(
         typer.Option(
             "--axes",
             metavar="X,Y,Z",
-            help="With --as log: the axes of a csv's IMU that point forward, right and down, such as y,x,-z.",
+            help="With --as log: the axes of the IMU that point forward, right and down, such as y,x,-z.",
             show_default="found by gravity and motion",
         ),
     ] = None,
     vehicle: Annotated[
         str,
-        typer.Option("--vehicle", help="With --as log: kind of vehicle of a csv.", show_default=False),
+        typer.Option(
+            "--vehicle",
+            help="With --as log: kind of vehicle, if the file does not name it.",
+            show_default=False,
+        ),
     ] = "",
     card: Annotated[
         str | None,
@@ -159,7 +172,6 @@ def _add_log(
     """Add the IMU and GPS data of a file as a sensor log."""
     from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
-    from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
 
     if preview:
         raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")
@@ -167,7 +179,7 @@ def _add_log(
         raise CommandError(f"--vehicle {named_vehicle}: accepted are {', '.join(VEHICLES)}")
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
-        log = read_log(files, units, axes, named_vehicle)
+        log = _log_in(files, units, axes, named_vehicle)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
@@ -188,16 +200,38 @@ def _add_log(
     print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
 
 
+def _log_in(
+    files: Sequence[Path], units: dict[str, str], axes: Sequence[str], named_vehicle: str
+) -> SensorLog:
+    """Return the log in files; the bytes of a device are a log too."""
+    from lab.live.capture import holds_samples  # noqa: PLC0415 - rarely needed
+    from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - rarely needed
+    from lab.logs.log_check import check_log  # noqa: PLC0415 - beside what it goes with
+    from lab.missions import MissionError  # noqa: PLC0415 - beside what it goes with
+    from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
+
+    try:
+        return read_log(files, units, axes, named_vehicle)
+    except MissionError:
+        if len(files) != 1 or units or not files[0].is_file() or not holds_samples(files[0]):
+            raise
+    given = {"axes": ",".join(axes)} if axes else {}
+    log = log_of_recording(files[0], vehicle=named_vehicle, **given)
+    check_log(log)
+    return log if axes else replace(log, repairs=(_OWN_AXES, *log.repairs))
+
+
 def _quoted(name: str) -> str:
     """Return the name of a mission as a shell takes it."""
     return name if re.fullmatch(r"[\w.+-]+", name) else f'"{name}"'
 
 
 def _free_name(file: Path) -> str:
+    from lab.live.raw_recording import SUFFIX  # noqa: PLC0415 - rarely needed
     from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
     from lab.missions.mission_name import without_archive  # noqa: PLC0415 - beside what it goes with
 
-    return free_name(without_archive(file.name))
+    return free_name(without_archive(file.name.removesuffix(SUFFIX)))
 
 
 def _units(texts: Sequence[str] | None) -> dict[str, str]:

@@ -30,6 +30,8 @@ LARGEST = 2**30
 """Largest capture [bytes]: nine hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
 _PIECE = 0.01
 """Least time between two arrivals [s]: bytes come in pieces, not one by one."""
+_LOOKED_AT = 2**16
+"""Bytes in which samples are looked for: two seconds at 30 kB/s."""
 _BLOCK = 2**20
 """Bytes that are decoded at a time, while others wait for the interpreter."""
 
@@ -80,10 +82,31 @@ def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
     return Recorded({"protocol": protocol, "columns": columns}, partial(_records, data, ends, arrivals))
 
 
-def _begin(path: str | os.PathLike[str]) -> bytes:
+def holds_samples(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is a raw recording, or begins with the frames of an IMU as `recorded` reads them.
+
+    Text is none: any table of numbers looks like samples.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    head = _begin(path, _LOOKED_AT)
+    found = recognise(head)
+    return head.startswith(MAGIC) or bool(found and found[0].samples and not found[0].columns)
+
+
+def _begin(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
+    """Return the first bytes of a file."""
     try:
         with Path(path).open("rb") as file:
-            return file.read(len(MAGIC))
+            return file.read(size)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
 

@@ -147,9 +147,10 @@ def log_of_recording(
     *,
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     latency: float = 0.0,
+    vehicle: str = "",
     **options: str,
 ) -> SensorLog:
-    """Return a raw recording as a sensor log.
+    """Return a raw recording, or a capture of another program, as a sensor log.
 
     Parameters
     ----------
@@ -159,6 +160,8 @@ def log_of_recording(
         From the IMU to the antenna, forward, right, down [m].
     latency
         Time stamps of the fixes minus their times of validity [s], beside what `Reception` has assumed.
+    vehicle
+        Name of the vehicle, as in `lab.logs.vehicle.VEHICLES`; empty if unknown.
     options
         As of `reception_of`.
 
@@ -176,7 +179,7 @@ def log_of_recording(
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     name, arm = Path(path).name, np.array(lever_arm)
-    log = log_of(name, found.imu, found.fix, arm, latency, readings=found.reading)
+    log = log_of(name, found.imu, found.fix, arm, latency, vehicle, found.reading)
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
     return replace(log, repairs=(*log.repairs, *remarks))

@@ -200,3 +200,17 @@ def test_clocks_of_other_time_zones_and_epochs(tmp_path):
         gnss = short.gnss.copy()
         gnss[:, 0] += shift
         recognised(corrupted(tmp_path / f"{shift}", (short, "", (*POSITION, *VELOCITY)), gnss=gnss), words)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_noise_at_rest_shows_no_axis(tmp_path, seed):
+    """Few velocities with much noise follow some axis at one of many offsets by chance."""
+    rng = np.random.default_rng(seed)
+    log = tables(30, 47)
+    imu, gnss = log.imu.copy(), log.gnss[::2].copy()
+    imu[:, 1:4] = 0.002 * rng.standard_normal((len(imu), 3))
+    imu[:, 4:] = [0.0, 0.0, -STANDARD_GRAVITY] + 0.02 * rng.standard_normal((len(imu), 3))
+    gnss[:, 1:4] = [45.0, -73.0, 100.0] + 2e-5 * rng.standard_normal((len(gnss), 3))
+    gnss[:, 4:7] = 0.45 * rng.standard_normal((len(gnss), 3))
+    names = (*POSITION, *VELOCITY)
+    read_sensor_log(corrupted(tmp_path, (log, "", names), imu, gnss[:, : len(names)]))
