@@ -33,7 +33,7 @@ NAME = "FIT"
 _MAGIC = b".FIT"
 _HEADER_SIZES = (12, 14)
 """Lengths of the header of a file, without and with its checksum [bytes]."""
-_RECORD, _GPS, _SESSION, _SPORT = 20, 160, 18, 12
+_FILE, _RECORD, _GPS, _SESSION, _SPORT = 0, 20, 160, 18, 12
 """Numbers of the messages that are read (FIT profile)."""
 _SEMICIRCLE = 180 / 2**31
 """[°]: the unit of positions (FIT protocol)."""
@@ -46,6 +46,8 @@ _EPOCH = datetime(1989, 12, 31, tzinfo=UTC)
 _MIN_SINCE_EPOCH = 2**28
 """Time stamp from which it counts from the epoch and not from switching on [s] (FIT protocol, date_time)."""
 _VEHICLES = {"driving": "car", "motorcycling": "car", "boating": "boat", "sailing": "boat", "rowing": "boat"}
+_NO_SPORTS = {"transition", "generic"}
+"""What is between the parts of a triathlon, and what was not chosen."""
 _MISSING = "is a FIT file. Reading it needs fitdecode, which is not installed: pip install 'ins-lab[fit]'"
 
 
@@ -71,12 +73,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     for number, values in _messages(path, data, points):
         points.take(number, values)
     kind = max(points.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
-    if not kind.fixes.count:
-        broken = f" It is broken: {points.broken}." if points.broken else ""
-        raise MissionError(
-            f"{path}: has no positions (messages record or gps_metadata).{broken} Accepted is an activity "
-            "that was recorded with positions"
-        )
+    if not len(kind.fixes.line):
+        raise MissionError(f"{path}: {_without_positions(points, kind.fixes.count)}")
     began = kind.from_midnight()
     directed = bool(np.isfinite(kind.heading).any())
     return kind.fixes.track(
@@ -87,8 +85,18 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         if directed
         else None,
         remarks=_remarks(points, kind, began),
-        vehicle=_VEHICLES.get(points.sport, points.sport),
+        vehicle=points.vehicle,
     ).flight()
+
+
+def _without_positions(points: _Points, count: int) -> str:
+    said = (
+        f"none of its {count} points has a position, as of what is recorded indoors."
+        if count
+        else "has no positions (messages record or gps_metadata)."
+    )
+    broken = f" It is broken: {points.broken}." if points.broken else ""
+    return f"{said}{broken} Accepted is an activity that was recorded with positions"
 
 
 def _columns(*names: str) -> tuple[ColumnUnit, ColumnUnit, ColumnUnit]:
@@ -140,15 +148,18 @@ class _Points:
     ----------
     kinds : tuple of _Kind
         Points of ``record``, and of ``gps_metadata``.
-    sport : str
-        What the activity was.
+    sports : list of str
+        What the activity was: several of a triathlon.
+    planned : bool
+        Whether the file is a course to follow.
     broken : str
         Where and how the file is broken; empty if it is whole.
     """
 
     def __init__(self) -> None:
         self.kinds = (_Kind(), _Kind())
-        self.sport = ""
+        self.sports: list[str] = []
+        self.planned = False
         self.broken = ""
 
     def take(self, number: int, values: Mapping[str, Any]) -> None:
@@ -157,8 +168,16 @@ class _Points:
             self.kinds[0].add(values)
         elif number == _GPS:
             self.kinds[1].add(values)
-        elif isinstance(values.get("sport"), str):
-            self.sport = self.sport or values["sport"]
+        elif number == _FILE:
+            self.planned = values.get("type") == "course"
+        elif isinstance(sport := values.get("sport"), str) and sport not in {*self.sports, *_NO_SPORTS}:
+            self.sports.append(sport)
+
+    @property
+    def vehicle(self) -> str:
+        """The vehicle of all sports; empty if they differ."""
+        vehicles = {_VEHICLES.get(sport, sport) for sport in self.sports}
+        return vehicles.pop() if len(vehicles) == 1 else ""
 
 
 def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, dict[str, Any]]]:
@@ -167,7 +186,7 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
         import fitdecode  # noqa: PLC0415 - an extra
     except ImportError:
         raise MissionError(f"{path}: {_MISSING}") from None
-    wanted = {_RECORD, _GPS, _SESSION, _SPORT}
+    wanted = {_FILE, _RECORD, _GPS, _SESSION, _SPORT}
     how = {
         "processor": None,
         "check_crc": fitdecode.CrcCheck.DISABLED,
@@ -178,7 +197,7 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
             for count, frame in enumerate(frames):
                 _refuse_emptiness(path, count, len(data))
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.global_mesg_num in wanted:
-                    yield frame.global_mesg_num, {field.name: field.value for field in frame.fields}
+                    yield frame.global_mesg_num, _fields(frame.fields)
     except MissionError:
         raise
     except (
@@ -190,6 +209,11 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
     size = data[0] + int.from_bytes(data[4:8], "little")
     if fitdecode.utils.compute_crc(data[:size]) != int.from_bytes(data[size : size + 2], "little"):
         points.broken = "its checksum is wrong, so some of its numbers may be"
+
+
+def _fields(fields: Sequence[Any]) -> dict[str, Any]:
+    """Return values by name, without fields of apps: these have any name and unit."""
+    return {one.name: one.value for one in fields if one.field_type != "devfield"}
 
 
 def _refuse_emptiness(path: Path, count: int, size: int) -> None:
@@ -220,6 +244,10 @@ def _remarks(points: _Points, kind: _Kind, began: datetime | None) -> tuple[str,
         remarks.append(SEA_LEVEL)
     if np.isfinite(kind.speed).any() and not np.isfinite(kind.heading).any():
         remarks.append("The speed in the file is not used: it has no direction.")
+    if points.planned:
+        remarks.append("This is a course, not an activity: its times may be planned and not recorded.")
+    if len(points.sports) > 1:
+        remarks.append(f"The activity has several sports: {', '.join(points.sports)}.")
     if points.broken:
         remarks.append(f"The file is broken: {points.broken}.")
     return tuple(remarks)

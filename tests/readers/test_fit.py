@@ -8,10 +8,15 @@ import time
 
 import numpy as np
 import pytest
+from fit_tool.base_type import BaseType
+from fit_tool.developer_field import DeveloperField
 from fit_tool.fit_file import FitFile
+from fit_tool.profile.messages.developer_data_id_message import DeveloperDataIdMessage
+from fit_tool.profile.messages.field_description_message import FieldDescriptionMessage
 from fit_tool.profile.messages.gps_metadata_message import GpsMetadataMessage
 from fit_tool.profile.messages.record_message import RecordMessage
-from fit_tool.profile.profile_type import Sport
+from fit_tool.profile.messages.session_message import SessionMessage
+from fit_tool.profile.profile_type import FileType, Sport
 from writers import fit as writer
 from writers.resampled import resampled
 
@@ -101,6 +106,36 @@ def test_a_camera_has_a_course_and_milliseconds_since_it_was_switched_on(file):
     assert "switched on" in flight.remarks[0]
 
 
+def test_a_field_of_an_app_is_not_taken_for_one_of_the_format(file):
+    app, altitude = DeveloperDataIdMessage(), FieldDescriptionMessage()
+    app.developer_data_index = altitude.developer_data_index = 0
+    altitude.field_definition_number = 0
+    altitude.fit_base_type_id = BaseType.FLOAT32.value
+    altitude.field_name, altitude.units = "enhanced_altitude", "ft"
+    points = records(12)
+    for point in points:
+        feet = DeveloperField(0, "enhanced_altitude", BaseType.FLOAT32, units="ft", size=4)
+        feet.set_value(0, point.enhanced_altitude / 0.3048)
+        point.developer_fields.append(feet)
+    flight = file(writer.log([app, altitude, *points]))
+    np.testing.assert_allclose(flight.height, 100.0 + np.arange(12), atol=0.2)
+
+
+def test_a_course_is_told_apart_from_an_activity(file):
+    planned = writer.log(records(12), file_type=FileType.COURSE)
+    assert "a course, not an activity" in " ".join(file(planned).remarks)
+    assert "a course" not in " ".join(file(writer.log(records(12))).remarks)
+
+
+def test_the_sports_of_a_file_with_several_are_told_and_none_is_its_vehicle(file):
+    ride = SessionMessage()
+    ride.sport = Sport.DRIVING
+    several = file(writer.log([ride, *records(12)], Sport.RUNNING))
+    assert "several sports: driving, running" in " ".join(several.remarks)
+    assert several.vehicle == ""
+    assert file(writer.log([ride, *records(12)], Sport.DRIVING)).vehicle == "car"
+
+
 def test_a_broken_off_file_and_a_wrong_checksum_are_said(file):
     written = writer.log(records(30))
     short = file(written[:-150])
@@ -122,9 +157,10 @@ def body(content: bytes) -> bytes:
     [
         (body(b""), "no positions"),
         (writer.log(records(3)), "3 of 3 points.*at least 4"),
+        # Of a pool or a treadmill.
         (
             writer.log([writer.record(i, None, None, 9.0, 1.0) for i in range(9)]),
-            "0 of 9 points.*without a fix",
+            "none of its 9 points has a position.*Accepted is an activity that was recorded with positions",
         ),
         # A record that nothing defines, and one that goes on beyond the end.
         (body(b"\x03\x01"), "no positions.* It is broken: .*not defined"),

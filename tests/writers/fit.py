@@ -29,11 +29,11 @@ def record(second: float, lat: float | None, lon: float | None, height: float, s
     return message
 
 
-def log(records: list, sport: Sport = Sport.FLYING) -> bytes:
+def log(records: list, sport: Sport = Sport.FLYING, file_type: FileType = FileType.ACTIVITY) -> bytes:
     """Return a file with these points."""
     builder = FitFileBuilder(auto_define=True)
     first = FileIdMessage()
-    first.type, first.manufacturer = FileType.ACTIVITY, Manufacturer.DEVELOPMENT.value
+    first.type, first.manufacturer = file_type, Manufacturer.DEVELOPMENT.value
     first.time_created = round(1000 * START.timestamp())
     last = SessionMessage()
     last.sport = sport
