@@ -34,6 +34,7 @@ from lab.readers import (
     xplane_data,
 )
 from lab.readers.damaged_head import as_plain_text, copied_as_text, what_is_damaged
+from lab.readers.device_frames import advice_on_frames
 from lab.readers.sheet_fixes import LatitudeError
 from lab.recordings.mission_error import MissionError
 from lab.recordings.text_blocks import check_file
@@ -182,7 +183,10 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     if (plain := as_plain_text(head)) and (found := [one.name for one in READERS if one.recognises(plain)]):
         advice = f"It is {found[0]} in UTF-16, as Windows PowerShell writes it: save it as UTF-8 or ASCII."
     advice = (
-        what_is_damaged(path, head) or (sensor_csv.lacks_time(head) if advice == _TABLE else "") or advice
+        what_is_damaged(path, head)
+        or advice_on_frames(head)
+        or (sensor_csv.lacks_time(head) if advice == _TABLE else "")
+        or advice
     )
     hint = f" {advice}" if advice else ""
     raise MissionError(
