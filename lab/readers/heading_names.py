@@ -401,7 +401,7 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
         r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
     ("course", re.compile(
         r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|hdg|direction|trackangle|headmot|"
-        r"courseoverground|groundcourse|motionheading|orientation)|headingofmotion")),
+        r"courseoverground|ground(?:course|track)|motionheading|orientation)|headingofmotion")),
 )  # fmt: skip
 """What a column is by its words, put together."""
 

@@ -68,6 +68,8 @@ _MAX_REPORT = 1500
 _STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
 _PHONE_WORDS = ("accelerometer", "acceleration")
+_ROS = ("angular velocity", "linear acceleration")
+"""How ROS names gyros and accelerometers, whose x, y and z point forward, left and up (REP 103)."""
 
 
 def recognises(head: bytes) -> bool:
@@ -127,7 +129,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     gnss = fixes.gnss
     columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
     places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
-    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column))
+    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column, fixes.sheet))
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
@@ -345,6 +347,8 @@ def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
 def _is_phone(imu: Imu) -> bool:
     """Return whether the sensors are named as phones name them, each by itself."""
     words = imu.accelerometer.headings[0].sensor.lower()
+    if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
+        return imu.gyro.sheet is not imu.accelerometer.sheet
     if app_of(imu.gyro, imu.accelerometer):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)

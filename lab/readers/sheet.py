@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.readers.heading_names import Heading, given_heading, heading_of
+from lab.readers.heading_names import SCALARS, Heading, given_heading, heading_of
 from lab.readers.heading_units import unit_of
 from lab.readers.sheet_cells import (
     angles_of_cells,
@@ -34,8 +34,8 @@ from lab.recordings.mission_error import MissionError
 FloatArray = NDArray[np.float64]
 
 _DELIMITERS = (",", ";", "\t", "|", " ")
-_COMMAS = 3
-"""Headings that end with a comma from which commas separate a line, and not the blanks in its headings."""
+_OTHERS = 3
+"""Commas, or other separators, from which these separate a line, and not the blanks in its headings."""
 _MAX_HEADER_LINE = 100
 """Last line on which the header may stand."""
 HEAD = 2**18
@@ -170,7 +170,7 @@ def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> Lay
             if delimiter not in text:
                 continue
             cells = _cells(text, delimiter)
-            if delimiter == " " and sum(cell.endswith(",") for cell in cells) >= _COMMAS:
+            if delimiter == " " and max(map(text.count, _DELIMITERS[:-1])) >= _OTHERS:
                 continue
             if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
                 continue
@@ -224,6 +224,9 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
         If the rows cannot be read.
     """
     units, start = _units_below(data, layout)
+    layout = replace(layout, known=tuple(
+        known if units.get(place, "-") else None for place, known in enumerate(layout.known)
+    ))  # fmt: skip
     places = [place for place, known in enumerate(layout.known) if known is not None]
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
                 if (known := layout.known[place]) is not None]  # fmt: skip
@@ -341,7 +344,10 @@ def _corrected(cell: str, text: str, name: str) -> Heading | None:
 
 
 def _units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
-    """Return units by column if the first row that is not empty holds them, and where the rows begin."""
+    """Return units by column if the first row that is not empty holds them, and where the rows begin.
+
+    The unit is empty for what its heading does not say: VerticalAcc in g is no accuracy of the height.
+    """
     start = end = 0
     cells: tuple[str, ...] = ()
     while not any(cells) and end >= 0 and start < len(data):
@@ -351,9 +357,12 @@ def _units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
         start = end + 1
     units = {}
     for place, known in enumerate(layout.known[: len(cells)]):
-        if known is not None and cells[place] and known.kind and (unit := unit_of(known.kind, cells[place])):
+        if known is None or not cells[place] or not known.kind:
+            continue
+        unit = unit_of(known.kind, cells[place])
+        if unit or (known.quantity in SCALARS and unit_of("acceleration", cells[place])):
             units[place] = unit
-    return (units, start) if units and end >= 0 else ({}, 0)
+    return (units, start) if any(units.values()) and end >= 0 else ({}, 0)
 
 
 def _numbers(

@@ -117,7 +117,7 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height
     if not timed:
         names = ", ".join(one.name for one in sheets)
         lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
-        local = "" if places else _of_local_positions(sheets)
+        local = "" if places else _of_local_positions(sheets) + _of_imu_alone(sheets)
         raise MissionError(
             f"{names}: no {lacks} found{local}.{of_odd_stamps(places)} Accepted are headings such as time, "
             "latitude, longitude, altitude, speed and course, or what the columns are: --column "
@@ -140,6 +140,16 @@ def _of_local_positions(sheets: Sequence[Sheet]) -> str:
     return (
         f": {', '.join(local)} are positions in metres from an origin, whose latitude, longitude and azimuth "
         "the file does not give"
+    )
+
+
+def _of_imu_alone(sheets: Sequence[Sheet]) -> str:
+    """Return a remark on an IMU without a receiver, which cannot be navigated."""
+    if not all(any(one.all_of(name) for one in sheets) for name in ("rate", "force")):
+        return ""
+    return (
+        ". It has an IMU, but no positions of a receiver, without which it cannot be navigated; if the "
+        "receiver has a file of its own, import the two files together"
     )
 
 

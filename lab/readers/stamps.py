@@ -24,6 +24,8 @@ _CLOCK = re.compile(
 )
 _OF_HOUR = re.compile(r"(\d{1,3}):(\d{2})[.,](\d{1,9})")
 """Minutes and seconds, which spreadsheets keep of a time with a fraction."""
+_IN_LETTERS = re.compile(r"(?:(\d{1,3})h ?)?(\d{1,3})m ?(\d{1,2})(?:[.,](\d{1,9}))?s")
+"""Time since the start as apps of DJI write it: 1m 2.5s."""
 _OF_DATE = (
     r"(?:[A-Z][a-z]{2,8},? )?(\d{1,4})(?:[-/.]|\.? )(\d{1,2}|[^\W\d_]{3,9})\.?(?:[-/.]|,? )(\d{4}|\d{2})"
 )
@@ -73,6 +75,8 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
         return onwards(np.array([_clock(text) for text in texts]), DAY)
     if _OF_HOUR.fullmatch(sample):
         return np.array([_of_hour(text) for text in texts])
+    if _IN_LETTERS.fullmatch(sample):
+        return np.array([_in_letters(text) for text in texts])
     if is_date_in_digits(sample):
         return np.array([_of_digits(text) for text in texts])
     pattern = _DATED if _DATED.fullmatch(sample) else _DATED_MONTH_FIRST
@@ -189,6 +193,11 @@ def _seconds(
 def _of_hour(text: str) -> float:
     found = _OF_HOUR.fullmatch(text)
     return np.nan if found is None else int(found[1]) * _SIXTY + int(found[2]) + float(f"0.{found[3]}")
+
+
+def _in_letters(text: str) -> float:
+    found = _IN_LETTERS.fullmatch(text)
+    return np.nan if found is None else _seconds(found[1] or "0", found[2], found[3], found[4])
 
 
 def _of_digits(text: str) -> float:
