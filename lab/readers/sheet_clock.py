@@ -130,6 +130,8 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
         pair for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds if pair[0] not in used
     ]
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
+    # A column named Date may hold the time of the day too.
+    candidates += [pair for pair in sheet.all_of("date") if ":" in sheet.texts.get(pair[0].text, "")]
     for heading, values in candidates:
         known = np.isfinite(values)
         if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:

@@ -128,3 +128,12 @@ def test_an_imu_alone_is_told_that_a_receiver_is_missing(tmp_path, made):
     with pytest.raises(MissionError, match="It has an IMU, but no positions of a receiver") as refused:
         read_log([path])
     assert "import the two files together" in str(refused.value)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S:%f"])
+def test_a_date_with_the_time_of_the_day_is_a_time_stamp(tmp_path, made, form):
+    points = track(made)
+    rows = [[moment(t, form)[:-3], lat, lon, h, v, c] for t, lat, lon, h, v, c in points]
+    path = table(tmp_path / "record.csv", "Date,gps_lat,gps_lng,gps_alt,gps_speed,gps_bearing", rows)
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.time - flight.time[0], points[:, 0] - points[0, 0], atol=2e-3)
