@@ -170,6 +170,7 @@ def _add_log(
     named_vehicle: str,
 ) -> None:
     """Add the IMU and GPS data of a file as a sensor log."""
+    from lab.logs.log_section import piece  # noqa: PLC0415 - beside what it goes with
     from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
 
@@ -183,17 +184,18 @@ def _add_log(
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
+    repairs = piece(log).repairs  # with the gaps between which the log is navigated
     facts = {
         "added": added,
         "duration_s": log.duration,
         "vehicle": vehicle or None,
-        "repairs": list(log.repairs),
+        "repairs": list(repairs),
     }
     if as_json:
         print_json(facts)
         return
     print(f"IMU: {len(log.dtheta)} samples in {log.duration:.1f} s. GPS: {len(log.gnss.time)} fixes.")
-    for repair in log.repairs:
+    for repair in repairs:
         print(f"- {repair}")
     if not vehicle:
         print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")

@@ -14,6 +14,7 @@ from asking import ask, refused
 from lab.missions import ImportSettings, Recording, mission, missions, write_flight_csv
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from sensor_logs import IMU, POSITION, VELOCITY, tables, write_csv
 from writers import WRITERS
 
 
@@ -127,6 +128,17 @@ def test_a_log_becomes_a_flight_or_a_log(tmp_path: Path, settings: list[str]) ->
     assert ("--as log adds" in answer.stdout) is (not settings)
     origin = missions()["sitl"].origin
     assert (origin == "sensor log") is bool(settings)
+
+
+def test_a_long_gap_of_the_imu_is_told_when_the_log_is_added(tmp_path: Path) -> None:
+    source = tables(60, 90)
+    time = source.imu[:, 0] - source.imu[0, 0]
+    write_csv(tmp_path / "imu.csv", IMU, source.imu[(time < 20) | (time > 26)])
+    write_csv(tmp_path / "gnss.csv", (*POSITION, *VELOCITY[:2]), source.gnss[:, :6])
+    paths = [str(tmp_path / name) for name in ("imu.csv", "gnss.csv")]
+    answer = ask("import", *paths, "--as", "log", "--name", "gap")
+    assert answer.exit_code == 0, answer.output
+    assert "The IMU has 1 gap of more than 2 s, up to 6" in " ".join(answer.stdout.split())
 
 
 def test_what_cannot_be_imported_is_answered_with_what_can(tmp_path: Path, flight: Path) -> None:
