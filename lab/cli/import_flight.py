@@ -217,8 +217,10 @@ def _log_in(
     except MissionError:
         if len(files) != 1 or units or not files[0].is_file() or not holds_samples(files[0]):
             raise
-    given = {"axes": ",".join(axes)} if axes else {}
-    log = log_of_recording(files[0], vehicle=named_vehicle, **given)
+    if axes:
+        log = log_of_recording(files[0], vehicle=named_vehicle, axes=",".join(axes))
+    else:
+        log = log_of_recording(files[0], vehicle=named_vehicle)
     check_log(log)
     return log if axes else replace(log, repairs=(_OWN_AXES, *log.repairs))
 

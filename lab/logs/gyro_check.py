@@ -93,6 +93,7 @@ class _Axes(NamedTuple):
 
 
 _AS_IT_IS = _Axes(np.eye(3), np.eye(3))
+"""No change of any axis."""
 
 
 def check_gyros(log: SensorLog, matches: WindowMatches) -> None:

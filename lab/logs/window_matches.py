@@ -23,6 +23,7 @@ _MEDIAN_OF_NORMAL = 0.6745
 _MIN_FIXES = 10
 """Fewest velocities that show their noise: a median of a few is chance."""
 _SAME = np.eye(3)
+"""No change of any axis."""
 
 
 class WindowMatches:

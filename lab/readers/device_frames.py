@@ -1,4 +1,4 @@
-"""Device frames: whose binary frames a file has that was recorded from a port, and that no reader of flights reads.
+"""Device frames: whose binary frames a file has that was recorded from a port, and that no reader reads.
 
 The frames of some devices become sensor logs all the same: `lab.live.capture`.
 """
@@ -17,8 +17,8 @@ _FRAMES = (
     ("a SiRF receiver", (b"\xb0\xb3\xa0\xa2",), _TO_CONVERT),
     ("a SkyTraq receiver", (b"\r\n\xa0\xa1",), _TO_CONVERT),
 )
-"""Devices, the bytes at which their frames begin (their manuals: MTData2 and MTData, MIP, binary output messages,
-OEM7, SBF, SiRF Binary, SkyTraq Binary), and what makes a file that is read."""
+"""Devices, the bytes at which their frames begin (their manuals: MTData2 and MTData, MIP, binary output
+messages, OEM7, SBF, SiRF Binary, SkyTraq Binary), and what makes a file that is read."""
 _FRAME_BYTES = 1024
 """Bytes for each such beginning from which a file consists of frames: they have up to 500 on average."""
 _MIN_FRAMES = 8

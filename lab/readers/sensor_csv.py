@@ -129,7 +129,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     gnss = fixes.gnss
     columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
     places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
-    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column, fixes.sheet))
+    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column))
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,

@@ -31,8 +31,6 @@ _FOREFLIGHT = {"Timestamp", "Altitude", "Course", "Speed", "Horizontal Error", "
 """Headings of the track logs of ForeFlight, whose heights are in feet and speeds in knots."""
 _SIMCONNECT = re.compile(r"(?i)\bplane[ _]?alt(?:itude)?\b")
 """A variable of Microsoft's simulators, in feet."""
-_LITCHI = re.compile(r"(?i)^ascent ?\((feet|m|meters)\)$")
-"""A heading of Litchi beside its altitude, which is above the place of take-off."""
 _ABOVE_START = re.compile(r"(?i)take-?_? ?off|relative|(?<![a-z])rel(?![a-z])")
 """In a heading of heights above the place of take-off."""
 _FROM_START = (
@@ -76,9 +74,9 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
 
 
-def about_heights(name: str, sheet: Sheet) -> tuple[str, ...]:
+def about_heights(name: str) -> tuple[str, ...]:
     """Return above what the heights of a column are, by its heading; empty without one, or if it is told."""
-    if not name or _is_from_start(name, sheet):
+    if not name or _ABOVE_START.search(name):
         return ()
     return (ABOVE_ELLIPSOID,) if _ELLIPSOID.search(name) else (SEA_LEVEL,)
 
@@ -123,14 +121,8 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
         height = found._replace(values=found.values * FOOT, unit="ft", source="as ForeFlight writes")
     elif found.source == "assumed" and _SIMCONNECT.search(found.name):
         height = found._replace(values=found.values * FOOT, unit="ft", source="as SimConnect has it")
-    above = _FROM_START if _is_from_start(height.name, sheet) else ""
+    above = _FROM_START if _ABOVE_START.search(height.name) else ""
     return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).{above}"
-
-
-def _is_from_start(name: str, sheet: Sheet) -> bool:
-    """Return whether heights are above the place of take-off, by their heading or those beside it."""
-    beside = name.lower().startswith("altitude(") and any(map(_LITCHI.match, sheet.unknown))
-    return beside or bool(_ABOVE_START.search(name))
 
 
 def _in_metres(height: Column, latitude: Column) -> Column:

@@ -223,11 +223,11 @@ def _places(messages: _Messages) -> FloatArray:
     for kind in (PVT, POSLLH):
         angles = np.radians(messages.of(kind, "lat", "lon", unit=_ANGLE))
         found = np.hstack((angles, messages.of(kind, "height", unit=_MILLI)))
-        found[messages.of(kind, "hAcc", unit=_MILLI)[:, 0] > _WORST] = np.nan
+        found[(messages.of(kind, "hAcc", unit=_MILLI) > _WORST)[:, 0]] = np.nan
         place = _filled(place, found)
     for kind in (SOL, POSECEF):
         r_e = messages.of(kind, "ecefX", "ecefY", "ecefZ", unit=_CENTI)
-        r_e[messages.of(kind, "pAcc", unit=_CENTI)[:, 0] > _WORST] = np.nan
+        r_e[(messages.of(kind, "pAcc", unit=_CENTI) > _WORST)[:, 0]] = np.nan
         place = _filled(place, ecef.geodetic(r_e))
     return place
 
@@ -245,8 +245,8 @@ def _velocities(messages: _Messages, place: FloatArray) -> FloatArray:
 
 def _filled(values: FloatArray, others: FloatArray) -> FloatArray:
     """Return vectors, or others where they are unknown."""
-    known = np.isfinite(values).all(axis=1)
-    return np.where(known[:, None], values, others)
+    known = np.isfinite(values).all(axis=1, keepdims=True)
+    return np.where(known, values, others)
 
 
 def _fixed(messages: _Messages) -> NDArray[np.bool_]:
@@ -255,7 +255,7 @@ def _fixed(messages: _Messages) -> NDArray[np.bool_]:
     for kind in (PVT, SOL, STATUS):
         fix, flags = messages.of(kind, "fix", "flags").T
         is_fix = (fix >= _FIXES[0]) & (fix <= _FIXES[1]) & (flags % 2 == 1)
-        fixed &= is_fix | np.isnan(fix)
+        fixed &= np.isnan(fix) | is_fix
     return fixed
 
 

@@ -47,15 +47,8 @@ def test_blanks_in_the_headings_of_a_glass_cockpit_separate_nothing(tmp_path, ma
     assert flight.velocity_n is not None  # by speed and Ground Track
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        "time(millisecond),latitude,longitude,altitude(feet),ascent(feet),speed(mph),max_altitude(feet),"
-        "max_ascent(feet),altitudeTarget(m)",  # of Litchi
-        "time(millisecond),latitude,longitude,relative_altitude(feet),ascent_x,speed(mph),max_a,max_b,c",
-    ],
-)
-def test_heights_above_the_takeoff_are_not_called_above_sea_level(tmp_path, made, header):
+def test_heights_above_the_takeoff_are_not_called_above_sea_level(tmp_path, made):
+    header = "time(millisecond),latitude,longitude,relative_altitude(feet),ascent_x,speed(mph),max_a,max_b,c"
     points = track(made)
     above = (points[:, 3] - TAKEOFF) / FOOT
     rows = [

@@ -210,8 +210,10 @@ def test_binary_frames_between_the_sentences_are_left_out_and_counted(file, size
 
 def test_frames_without_sentences_are_named(tmp_path):
     path = tmp_path / "capture.ubx"
-    path.write_bytes(ubx(7, bytes(92)) * 50)
-    with pytest.raises(MissionError, match=r"UBX frames of a u-blox receiver.*let the receiver send GGA"):
+    path.write_bytes(ubx(0x22, bytes(20)) * 50)
+    with pytest.raises(
+        MissionError, match=r"UBX messages of a u-blox receiver.*let the receiver send NAV-PVT"
+    ):
         reader_of(path)
 
 
