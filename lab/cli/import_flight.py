@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,12 +33,6 @@ Examples:
 The format is detected from the content. --set takes curve, time_stamps, longest_gap, smoothing,
 smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
 rate; the message about a refused value lists the accepted ones."""
-
-
-_OWN_AXES = (
-    "The axes of the device are taken to point forward, right and down, if the recording says nothing else; "
-    "--axes changes this."
-)
 
 
 class Kind(StrEnum):
@@ -206,23 +199,17 @@ def _log_in(
     files: Sequence[Path], units: dict[str, str], axes: Sequence[str], named_vehicle: str
 ) -> SensorLog:
     """Return the log in files; the bytes of a device are a log too."""
-    from lab.live.capture import holds_samples  # noqa: PLC0415 - rarely needed
-    from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - rarely needed
-    from lab.logs.log_check import check_log  # noqa: PLC0415 - beside what it goes with
+    from lab.live.recorded_log import device_log  # noqa: PLC0415 - rarely needed
     from lab.missions import MissionError  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
 
     try:
         return read_log(files, units, axes, named_vehicle)
     except MissionError:
-        if len(files) != 1 or units or not files[0].is_file() or not holds_samples(files[0]):
+        log = device_log(files[0], named_vehicle, axes) if len(files) == 1 and not units else None
+        if log is None:
             raise
-    if axes:
-        log = log_of_recording(files[0], vehicle=named_vehicle, axes=",".join(axes))
-    else:
-        log = log_of_recording(files[0], vehicle=named_vehicle)
-    check_log(log)
-    return log if axes else replace(log, repairs=(_OWN_AXES, *log.repairs))
+        return log
 
 
 def _quoted(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
-from lab.live.capture import recorded
+from lab.live.capture import holds_samples, recorded
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
@@ -19,9 +20,17 @@ from lab.live.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of
 from lab.live.reading_times import NO_READINGS
 from lab.live.reception import Reception
 from lab.live.transport import TransportError
+from lab.logs.log_check import check_log
 from lab.logs.sensor_log import SensorLog
+from lab.readers import log_reader_of
+from lab.recordings.mission_error import MissionError
 
 Rows = NDArray[np.void]
+
+_OWN_AXES = (
+    "The axes of the device are taken to point forward, right and down, if the recording says nothing else; "
+    "ins-lab import --as log --axes names others."
+)
 
 RATES = (0.1, 10_000.0)
 """Rates of a device that are accepted [Hz]."""
@@ -183,3 +192,43 @@ def log_of_recording(
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
     return replace(log, repairs=(*log.repairs, *remarks))
+
+
+def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[str] = ()) -> SensorLog | None:
+    """Return the log of a file with the bytes of a device, checked; None for any other file.
+
+    A file whose format has a reader of logs is another one, also if that reader refuses it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    vehicle
+        As of `log_of_recording`.
+    axes
+        The axes of the device that point forward, right and down; empty for those of the recording.
+
+    Raises
+    ------
+    RecordingError, TransportError, DecoderError
+        As `recorded_samples`.
+    MissionError
+        If IMU and receiver have recorded too little together, or the log is implausible.
+    """
+    if not Path(path).is_file() or _has_reader(Path(path)) or not holds_samples(path):
+        return None
+    if axes:
+        log = log_of_recording(path, vehicle=vehicle, axes=",".join(axes))
+    else:
+        log = log_of_recording(path, vehicle=vehicle)
+        log = replace(log, repairs=(_OWN_AXES, *log.repairs))
+    check_log(log)
+    return log
+
+
+def _has_reader(path: Path) -> bool:
+    """Return whether a reader reads logs of a file's format."""
+    try:
+        return log_reader_of(path).read_log is not None
+    except MissionError:
+        return False

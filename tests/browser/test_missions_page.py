@@ -13,7 +13,10 @@ from playwright.sync_api import Locator, Page, expect
 from xplane_sender import XPlaneSender
 
 from lab.flying.airports import runway
+from lab.live.decoders.catalogue import ENCODERS
+from lab.live.simulated_flight import SimulatedFlight
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
+from lab.missions.library import delete_mission
 from tests.browser.conftest import RANGE_END, wait_for
 
 LAST_FIGURE = """[...Bokeh.index.query((view) => view.model.type === 'Figure')]
@@ -213,6 +216,32 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
     # A browser keeps the models of the preview for half a minute: they have names of their own.
     wait_for(page, f"{RANGE_END} > 0")
+
+
+def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
+    mine: Path, shared_page: Page, tmp_path: Path
+) -> None:
+    page, sent = shared_page, SimulatedFlight.of("montreal", 50.0, seed=3, rest=12.0)
+    capture = tmp_path / "drive.ubx"
+    encoder, parts = ENCODERS["ublox"](), []
+    for second in range(40):
+        of_imu, of_fix = (
+            (rows["time"] >= second) & (rows["time"] < second + 1) for rows in (sent.imu, sent.fix)
+        )
+        parts.append(encoder.encode(sent.imu[of_imu], sent.fix[of_fix]))
+    capture.write_bytes(b"".join(parts))
+    missions_tab(page, "My flight")
+    part(page, "Import")
+    upload(page, capture)
+    expect(page.get_by_text("u-blox UBX", exact=True)).to_be_visible()
+    expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()
+    box(page, "Title").fill("My drive")
+    page.get_by_role("button").filter(has_text="Add as log").click()
+    expect(page.get_by_text("drive.ubx was added and chosen.")).to_be_visible()
+    expect(chooser(page)).to_have_text("My drive")
+    assert missions()["drive.ubx"].log.duration == pytest.approx(40.0, abs=1.0)
+    missions_tab(page, "My flight")
+    delete_mission("drive.ubx")
 
 
 def test_x_plane_is_recorded(mine: Path, shared_page: Page) -> None:

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from live_streams import RATE, fixes, motion
 
-from lab.live.capture import recorded
+from lab.live import recorded_log
+from lab.live.capture import holds_samples, recorded
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.opening import open_source
 from lab.live.raw_recording import DATA, RecordingError
-from lab.live.recorded_log import log_of_recording, recorded_samples
+from lab.live.recorded_log import device_log, log_of_recording, recorded_samples
 from lab.live.transport import TransportError
+from lab.readers import READERS
 
 COUNT = 3000
 """Samples of the IMU: half a minute."""
@@ -135,3 +137,17 @@ def test_a_folder_and_a_missing_file_are_refused(tmp_path):
     for path in (tmp_path, tmp_path / "nothing.bin"):
         with pytest.raises(RecordingError, match="cannot be read"):
             recorded_samples(path)
+
+
+def test_what_a_reader_of_logs_refuses_is_not_read_as_a_capture(tmp_path, monkeypatch):
+    """A telemetry log that contradicts itself is full of frames that the live decoder reads as well."""
+    pytest.importorskip("pymavlink")
+    frames = ENCODERS["mavlink"]().encode(motion(600), fixes(6))
+    bare, telemetry = tmp_path / "link.bin", tmp_path / "link.tlog"
+    bare.write_bytes(frames)
+    assert holds_samples(bare)
+    monkeypatch.setattr(
+        recorded_log, "log_reader_of", lambda path: next(one for one in READERS if one.read_log)
+    )
+    telemetry.write_bytes(frames)
+    assert device_log(telemetry) is None

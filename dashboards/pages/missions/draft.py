@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,8 @@ from dashboards.pages.missions.report_html import REPORT_STYLE, log_html, report
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.importing.import_settings import ImportSettings
+from lab.live.recorded_log import device_log
+from lab.logs.sensor_log import SensorLog
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
 from lab.readers import read_raw
@@ -48,7 +50,8 @@ PREVIEW = """
 
 class _Read(NamedTuple):
     flight: FlightImport
-    has_log: bool
+    log: SensorLog | None
+    log_refused: str
 
 
 class Draft:
@@ -177,11 +180,8 @@ class Draft:
                     flight, settings, white_noise(sensors, "the chosen IMU"), paths, units, axes
                 )
             except MissionError as error:
-                # The folder of the upload is not shown.
-                raise MissionError(
-                    str(error).replace(f"{paths[0].parent}/" if paths else "\0", "")
-                ) from error
-            return _Read(read, read.log is not None)
+                raise MissionError(_without_folder(error, paths)) from error
+            return _Read(read, *_log_of(read, units))
 
         self._job.start("Reading", work, self._show)
 
@@ -191,10 +191,10 @@ class Draft:
         verdict = flight.report.verdict
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
         self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
-        self._add_log.visible = read.has_log
+        self._add_log.visible = read.log is not None
         self._report.object = report_html(flight.report)
         self._units.show(flight.raw.units)
-        self._log_report.object = log_html(flight.log, flight.log_refused)
+        self._log_report.object = log_html(read.log, read.log_refused)
         self._preview[:] = list(_panes(flight))
         self._body.visible = True
 
@@ -211,8 +211,8 @@ class Draft:
         def work(_progress: Progress) -> Mission:
             if not as_log:
                 return read.flight.add(name, title)
-            assert read.flight.log is not None
-            return add_log(read.flight.log, name, title=title)
+            assert read.log is not None
+            return add_log(read.log, name, title=title)
 
         self._job.start("Adding", work, self._added)
 
@@ -220,6 +220,21 @@ class Draft:
         self._clear()
         self._session.library_changed(added.name)
         self._job.say(f"{added.name} was added and chosen.", "success")
+
+
+def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | None, str]:
+    """Return the log that is in the files as well, and why they have none if they should."""
+    if read.log is not None or len(read.paths) != 1 or units:
+        return read.log, read.log_refused
+    try:
+        return device_log(read.paths[0], axes=read.axes), read.log_refused
+    except (MissionError, OSError) as error:
+        return None, _without_folder(error, read.paths)
+
+
+def _without_folder(error: Exception, paths: Sequence[Path]) -> str:
+    """Return a message without the folder of the upload."""
+    return str(error).replace(f"{paths[0].parent}/" if paths else "\0", "")
 
 
 def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
