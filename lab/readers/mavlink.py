@@ -24,6 +24,7 @@ from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import SensorLog, repaired
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.mav_type import VEHICLES
 from lab.readers.mavlink_sensors import (
     FIELDS,
     IMUS,
@@ -52,11 +53,6 @@ MIN_IMU_RATE = 10.0
 """Fewest samples of the IMU a second accepted [Hz]: between point samples further apart a vehicle that turns
 within half a second, as they do, is not seen to turn."""
 
-_VEHICLES = {  # names of MAV_TYPE
-    1: "fixed wing", 2: "rotary wing", 3: "rotary wing", 4: "rotary wing", 7: "airship", 8: "balloon",
-    10: "rover", 11: "boat", 12: "submarine", 13: "rotary wing", 14: "rotary wing", 15: "rotary wing",
-    **dict.fromkeys(range(19, 26), "vtol"),
-}  # fmt: skip
 _NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID, of what is no autopilot."""
 _GROUND_STATION = 6
@@ -183,7 +179,7 @@ def _on_the_ground(vehicle: Vehicle) -> bool:
 
 def _kind(vehicle: Vehicle) -> str:
     beat = vehicle.numbers("HEARTBEAT")
-    return "" if beat is None else _VEHICLES.get(int(beat["type"][-1]), "")
+    return "" if beat is None else VEHICLES.get(int(beat["type"][-1]), "")
 
 
 def _others(log: TlogFile, vehicle: Vehicle) -> tuple[Dropped, ...]:

@@ -22,6 +22,7 @@ from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.dataflash_file import MAGIC, DataFlashFile
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.mav_type import VEHICLES
 from lab.readers.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
@@ -48,9 +49,6 @@ _SENSORS = ("TIME", "IMU", "GPS", "PARM")
 _CLOCK = b"StartTime"
 _DESCRIBED_WITHIN = 2**14
 """Bytes at the start of a log in which all its messages are described: 89 bytes for each of some hundred."""
-_VEHICLES = {  # names of MAV_TYPE
-    **dict.fromkeys((2, 3, 4, 13, 14, 15), "rotary wing"), 1: "fixed wing", 10: "rover", 11: "boat",
-}  # fmt: skip
 _UNITS = {
     "Lat": "°", "Lon": "°", "Alt": "m", "VelN, VelE, VelD": "m/s", "Roll, Pitch, Yaw": "rad",
 }  # fmt: skip
@@ -145,7 +143,7 @@ class _Messages:
 
     @property
     def vehicle(self) -> str:
-        return _VEHICLES.get(int(self.parameters.get("MAV_TYPE", 0)), "")
+        return VEHICLES.get(self.parameters.get("MAV_TYPE", 0.0), "")
 
     def messages(self, name: str) -> dict[str, FloatArray] | None:
         return self._log.numbers(name) if len(self._stamps) else None

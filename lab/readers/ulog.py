@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.mav_type import VEHICLES
 from lab.readers.streams import (
     FIX_3D,
     MAX_GPS_DELAY,
@@ -411,9 +411,15 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
 
 
 def _vehicle(log: ULogFile) -> str:
+    """Return the vehicle; one that flies in both ways, or may, hovers too, whichever comes last."""
+    by_parameter = VEHICLES.get(log.parameters.get("MAV_TYPE", 0.0), "")
     status = log.topic("vehicle_status")
-    kinds: Any = None if status is None else _column(status, "vehicle_type")
-    return "" if kinds is None else _VEHICLES.get(int(kinds[-1]), "")
+    if status is None or not len(status):
+        return by_parameter
+    both, kinds = _column(status, "is_vtol"), _column(status, "vehicle_type")
+    if by_parameter == "vtol" or (both is not None and both.any()):
+        return "vtol"
+    return by_parameter if kinds is None else _VEHICLES.get(int(kinds[-1]), by_parameter)
 
 
 def _remarks(log: ULogFile) -> tuple[str, ...]:

@@ -225,6 +225,29 @@ def test_the_receiver_of_newer_versions_has_degrees_and_its_own_time():
     assert ulog._gnss(without, ulog._gps(without)).latency == pytest.approx(0.11)
 
 
+@pytest.mark.parametrize(
+    ("is_vtol", "kinds", "parameter", "vehicle"),
+    [
+        (1, (2, 1, 2), 0.0, "vtol"),  # hovered, and was switched off in forward flight
+        (0, (1, 1, 2), 0.0, "fixed wing"),
+        (0, (0, 0, 0), 22.0, "vtol"),
+        (None, None, 2.0, "rotary wing"),  # versions from before 2018
+        (None, None, float("nan"), ""),
+        (None, (1, 1, 1), 22.0, "vtol"),
+    ],
+)
+def test_the_vehicle_is_that_of_the_whole_flight(is_vtol, kinds, parameter, vehicle):
+    columns = {"timestamp": ("<u8", (1, 2, 3))}
+    if kinds is not None:
+        columns["vehicle_type"] = ("u1", kinds)
+    if is_vtol is not None:
+        columns["is_vtol"] = ("u1", (0, is_vtol, is_vtol))
+    rows = list(zip(*(values for _, values in columns.values()), strict=True))
+    log = Topics(vehicle_status=(rows, [(name, kind) for name, (kind, _) in columns.items()]))
+    log.parameters = {"MAV_TYPE": parameter}
+    assert ulog._vehicle(log) == vehicle
+
+
 def test_an_imu_that_is_logged_as_integrals_gives_rates():
     kinds = [
         ("timestamp", "<u8"), ("delta_angle", "<f4", (3,)), ("delta_velocity", "<f4", (3,)),
