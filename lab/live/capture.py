@@ -22,10 +22,12 @@ from lab.live.decoders.text_lines import TextLines
 from lab.live.device_clock import FORWARD
 from lab.live.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
 from lab.live.samples import Samples, joined
-from lab.live.transport import Chunk
+from lab.live.transport import Chunk, TransportError
 
 FloatArray = NDArray[np.float64]
 
+RATES = (0.1, 10_000.0)
+"""Rates of a device that are accepted [Hz]."""
 LARGEST = 2**30
 """Largest capture [bytes]: nine hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
 _PIECE = 0.01
@@ -67,8 +69,8 @@ def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
     ------
     RecordingError
         If it cannot be read, no protocol is recognised in it, or nothing in it has a time.
-    DecoderError, ColumnMapError
-        If protocol or columns are not accepted.
+    TransportError, DecoderError, ColumnMapError
+        If rate, protocol or columns are not accepted.
     """
     if Path(path).suffix == SUFFIX or _begin(path) == MAGIC:
         return Recorded(read_header(path), partial(records, path))
@@ -78,8 +80,25 @@ def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
         protocol = "text" if columns else _recognised(path, data)
     decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(protocol)
     parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
-    ends, arrivals = _arrivals(path, joined([*parts, decoder.finish()]), float(options.get("rate") or 0))
+    ends, arrivals = _arrivals(path, joined([*parts, decoder.finish()]), rate_of(options.get("rate") or 0.0))
     return Recorded({"protocol": protocol, "columns": columns}, partial(_records, data, ends, arrivals))
+
+
+def rate_of(value: Any) -> float:
+    """Return a rate of samples [Hz], 0 for one that is to be found out.
+
+    Raises
+    ------
+    TransportError
+        If it is none.
+    """
+    try:
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = np.nan
+    if not (rate == 0 or RATES[0] <= rate <= RATES[1]):
+        raise TransportError(f"rate = {value!r}; accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
+    return rate
 
 
 def holds_samples(path: str | os.PathLike[str]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
-from lab.live.capture import holds_samples, recorded
+from lab.live.capture import holds_samples, rate_of, recorded
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
@@ -31,9 +31,6 @@ _OWN_AXES = (
     "The axes of the device are taken to point forward, right and down, if the recording says nothing else; "
     "ins-lab import --as log --axes names others."
 )
-
-RATES = (0.1, 10_000.0)
-"""Rates of a device that are accepted [Hz]."""
 
 
 class RecordedSamples(NamedTuple):
@@ -85,23 +82,12 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
         )
     axes, rate = str(known["axes"]), known["rate"] or 0.0
     reception = Reception(
-        str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, _rate(rate)
+        str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, rate_of(rate)
     )
     if "clock" in header:
         reception.clock = DeviceClock.restored(header["clock"])
     reception.restore(header.get("watch"), header.get("counted"))
     return reception
-
-
-def _rate(value: Any) -> float:
-    """Return a rate of samples [Hz], 0 for one that is to be found out."""
-    try:
-        rate = float(value)
-    except (TypeError, ValueError):
-        rate = np.nan
-    if not (rate == 0 or RATES[0] <= rate <= RATES[1]):
-        raise TransportError(f"rate = {value!r}; accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
-    return rate
 
 
 def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSamples:

@@ -112,6 +112,11 @@ def test_a_device_without_a_clock_needs_its_rate(tmp_path):
     columns = "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s],force_x[m/s²],force_y[m/s²],force_z[m/s²]"
     with pytest.raises(RecordingError, match=r"nothing in it has a time, .* with rate=100"):
         recorded_samples(path, columns=columns)
+    for rate in ("fast", "nan", "-1", "1e9"):
+        with pytest.raises(TransportError, match=r"accepted are 0.1 to 10000 Hz"):
+            recorded_samples(path, columns=columns, rate=rate)
+        with pytest.raises(TransportError, match=r"accepted are 0.1 to 10000 Hz"):
+            open_source(f"replay:{path}", columns=columns, rate=rate)
     found = recorded_samples(path, columns=columns, rate="50")
     np.testing.assert_allclose(np.diff(found.imu["time"]), 0.02, rtol=0, atol=1e-9)
 
