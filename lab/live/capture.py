@@ -7,10 +7,9 @@ were measured, by the clock of the IMU, or else of the receiver.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator
-from functools import partial
+from collections.abc import Generator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,30 +39,40 @@ _BLOCK = 2**20
 Records = Generator[tuple[int, Chunk], None, bool]
 
 
-class Recorded(NamedTuple):
-    """Bytes of a device in a file.
-
-    Attributes
-    ----------
-    header : dict
-        What is known of the source.
-    records : callable
-        Yields the records as `lab.live.raw_recording.records` does, from the first on.
-    """
-
-    header: dict[str, Any]
-    records: Callable[[], Records]
-
-
-def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
-    """Return what a raw recording, or a capture of another program, holds.
+def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
+    """Return what is known of the source of a raw recording, or of a capture of another program.
 
     Parameters
     ----------
     path
         The file.
     options
-        Of a capture: ``protocol`` and ``columns``, if they shall not be found out, and ``rate`` [Hz].
+        Of a capture: ``protocol`` and ``columns``, if they shall not be found out.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or no protocol is recognised in it.
+    """
+    if _is_raw(path):
+        return read_header(path)
+    protocol, columns = options.get("protocol", ""), options.get("columns", "")
+    if not protocol:
+        protocol = "text" if columns else _recognised(path)
+    return {"protocol": protocol, "columns": columns}
+
+
+def records_of(path: str | os.PathLike[str], **options: str) -> Records:
+    """Yield the records of a raw recording, or of a capture, as `lab.live.raw_recording.records` does.
+
+    A capture is decoded as a whole first, which takes a second for a megabyte.
+
+    Parameters
+    ----------
+    path
+        The file.
+    options
+        Of a capture: as of `header_of`, and ``rate`` [Hz].
 
     Raises
     ------
@@ -72,16 +81,17 @@ def recorded(path: str | os.PathLike[str], **options: str) -> Recorded:
     TransportError, DecoderError, ColumnMapError
         If rate, protocol or columns are not accepted.
     """
-    if Path(path).suffix == SUFFIX or _begin(path) == MAGIC:
-        return Recorded(read_header(path), partial(records, path))
-    data = _data(path)
-    protocol, columns = options.get("protocol", ""), options.get("columns", "")
-    if not protocol:
-        protocol = "text" if columns else _recognised(path, data)
-    decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(protocol)
+    if _is_raw(path):
+        return records(path)
+    header, data = header_of(path, **options), _data(path)
+    columns, rate = header["columns"], rate_of(options.get("rate") or 0.0)
+    decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(header["protocol"])
     parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
-    ends, arrivals = _arrivals(path, joined([*parts, decoder.finish()]), rate_of(options.get("rate") or 0.0))
-    return Recorded({"protocol": protocol, "columns": columns}, partial(_records, data, ends, arrivals))
+    return _records(data, *_arrivals(path, joined([*parts, decoder.finish()]), rate))
+
+
+def _is_raw(path: str | os.PathLike[str]) -> bool:
+    return Path(path).suffix == SUFFIX or _begin(path) == MAGIC
 
 
 def rate_of(value: Any) -> float:
@@ -102,7 +112,7 @@ def rate_of(value: Any) -> float:
 
 
 def holds_samples(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a raw recording, or begins with the frames of an IMU as `recorded` reads them.
+    """Return whether a file is a raw recording, or begins with frames of an IMU that `records_of` reads.
 
     Text is none: any table of numbers looks like samples.
 
@@ -144,9 +154,9 @@ def _data(path: str | os.PathLike[str]) -> bytes:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _recognised(path: str | os.PathLike[str], data: bytes) -> str:
+def _recognised(path: str | os.PathLike[str]) -> str:
     """Return the protocol of the first bytes."""
-    found = recognise(data)
+    found = recognise(_begin(path, _LOOKED_AT))
     if not found:
         raise RecordingError(
             f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
-from lab.live.capture import holds_samples, rate_of, recorded
+from lab.live.capture import header_of, holds_samples, rate_of, records_of
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
@@ -109,10 +109,10 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     DecoderError
         If a decoder of one's own fails.
     """
-    header, records = recorded(path, **options)
+    header = header_of(path, **options)
     reception = reception_of(header, **options)
     imu, fix, readings, arrival = [], [], [NO_READINGS], 0.0
-    for kind, chunk in records():
+    for kind, chunk in records_of(path, **options):
         if kind == DATA:
             arrival = chunk.arrival
             samples, fixes = reception.take(chunk)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.live.capture import recorded
+from lab.live.capture import Records, header_of, records_of
 from lab.live.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of
 from lab.live.transport import Chunk, TransportError
 
@@ -33,14 +33,12 @@ class Replay:
     speed
         How many times as fast; infinite for as fast as it goes.
     options
-        As of `lab.live.capture.recorded`.
+        As of `lab.live.capture.records_of`.
 
     Raises
     ------
     TransportError
         If the file is neither a raw recording nor a capture.
-    DecoderError, ColumnMapError
-        If protocol or columns are not accepted.
     """
 
     reconnects = True
@@ -51,11 +49,11 @@ class Replay:
         self.speed = speed
         self.tell: Callable[[Mapping[str, Any]], None] = lambda event: None
         try:
-            self._recorded = recorded(path, **options)
+            self.header = header_of(path, **options)
         except RecordingError as error:
             raise TransportError(str(error)) from error
-        self.header = self._recorded.header
-        self._records: Generator[tuple[int, Chunk], None, bool] | None = None
+        self._options = options
+        self._records: Records | None = None
         self._end = "The recording has ended."
         self._next: tuple[int, Chunk] | None = None
         self._begin = (0.0, 0.0)
@@ -63,8 +61,12 @@ class Replay:
     def open(self) -> None:
         """Begin, or go on behind the place where the device was lost."""
         if self._records is None:
-            self._records = self._recorded.records()
-            self._next = self._following()
+            try:
+                self._records = records_of(self.path, **self._options)
+            except RecordingError as error:  # a capture without times: to come back would not help
+                self._end = str(error)
+            else:
+                self._next = self._following()
         if self._next is not None:
             self._begin = (time.monotonic(), self._next[1].arrival)
 
@@ -78,7 +80,7 @@ class Replay:
         EOFError
             At its end.
         """
-        if self._next is None or self._records is None:
+        if self._next is None:
             raise EOFError(self._end)
         kind, chunk = self._next
         due = self._begin[0] + (chunk.arrival - self._begin[1]) / self.speed

@@ -7,7 +7,7 @@ import pytest
 from live_streams import RATE, fixes, motion
 
 from lab.live import recorded_log
-from lab.live.capture import holds_samples, recorded
+from lab.live.capture import holds_samples, records_of
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.opening import open_source
 from lab.live.raw_recording import DATA, RecordingError
@@ -86,7 +86,7 @@ def test_a_clock_that_was_set_back_goes_on(tmp_path):
 def test_no_byte_is_lost(capture):
     path = capture("vectornav")
     path.write_bytes(b"noise before" + path.read_bytes() + b"noise behind")
-    found = list(recorded(path).records())
+    found = list(records_of(path))
     assert b"".join(chunk.data for _, chunk in found) == path.read_bytes()
     assert {kind for kind, _ in found} == {DATA}
     assert (np.diff([chunk.arrival for _, chunk in found]) >= 0).all()
@@ -112,6 +112,10 @@ def test_a_device_without_a_clock_needs_its_rate(tmp_path):
     columns = "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s],force_x[m/s²],force_y[m/s²],force_z[m/s²]"
     with pytest.raises(RecordingError, match=r"nothing in it has a time, .* with rate=100"):
         recorded_samples(path, columns=columns)
+    with open_source(f"replay:{path}?speed=max", columns=columns) as source:
+        while not source.ended:
+            source.since(None)
+    assert "nothing in it has a time" in source.status.sentence
     for rate in ("fast", "nan", "-1", "1e9"):
         with pytest.raises(TransportError, match=r"accepted are 0.1 to 10000 Hz"):
             recorded_samples(path, columns=columns, rate=rate)
