@@ -47,12 +47,12 @@ def at_other_speed(data: bytes, sent: int, read: int) -> bytes:
 
 @contextmanager
 def sending(write: Callable[[bytes], object], change: Callable[[bytes], bytes] = bytes) -> Iterator[None]:
-    """Send frames at their rate, from a thread."""
-    ending = threading.Event()
+    """Send frames at the times that are in them, from a thread: later ones are a clock that was set."""
+    ending, begin = threading.Event(), time.monotonic()
 
     def run() -> None:
-        for frame in FRAMES:
-            if ending.wait(1 / RATE):
+        for number, frame in enumerate(FRAMES, 1):
+            if ending.wait(max(0.0, begin + number / RATE - time.monotonic())):
                 return
             try:
                 write(change(frame))
