@@ -17,6 +17,9 @@ from writers import WRITERS
 from xplane_simulator import montreal
 
 from dashboards.command_line import app
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import ENCODERS
+from lab.live.simulated_flight import SimulatedFlight
 from lab.missions import add_mission
 
 
@@ -79,6 +82,18 @@ def zipped(path: Path) -> None:
         archive.writestr("phone.csv", WRITERS["csv with named columns"](montreal(60)))
 
 
+def capture(path: Path) -> None:
+    """Write what a VectorNav sends of a minute of flight, its axes forward, left, up."""
+    sent = SimulatedFlight.of("montreal", 50.0, rest=12.0, axes=AxisMap.of("x,-y,-z"))
+    encoder, parts = ENCODERS["vectornav"](), []
+    for second in range(60):
+        of_imu, of_fix = (
+            (rows["time"] >= second) & (rows["time"] < second + 1) for rows in (sent.imu, sent.fix)
+        )
+        parts.append(encoder.encode(sent.imu[of_imu], sent.fix[of_fix]))
+    written(path, b"".join(parts))
+
+
 MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
 ini yaw (deg),ini pitch (deg),ini roll (deg)
 32,120,0,10,0,0,90,0,0
@@ -94,6 +109,7 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "my_flight.csv": lambda path: written(path, WRITERS["INS Lab flight csv"](montreal(60))),
     "phone.csv": lambda path: written(path, WRITERS["csv with named columns"](montreal(60))),
     "phone.zip": zipped,
+    "capture.bin": capture,
     "my_drive": drive,
     "drive": drive,
     "my_copter": lambda path: write(path, copter()),
