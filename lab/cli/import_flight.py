@@ -199,6 +199,7 @@ def _log_in(
     files: Sequence[Path], units: dict[str, str], axes: Sequence[str], named_vehicle: str
 ) -> SensorLog:
     """Return the log in files; the bytes of a device are a log too."""
+    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - rarely needed
     from lab.live.recorded_log import device_log  # noqa: PLC0415 - rarely needed
     from lab.missions import MissionError  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
@@ -206,7 +207,10 @@ def _log_in(
     try:
         return read_log(files, units, axes, named_vehicle)
     except MissionError:
-        log = device_log(files[0], named_vehicle, axes) if len(files) == 1 and not units else None
+        try:
+            log = device_log(files[0], named_vehicle, axes) if len(files) == 1 and not units else None
+        except RecordingError as error:
+            raise CommandError(str(error)) from error
         if log is None:
             raise
         return log

@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 RATES = (0.1, 10_000.0)
 """Rates of a device that are accepted [Hz]."""
 LARGEST = 2**30
-"""Largest capture [bytes]: nine hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
+"""Largest capture [bytes]: ten hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
 _PIECE = 0.01
 """Least time between two arrivals [s]: bytes come in pieces, not one by one."""
 _LOOKED_AT = 2**16
@@ -65,7 +65,7 @@ def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
 def records_of(path: str | os.PathLike[str], **options: str) -> Records:
     """Yield the records of a raw recording, or of a capture, as `lab.live.raw_recording.records` does.
 
-    A capture is decoded as a whole first, which takes a second for a megabyte.
+    A capture is decoded as a whole first, which takes 0.2 s for a megabyte.
 
     Parameters
     ----------

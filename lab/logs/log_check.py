@@ -284,8 +284,8 @@ def _check_force(log: SensorLog) -> None:
         sign = "" if mean[axis] > 0 else "minus "
         raise MissionError(
             f"{log.name}: the reaction to gravity is measured along {sign}{direction}, but a level vehicle "
-            "measures it along minus down: swapped axes or signs are likely. axes in the TOML says which "
-            "axes of the IMU point forward, right, down"
+            "measures it along minus down: swapped axes or signs are likely. axes in log.toml, or "
+            "--axes of ins-lab import --as log, says which axes of the IMU point forward, right, down"
         )
 
 

@@ -70,7 +70,7 @@ class Track:
     lines : (n,) array
         Line of each point, as an editor shows it.
     down : (n,) array or None
-        Vertical velocity, if the file has it [m/s].
+        Vertical velocity, positive down, if the file has it [m/s].
     columns : tuple of ColumnUnit
         What the file calls its quantities: latitude, longitude, height, speed, course; in this order.
     rows_read, dropped, remarks, vehicle

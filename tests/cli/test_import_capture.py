@@ -70,10 +70,20 @@ def test_a_raw_recording_becomes_a_log_of_its_name(flight: SimulatedFlight, tmp_
     assert answer.stdout.splitlines()[-1] == "Added: drive. Navigate it: ins-lab run drive"
 
 
+def test_a_damaged_recording_is_refused_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "damaged.inslab"
+    path.write_bytes(b"INS Lab raw recording 1\n{}\n" + b"\xff" * 100)
+    answer = ask("import", str(path), "--as", "log")
+    refused(answer, "damaged.inslab: damaged at byte 27")
+    assert "standard output" not in answer.stderr
+
+
 def test_axes_are_those_of_the_device(flight: SimulatedFlight, tmp_path: Path) -> None:
     path = tmp_path / "up.bin"
     path.write_bytes(b"".join(chunk.data for chunk in sent(flight, "vectornav")))
-    refused(ask("import", str(path), "--as", "log", "--axes", "x,-y,-z"), "gravity")
+    refused(
+        ask("import", str(path), "--as", "log", "--axes", "x,-y,-z"), "gravity", "--axes of ins-lab import"
+    )
     answer = ask("import", str(path), "--as", "log", "--axes", "-x,-y,z")
     assert answer.exit_code == 0, answer.output
     forward = np.median(missions()["up.bin"].log.rates[1][:, 0])

@@ -168,6 +168,7 @@ class Draft:
 
     def _prepare(self) -> None:
         paths, raw = self._paths, self._raw
+        before = None if raw is None else self._read  # other settings rebuild the flight, and not the log
         units, axes = {**self._units.chosen(), **self._columns.columns}, self._columns.axes
         settings, sensors = self._settings.copy(), self._session.experiment.sensors.copy()
 
@@ -181,7 +182,7 @@ class Draft:
                 )
             except MissionError as error:
                 raise MissionError(_without_folder(error, paths)) from error
-            return _Read(read, *_log_of(read, units))
+            return _Read(read, *(before[1:] if before else _log_of(read, units)))
 
         self._job.start("Reading", work, self._show)
 
@@ -228,7 +229,7 @@ def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | N
         return read.log, read.log_refused
     try:
         return device_log(read.paths[0], axes=read.axes), read.log_refused
-    except (MissionError, OSError) as error:
+    except (ValueError, OSError) as error:  # of the log, the device or the recording
         return None, _without_folder(error, read.paths)
 
 
