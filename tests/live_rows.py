@@ -25,7 +25,8 @@ FIX_SIGMA = (0.5, 0.8, 0.1)
 """σ of a fix: horizontal, vertical [m], speed [m/s]."""
 
 
-def _ramp(time: np.ndarray, start: float, length: float) -> np.ndarray:
+def ramp(time: np.ndarray, start: float, length: float) -> np.ndarray:
+    """Return a smooth step from 0 to 1, which begins at a time and takes some time [s]."""
     x = np.clip((time - start) / length, 0, 1)
     return x**3 * (10 - 15 * x + 6 * x * x)
 
@@ -34,8 +35,8 @@ def _ramp(time: np.ndarray, start: float, length: float) -> np.ndarray:
 def drive(end: float = 90.0) -> Trajectory:
     """Return a drive: at rest until 20 s, again from 50 to 70 s, with turns in between."""
     time = np.arange(0, end + 0.01, 0.05)
-    speed = 8.0 * (_ramp(time, 20, 5) - _ramp(time, 45, 5) + _ramp(time, 70, 5))
-    course = 0.6 + 1.2 * _ramp(time, 28, 6) - 0.9 * _ramp(time, 37, 6) + 1.0 * _ramp(time, 78, 6)
+    speed = 8.0 * (ramp(time, 20, 5) - ramp(time, 45, 5) + ramp(time, 70, 5))
+    course = 0.6 + 1.2 * ramp(time, 28, 6) - 0.9 * ramp(time, 37, 6) + 1.0 * ramp(time, 78, 6)
     velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.zeros(time.size)))
     path = np.cumsum(np.vstack((np.zeros(3), 0.025 * (velocity[1:] + velocity[:-1]))), axis=0)
     lat, lon, _ = pymap3d.enu2geodetic(path[:, 1], path[:, 0], np.zeros(time.size), 45.0, -73.5, 100.0)
@@ -71,9 +72,15 @@ def fix_rows(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, late:
     return rows
 
 
-def driven(seed: int = 1, late: float = 0.0, lever_arm=(0.0, 0.0, 0.0), period: float = 0.25):
-    """Return the rows of IMU and receiver on the drive, with a little noise and bias, and the trajectory."""
-    trajectory, rng = drive(), np.random.default_rng(seed)
+def driven(
+    seed: int = 1,
+    late: float = 0.0,
+    lever_arm=(0.0, 0.0, 0.0),
+    period: float = 0.25,
+    trajectory: Trajectory | None = None,
+):
+    """Return the rows of IMU and receiver on a drive, with a little noise and bias, and the trajectory."""
+    trajectory, rng = trajectory or drive(), np.random.default_rng(seed)
     ideal = trajectory.increments(RATE)
     n = len(ideal.dtheta)
     rate = ideal.dtheta * RATE + np.radians((0.1, -0.2, 0.15)) + rng.normal(scale=1e-3, size=(n, 3))
@@ -137,7 +144,7 @@ def handled(sensors: SensorSuite, latitude: float, seed: int) -> tuple[np.ndarra
     part = np.clip((time - 15) / 20, 0, 1)
     for axis in range(3):
         swing = np.sin(np.pi * part) ** 2 * np.sin(2 * np.pi * part * (2 + axis))
-        euler[:, axis] += swing * rng.uniform(0.3, 0.8) + _ramp(time, 15, 20) * rng.uniform(-0.5, 0.5)
+        euler[:, axis] += swing * rng.uniform(0.3, 0.8) + ramp(time, 15, 20) * rng.uniform(-0.5, 0.5)
     C_nb = Rotation.from_euler("ZYX", euler[:, ::-1])
     earth_rate = earth.RATE * np.array([np.cos(latitude), 0, -np.sin(latitude)])
     C_ib = Rotation.from_rotvec(np.outer(time, earth_rate)) * C_nb

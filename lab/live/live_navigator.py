@@ -4,7 +4,8 @@ The compiled step is that of a batch run (`lab.navigation.navigator.advance`), w
 rests, R, gates and gaps, so the solution equals that of `lab.navigation.recorded.navigate_log` on the
 recorded log from the same start. What the batch takes from the future differs:
 
-- the start: the batch looks for the heading in the whole log, the live navigator in the data so far;
+- the start: the batch looks for the heading in the whole log, the live navigator in the data so far. If the
+  vehicle was slow then, its first fast course may show that it moved backwards: the navigator begins again;
 - the noise in a filled gap comes from the motion on both sides, and is final 5 s after it;
 - after a break of the IMU of more than two seconds, the navigator aligns again; the batch navigates the
   longest piece;
@@ -32,7 +33,6 @@ from lab.live.live_aids import LiveAids
 from lab.live.live_compass import look_at_compass
 from lab.live.live_filter import LiveFilter
 from lab.live.live_history import History
-from lab.live.live_log import headings_of, magnetometer_of
 from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream
@@ -42,18 +42,19 @@ from lab.live.reading_times import NO_READINGS
 from lab.live.ring import Cursor
 from lab.live.source import Source
 from lab.live.source_status import Event
+from lab.live.stream_log import log_of_stream
 from lab.live.stream_settings import stream_settings
-from lab.logs.auxiliary_data import AuxiliaryData, Series
-from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.logs.sensor_log import SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
 from lab.navigation.choice import chosen_model
+from lab.navigation.initial_heading import FORWARD_SPEED, contradict
 from lab.navigation.navigator import load
 from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
-from lab.recordings.mission_error import MissionError
+from lab.rotation import wrap
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 
@@ -261,48 +262,12 @@ class LiveNavigator:
             If nothing has come yet.
         """
         with self._lock:
-            stream = self._stream
-            samples, fixes = stream.samples, stream.fixes
-            if not len(samples):
-                raise MissionError("live stream: no sample has come yet; accepted is a stream with samples")
-            zero = float(samples.column("time")[0])
-            time = samples.column("time") - zero
-            gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
-            magnetometer = magnetometer_of(time, samples.column("magnetic"))
-            heights, speeds, headings, _ = stream.readings
-            barometer = odometer = None
-            shift = self._reading_intake.heights.shift
-            if len(heights) and not np.isnan(shift):
-                shifted = heights.column("value") + shift
-                barometer = Series(heights.column("time") - zero, shifted)
-            if len(speeds):
-                odometer = Series(speeds.column("time") - zero, speeds.column("value").copy())
-            return SensorLog(
-                name="live stream",
-                epoch=stream.epoch + zero,
-                time=time,
-                dtheta=samples.column("dtheta")[1:].copy(),
-                dvelocity=samples.column("dvelocity")[1:].copy(),
-                gnss=GnssLog(
-                    time=fixes.column("time") + self._latency - zero,
-                    position=fixes.column("position").copy(),
-                    velocity_n=fixes.column("velocity_n").copy(),
-                    position_sigma=fixes.column("position_sigma").copy(),
-                    velocity_sigma=fixes.column("velocity_sigma").copy(),
-                    lever_arm=self._assumed.lever_arm,
-                    latency=self._latency,
-                ),
-                reference=None,
-                gaps=np.array(gaps).reshape(-1, 2) - zero,
-                repairs=self.state.remarks,
-                auxiliary=AuxiliaryData(
-                    magnetometer=magnetometer,
-                    headings=headings_of(
-                        headings.column("time") - zero, headings.column("value"), headings.column("sigma")
-                    ),
-                    barometer=barometer,
-                    odometer=odometer,
-                ),
+            return log_of_stream(
+                self._stream,
+                self._assumed.lever_arm,
+                self._latency,
+                self._reading_intake.heights.shift,
+                self.state.remarks,
             )
 
     def _new_stream(self, epoch: float) -> None:
@@ -390,6 +355,8 @@ class LiveNavigator:
         self._notes |= {name: remark for name, remark in self._aids.remarks.items() if remark}
         if stream.attitude is not None:
             self._seek(stream.attitude)
+        elif stream.filter is not None:
+            self._check_course()
         if stream.filter is not None:
             self._navigate(stream.filter)
         if stream.attitude is None or stream.attitude.begun:
@@ -417,6 +384,25 @@ class LiveNavigator:
         if why:
             self._stop(why)
 
+    def _check_course(self) -> None:
+        """Begin again if the first fast course shows that the vehicle began backwards, or was carried."""
+        stream = self._stream
+        if not self._is_new_second():
+            return
+        found = self._start.seek_again(stream.samples, stream.fixes, stream.readings.heading)
+        if found.alignment is None or stream.alignment is None:
+            return
+        then = stream.sample(found.first)
+        own = stream.alignment.heading._replace(heading=then.euler[2], sigma=then.euler_sigma[2])
+        if not then.is_usable or not contradict(own, found.alignment.heading):
+            return
+        apart = np.degrees(abs(wrap(found.alignment.heading.heading - own.heading)))
+        self._begin(found.alignment, found.first)
+        self._notes["again"] = (
+            f"The first course above {FORWARD_SPEED:g} m/s showed that the heading at the start was wrong "
+            f"by {apart:.0f}°: the navigator began again with the samples that are kept."
+        )
+
     def _stop(self, why: str) -> None:
         """Keep the attitude only."""
         stream = self._stream
@@ -438,16 +424,20 @@ class LiveNavigator:
         stream.first_fix = self._shown_fix = stream.fixes.end
         self._start = LiveStart(self._navigator, self._assumed.noise[:3])
 
+    def _is_new_second(self) -> bool:
+        """Return whether a second began since the last call: a start is sought once in each."""
+        second = int(self._stream.now)
+        is_new, self._second = second != self._second, second
+        return is_new
+
     def _seek(self, attitude: AttitudeOnly) -> None:
         """Advance the attitude, and once a second look for a start."""
         stream = self._stream
         if self._place is None and len(stream.fixes):
             attitude.place = stream.fixes.column("position")[-1].copy()
         attitude.advance()
-        second = int(stream.now)
-        if second == self._second:
+        if not self._is_new_second():
             return
-        self._second = second
         look_at_compass(stream)
         found = self._start.seek(
             stream.samples, stream.fixes, stream.shown_heading(), stream.readings.heading
@@ -475,7 +465,8 @@ class LiveNavigator:
         )
         run.add_gaps(stream.gaps)
         stream.filter = run
-        stream.first_fix = self._shown_fix = run.next_fix
+        stream.first_fix = run.next_fix
+        self._shown_fix = max(self._shown_fix, run.next_fix)
         if run.next_fix < stream.fixes.end:
             run.changed_fixes(run.next_fix, stream.fixes.end)
         self._notes["start"] = alignment.remark

@@ -17,7 +17,7 @@ from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import MIN_OVERLAP
 from lab.logs.velocity_matching import WINDOW
 from lab.navigation.alignment import REST_SPEED, Alignment, align
-from lab.navigation.initial_heading import Hints, shows_course
+from lab.navigation.initial_heading import FORWARD_SPEED, Hints, shows_course
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Fixes, Imu
 from lab.navigation.standstill import SHORTEST
@@ -65,6 +65,7 @@ class LiveStart:
         self._navigator = navigator
         self._gyro_density = gyro_density
         self._tried = -np.inf  # time of the last attempt by the change of the velocity
+        self._is_slow_course = False  # whether a course gave the heading, and none above `FORWARD_SPEED` yet
 
     def seek(
         self,
@@ -98,8 +99,7 @@ class LiveStart:
                           f"{MIN_OVERLAP:g} s.")  # fmt: skip
         imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
         imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
-        known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
-        known, sigma = start_fixes(known, fixes.column("velocity_n"), fixes.column("variances"))
+        known, sigma = _fixes_with_velocity(fixes)
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
             AuxiliaryData(
@@ -129,7 +129,20 @@ class LiveStart:
             return Sought(None, first, f"At rest for {made.rest:.0f} s; levelling takes {SHORTEST} s.")
         if by_imu and shown is not None:
             made = made._replace(heading=made.heading._replace(source=shown[2]))
+        self._is_slow_course = made.heading.is_course and not _moves_forward(known, sigma)
         return Sought(made, first, "")
+
+    def seek_again(self, samples: Rolling, fixes: Rolling, headings: Rolling | None = None) -> Sought:
+        """Return the start by the kept data, once the first fast course can contradict that of a slow start.
+
+        Parameters
+        ----------
+        samples, fixes, headings
+            As in `seek`.
+        """
+        if not self._is_slow_course or not _moves_forward(*_fixes_with_velocity(fixes)):
+            return Sought(None, 0, "")
+        return self.seek(samples, fixes, None, headings)
 
     def _not_yet(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> str:
         """Return why an attempt cannot succeed yet, empty if it may: it costs too much to try each second."""
@@ -148,6 +161,18 @@ class LiveStart:
             self._tried = now
             return ""
         return f"The heading is unknown: {HOW}."
+
+
+def _fixes_with_velocity(fixes: Rolling) -> tuple[Fixes, FloatArray]:
+    """Return the fixes for a start, with velocities where none are measured, and the σ of these [m/s]."""
+    known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
+    return start_fixes(known, fixes.column("velocity_n"), fixes.column("variances"))
+
+
+def _moves_forward(fixes: Fixes, sigma: FloatArray) -> bool:
+    """Return whether two fixes in a row are so fast that no vehicle moves backwards."""
+    fast = shows_course(fixes, sigma) & (np.linalg.norm(fixes.velocity_n[:, :2], axis=1) > FORWARD_SPEED)
+    return bool((fast[1:] & fast[:-1]).any())
 
 
 COMPARED: Final = (
