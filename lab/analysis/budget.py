@@ -43,7 +43,7 @@ from lab.analysis.error_sources import (
     processes,
 )
 from lab.analysis.errors import euler_sigma
-from lab.analysis.gains import Epochs, Update, aid_update, epochs_of, fix_update
+from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
@@ -229,6 +229,7 @@ class _Propagation:
         self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
         errors = run.experiment.sensors.gps
         bad = within(errors.quality_steps, run.fixes.time)
+        self.own_steps: dict[int, tuple[FloatArray, FloatArray]] = {}  # by the number of samples
         self.grade = np.where(bad, errors.quality_factor, 1.0)
         self.shown = [shown_in(source, run.blocks) for source in processes]
         self.P = np.zeros((len(processes), self.own.stop, self.own.stop))
@@ -242,15 +243,15 @@ class _Propagation:
         room = Transition.empty(len(self.inertial), len(self.known), self.fade.size)
         before, row = 0, 0
         self.map = dict(zip(epochs.sample.tolist(), self._quantities(epochs.sample), strict=True))
-        for sample, fix, aid, shown in zip(*(part.tolist() for part in epochs), strict=True):
+        place = np.column_stack((self.flight.latitude[epochs.sample], self.flight.longitude[epochs.sample]))
+        updates = updates_of(self.result, epochs, place)
+        for sample, fix, aid, shown, update in zip(*(part.tolist() for part in epochs), updates, strict=True):
             self._propagate(before, sample, room)
-            if fix >= 0:
-                place = np.array((self.flight.latitude[sample], self.flight.longitude[sample]))
-                update = fix_update(self.result, fix, place)
-                self._update(update, [series.fixes[fix] for series in self.known], fix)
-            elif aid >= 0:
-                values = [series.aids[aid : aid + 1] for series in self.known]
-                self._update(aid_update(self.result, aid), values)
+            if update is not None:
+                known = [
+                    series.fixes[fix] if fix >= 0 else series.aids[aid : aid + 1] for series in self.known
+                ]
+                self._update(update, known, fix)
             if shown:
                 out[:, row] = self._variances(sample)
                 row += 1
@@ -301,11 +302,18 @@ class _Propagation:
         Q[:imu, :NAV, :NAV] = step.covariance
         Q[:imu, :NAV, own] = step.cross
         Q[:imu, own, :NAV] = step.cross.mT
-        elapsed = (last - first) * self.flight.dt
-        for p, source in enumerate(self.processes):
-            B[p, own, own] = source.decay(elapsed) * np.eye(3)
-            Q[p, own, own] = np.diag(source.drive(elapsed))
+        decay, drive = self._own_step(last - first)
+        B[:, own, own], Q[:, own, own] = decay, drive
         self.P = B @ self.P @ B.mT + Q
+
+    def _own_step(self, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Return the transition and the noise (process, 3, 3) of c over some samples."""
+        if samples not in self.own_steps:  # most steps are alike
+            elapsed = samples * self.flight.dt
+            decay = np.array([source.decay(elapsed) for source in self.processes])
+            drive = np.array([source.drive(elapsed) for source in self.processes]).reshape(-1, 3)
+            self.own_steps[samples] = decay[:, None, None] * np.eye(3), drive[:, None] * np.eye(3)
+        return self.own_steps[samples]
 
     def _update(self, update: Update, known: Sequence[FloatArray], fix: int = -1) -> None:
         """Take a measurement, given what known errors (r,) add to it, and the number of a fix."""
@@ -341,7 +349,7 @@ class _Propagation:
         seen[:, :, :n] = T
         for p, (states_of_c, sign) in enumerate(self.shown):
             seen[p, states_of_c, self.own] = sign * np.eye(states_of_c.stop - states_of_c.start, 3)
-        random = np.einsum("pqi,pij,pqj->pq", seen, self.P, seen, optimize=True)
+        random = ((seen @ self.P) * seen).sum(axis=2)
         # Roundoff of the turned axes may make a zero variance slightly negative.
         return np.concatenate((constant, np.maximum(random, 0)))
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.finding import RATIO, Change, Finding, Weighed, judge_size, written
-from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
 from lab.analysis.outliers import CHANCE
 from lab.analysis.pattern import AXES, channel, stretch, stretch_words
@@ -36,16 +35,14 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
     if not fixes.count:
         return []
     apart = judge_outliers(fixes.outliers, fixes.count + fixes.outliers, "position or velocity errors")
-    white = _fit(fixes, (0, 0))
-    best = max(
-        (_fit(fixes, at) for at in np.ndindex(len(TIMES), len(RATIOS))), key=lambda fit: fit.likelihood
-    )
-    time, ratio = TIMES[best.at[0]], RATIOS[best.at[1]]
-    gain = best.likelihood - white.likelihood
+    fits = _fits(fixes)
+    best = np.unravel_index(np.argmax(fits.likelihood), fits.likelihood.shape)
+    time, ratio = TIMES[best[0]], RATIOS[best[1]]
+    gain = float(fits.likelihood[best] - fits.likelihood[_WHITE])
     correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
-    fit = best if correlated else white
-    found = apart + judge_causes(fit.equations, told)
-    scales = np.array([fit.position, fit.velocity])
+    at = best if correlated else _WHITE
+    found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), told)
+    scales = fits.scales[at].copy()
     if correlated:
         sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
         found.append(Weighed(gain, correlation(sigma, time, gain)))
@@ -104,35 +101,42 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     )
 
 
-class _FixFit(NamedTuple):
-    """Latency and lever arm fitted to the errors of the fixes, and the size of the remaining errors.
+_WHITE = (0, 0)
+"""Place of white errors in `TIMES` and `RATIOS`."""
 
-    `equations` are the normal equations with unit variance, `position` and `velocity` are the remaining
-    variances relative to R, and `at` is the index of the correlation.
+
+class _FixFits(NamedTuple):
+    """Latency and lever arm fitted to the errors of the fixes, and the sizes of the remaining errors.
+
+    There is one fit for each correlation of the position errors, at `TIMES` and `RATIOS` (t, r). `matrix` and
+    `vector` are the normal equations with unit variance, `scales` (t, r, 2) the remaining variances of
+    position and velocity relative to R.
     """
 
-    at: tuple[int, ...]
-    equations: Fit
-    position: float
-    velocity: float
-    likelihood: float
+    matrix: FloatArray
+    vector: FloatArray
+    scales: FloatArray
+    likelihood: FloatArray
 
 
-def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
+def _fits(fixes: FixErrors) -> _FixFits:
     """Fit latency and lever arm by least squares, weighted by the sizes of the remaining errors."""
-    parts = (Fit(*(figure[at] for figure in fixes.position)), fixes.velocity)
+    parts = (fixes.position, fixes.velocity)
     count = 3.0 * fixes.count
-    scales = np.ones(2)
+    scales = np.ones((*fixes.log_determinant.shape, 2))
     for _ in range(3):
-        matrix = parts[0].matrix / scales[0] + parts[1].matrix / scales[1]
-        vector = parts[0].vector / scales[0] + parts[1].vector / scales[1]
-        covariance = np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64)
-        x = covariance @ vector if fixes.count >= FEWEST else np.zeros(CAUSES)
-        rest = [part.squares - 2 * part.vector @ x + x @ part.matrix @ x for part in parts]
-        scales = np.maximum(np.array(rest) / count, 1e-12)
-    likelihood = -0.5 * (count * np.log(scales).sum() + fixes.log_determinant[at])
-    equations = Fit(matrix, vector, np.array(count))
-    return _FixFit(at, equations, float(scales[0]), float(scales[1]), float(likelihood))
+        matrix = sum(part.matrix / scales[..., k, None, None] for k, part in enumerate(parts))
+        vector = sum(part.vector / scales[..., k, None] for k, part in enumerate(parts))
+        x = np.linalg.pinv(matrix, hermitian=True) @ vector[..., None]
+        if fixes.count < FEWEST:
+            x = np.zeros_like(x)
+        rest = [
+            part.squares + ((x.mT @ part.matrix - 2 * part.vector[..., None, :]) @ x)[..., 0, 0]
+            for part in parts
+        ]
+        scales = np.maximum(np.stack(rest, axis=-1) / count, 1e-12)
+    likelihood = -0.5 * (count * np.log(scales).sum(axis=-1) + fixes.log_determinant)
+    return _FixFits(np.asarray(matrix), np.asarray(vector), scales, likelihood)
 
 
 def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:

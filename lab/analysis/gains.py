@@ -7,6 +7,7 @@ A. Gelb (ed.), *Applied Optimal Estimation*, ch. 4.2.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ FloatArray = NDArray[np.float64]
 
 INTERVAL = 1.0
 """Longest time between two epochs of a budget [s]."""
+_TOGETHER = 256
+"""Epochs whose maps are computed together: with 52 states, their matrices take 20 MB."""
 
 
 class Epochs(NamedTuple):
@@ -90,39 +93,54 @@ class Update(NamedTuple):
     noise: dict[int, FloatArray]
 
 
-def fix_update(run: Run, fix: int, place: FloatArray) -> Update:
-    """Return the use of a fix.
+def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update | None]:
+    """Yield the use of the measurement at each epoch; None where there is none.
 
     Parameters
     ----------
     run
         The run.
-    fix
-        Number of the fix.
-    place : (2,) array
-        True latitude and longitude [rad].
+    epochs
+        Its epochs.
+    place : (e, 2) array
+        True latitude and longitude at each [rad].
     """
-    solution, sample = run.solution_arrays, int(run.solution_arrays.fix_sample[fix])
+    for start in range(0, epochs.sample.size, _TOGETHER):
+        some = slice(start, start + _TOGETHER)
+        part = Epochs(*(values[some] for values in epochs))
+        solution = run.solution_arrays
+        maps = output_map(solution.position[part.sample], solution.velocity_n[part.sample])
+        at_fix = part.fix >= 0
+        fixes = iter(_fix_updates(run, part.fix[at_fix], maps[at_fix], place[some][at_fix]))
+        for fix, aid, here in zip(part.fix, part.aid, maps, strict=True):
+            yield next(fixes) if fix >= 0 else _aid_update(run, int(aid), here) if aid >= 0 else None
+
+
+def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: FloatArray) -> list[Update]:
+    """Return the uses of fixes (m,), with the maps of their estimates (m, 9, 9) and true places (m, 2)."""
+    solution = run.solution_arrays
     # The filter's H is for errors along the axes of the fix, its P⁺ for output errors at its estimate.
-    C_fe = ecef.axes(*run.fixes.position[fix, :2]).T
-    H = solution.fix_H[fix].copy()
+    C_fe = ecef.axes(*run.fixes.position[fixes, :2].T).mT
+    H = solution.fix_H[fixes]
     for block in (POS, VEL, ATT):
-        H[:, block] = H[:, block] @ C_fe
-    back = np.eye(solution.states)
-    back[:NAV, :NAV] = np.linalg.inv(_map_at(run, sample))
-    P = back @ solution.fix_covariance[fix] @ back.T
+        H[..., block] = H[..., block] @ C_fe
+    back = np.tile(np.eye(solution.states), (fixes.size, 1, 1))
+    back[:, :NAV, :NAV] = np.linalg.inv(maps)
+    P = back @ solution.fix_covariance[fixes] @ back.mT
     # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
-    K = P @ H.T @ np.linalg.inv(solution.fix_R[fix])
+    K = P @ H.mT @ np.linalg.inv(solution.fix_R[fixes])
     # Errors of a fix are along north, east and down of the true place.
-    turned, none = C_fe @ ecef.axes(*place), np.zeros((3, 3))
-    noise = {GPS_POSITION: np.vstack((turned, none)), GPS_VELOCITY: np.vstack((none, turned))}
-    return Update(H, K, noise)
+    turned = C_fe @ ecef.axes(*place.T)
+    none = np.zeros_like(turned)
+    position, velocity = np.concatenate((turned, none), axis=1), np.concatenate((none, turned), axis=1)
+    return [
+        Update(H[k], K[k], {GPS_POSITION: position[k], GPS_VELOCITY: velocity[k]}) for k in range(fixes.size)
+    ]
 
 
-def aid_update(run: Run, aid: int) -> Update:
-    """Return the use of a measurement of the aids, given by its number."""
+def _aid_update(run: Run, aid: int, here: FloatArray) -> Update:
+    """Return the use of a measurement of the aids, with the map (9, 9) of its estimate."""
     solution, kind = run.solution_arrays, int(run.aids.kind[aid])
-    here = _map_at(run, int(solution.aid_sample[aid]))
     H, K = solution.aid_H[aid].copy(), solution.aid_gain[aid].copy()
     H[:NAV] = H[:NAV] @ here
     K[:NAV] = np.linalg.solve(here, K[:NAV])
@@ -131,9 +149,3 @@ def aid_update(run: Run, aid: int) -> Update:
     if kind == AIRSPEED:  # a change of the wind changes what is measured as H says
         noise[WIND] = np.append(H[blocks.states_of(run.blocks, blocks.WIND)], 0.0)[None]
     return Update(H[None], K[:, None], noise)
-
-
-def _map_at(run: Run, sample: int) -> FloatArray:
-    """Return the map (9, 9) from errors in e to output errors at the estimate of a sample."""
-    solution = run.solution_arrays
-    return np.asarray(output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0])

@@ -103,6 +103,8 @@ class Gap:
     ----------
     start, end : float
         Times [s].
+    edges : tuple of int
+        Numbers of its first and its last sample.
     noise : (12,) array
         Densities of the process noise in it, from the motion so far.
     settled : bool
@@ -111,6 +113,7 @@ class Gap:
 
     start: float
     end: float
+    edges: tuple[int, int]
     noise: FloatArray
     settled: bool = False
 
@@ -217,7 +220,8 @@ class LiveFilter:
         """Take note of filled gaps that end after the start, by their times [s]; the samples are there."""
         for start, end in gaps:
             if end > self._begun + _ROUNDING:
-                self._gaps.append(Gap(start, end, self._noise_in(start, end)))
+                first, last = (self.samples.number("time", time - _ROUNDING) for time in (start, end))
+                self._gaps.append(Gap(start, end, (first, last), self._noise_in(start, end)))
 
     def advance(self) -> None:
         """Advance to the last sample."""
@@ -350,10 +354,9 @@ class LiveFilter:
         step = np.floor(self._time(self.at) / COPY + 1e-6) + 1
         stop = min(last, max(self.at + 1, self.samples.number("time", step * COPY)))
         for gap in self._gaps:
-            for edge in (gap.start, gap.end):
-                at = self.samples.number("time", edge - _ROUNDING)
-                if self.at < at < stop:
-                    stop = at
+            for edge in gap.edges:
+                if self.at < edge < stop:
+                    stop = edge
         due = self.fixes.number("time", self._time(stop) + _SLACK, "right")
         measured = self.fixes.rows("measured", self.next_fix, max(due, self.next_fix))
         change = np.flatnonzero(np.diff(measured))
@@ -373,8 +376,7 @@ class LiveFilter:
             )
         noise = self.assumed.noise
         for gap in self._gaps:
-            inside = gap.start - _ROUNDING <= self._time(self.at)
-            if inside and self._time(end) <= gap.end + _ROUNDING:
+            if gap.edges[0] <= self.at and end <= gap.edges[1]:
                 noise = gap.noise
         return self._gates[count], noise
 
