@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 UNIX = 1.7e9
@@ -12,10 +14,16 @@ def table(path, header, rows, separator=",", encoding="utf-8", comma=False, befo
     """Write a table; texts stay as they are, numbers are written with all digits, NaN is empty."""
 
     def cell(value):
-        text = value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.16g}"
-        return text.replace(".", ",") if comma else text
+        return value if isinstance(value, str) else "" if math.isnan(value) else f"{value:.16g}"
 
-    lines = [separator.join(map(cell, row)) for row in rows]
+    if isinstance(rows, np.ndarray) and rows.dtype == np.float64 and not np.isnan(rows).any():
+        row_format = separator.join(["%.16g"] * rows.shape[1])
+        lines = [row_format % tuple(row) for row in rows.tolist()]
+    else:
+        lines = [separator.join(map(cell, row)) for row in rows]
+    if comma:
+        assert separator != ","
+        lines = [line.replace(".", ",") for line in lines]
     path.write_bytes((before + "\n".join((header, *lines)) + "\n").encode(encoding))
     return path
 

@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 
 INTERVAL = 1.0
 """Longest time between two epochs of a budget [s]."""
-_TOGETHER = 256
-"""Epochs whose maps are computed together: with 52 states, their matrices take 20 MB."""
+_TOGETHER = 32
+"""Epochs whose uses are computed together: with 52 states, their matrices take 3 MB."""
 
 
 class Epochs(NamedTuple):

@@ -35,8 +35,6 @@ TERMS = {
     "bandwidth": "bandwidth",
 }
 """Separately simulated errors: the name of the source after its sensor, and its setting."""
-BIASES = frozenset({"bias_temperature", "g_sensitivity"})
-"""Errors that the true bias includes."""
 
 
 class Series(NamedTuple):
@@ -101,11 +99,12 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
         alone = imu.measure(true, ideal.dt, quiet, _NONE, environment).increments - true
-        if isinstance(errors, imu.GyroErrors) and term in BIASES and experiment.navigator.alignment:
+        is_bias = bool(imu.induced_bias(quiet, environment, ideal.dt).any())
+        if isinstance(errors, imu.GyroErrors) and is_bias and experiment.navigator.alignment:
             # An alignment removed the part present at rest.
             before = imu.Environment(environment.temperature[:1], _at_rest(truth))
             alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
-        add(source, alone, term in BIASES)
+        add(source, alone, is_bias)
     dvelocity = imu.with_vibration(
         experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt
     )

@@ -15,6 +15,7 @@ from lab.navigation.belief import belief
 from lab.sensors.suite import OTHER_SENSORS, TRIADS
 from lab.settings import Settings
 from lab.stages import CACHE
+from lab.units import TO_SI
 
 RATE = 50.0
 """Rate of the IMU [Hz]: the effects of errors on a flight are those at 200 Hz, in a quarter of the time."""
@@ -100,8 +101,11 @@ def test_a_given_error_alone_has_the_effect_it_has(source: str) -> None:
     found = error_budget(result)
     samples = np.searchsorted(result.time, found.time.values - 1e-9)
     data = (result.errors[name].values[samples] for name in ("position", "velocity", "attitude"))
-    flown = np.abs(np.concatenate(list(data), axis=1))
-    alone_sigma = found.sigma.sel(source=source).values[:, :9]
+    run = getattr(result, "run", result)
+    biases = run.solution_arrays.bias - run.true_bias
+    shown = [TO_SI[unit] for unit in found.unit.values[9:15]]
+    flown = np.abs(np.concatenate((*data, biases[samples] / shown), axis=1))
+    alone_sigma = found.sigma.sel(source=source).values[:, :15]
     largest = flown.max(axis=0)
     assert np.all(np.abs(alone_sigma - flown).max(axis=0) < 0.05 * largest + 2e-3)
 
