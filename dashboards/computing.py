@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar
 
 from lab.experiment import Experiment
 from lab.missions import MissionError
+from lab.progress import Progress
 from lab.result import Result
 from lab.settings import SettingError
 
@@ -32,7 +33,6 @@ WRITING = ThreadPoolExecutor(max_workers=1, thread_name_prefix="writing")
 it."""
 
 T = TypeVar("T")
-Progress = Callable[[str, float], None]
 
 
 def share_interpreter() -> None:

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable
 
 from lab.cache import StageCache, digest
-from lab.ensemble import Ensemble, Progress
+from lab.ensemble import Ensemble
+from lab.progress import Progress
 from lab.result import Result
 from lab.seeds import run_ensemble
 

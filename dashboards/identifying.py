@@ -10,12 +10,13 @@ from html import escape
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.identification import Identification
+from lab.progress import Progress
 from lab.result import Result
 from lab.settings import SettingError
 

@@ -31,7 +31,7 @@ from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
-from dashboards.progress import Progress
+from dashboards.progress import ProgressText
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -102,7 +102,7 @@ class SimulatorPage:
         self._closed = False
         self._visible: Page | None = None
         self._address = Address(self.session, document)
-        self._progress = Progress(self.session)
+        self._progress = ProgressText(self.session)
         self._reason = Notice(margin=(16, 20))
         self._failure = Notice()
         self._message = Notice(closeable=True, margin=(6, 8))

@@ -16,7 +16,7 @@ div { overflow: hidden; text-overflow: ellipsis; }
 """On a phone the text ends with dots: it must not push the switch of the theme out of the header."""
 
 
-class Progress:
+class ProgressText:
     """Shows the stage and the fraction done while a session computes."""
 
     def __init__(self, session: Session) -> None:

@@ -10,11 +10,12 @@ import param
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 
-from dashboards.computing import LatestWins, Outcome, Progress, run
+from dashboards.computing import LatestWins, Outcome, run
 from dashboards.sending import soon, together
 from lab.experiment import Experiment
 from lab.homework.homework import Homework
 from lab.missions import missions, names_in_words
+from lab.progress import Progress
 from lab.result import Result
 from lab.settings import SettingError
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -14,10 +14,9 @@ from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.notebook_card import NotebookCard
+from lab.progress import Progress
 from lab.seeds import run_ensemble
 from lab.settings import SettingError
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ Of the runs only sums are kept, and a few numbers of each; see `lab.seeds`.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, ClassVar
@@ -24,6 +23,7 @@ from lab.error_histogram import ErrorHistogram
 from lab.experiment import Experiment
 from lab.navigation.checks import DivergedError
 from lab.notebook_card import NotebookCard
+from lab.progress import Progress
 from lab.run_at_fixes import ChannelSums, RunAtFixes
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 QUANTITIES = (
     *(f"position {axis}" for axis in EAST_NORTH_UP),

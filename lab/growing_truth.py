@@ -23,7 +23,7 @@ _ROOM = 2**14
 """Rows for which room is made at a time: three minutes at 100 Hz."""
 
 
-class Motion(NamedTuple):
+class Kinematics(NamedTuple):
     """True motion at some times; NaN at times that the truth does not cover.
 
     Attributes
@@ -85,7 +85,7 @@ class GrowingTruth:
             self._end += len(time)
             self._first = max(self._first, self._end - self.KEPT)
 
-    def at(self, time: FloatArray) -> Motion:
+    def at(self, time: FloatArray) -> Kinematics:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
         with self._lock:
             rows = self._rows[self._first : self._end]
@@ -105,11 +105,11 @@ class GrowingTruth:
         return interpolated(time, known, motion)
 
 
-def interpolated(time: FloatArray, known: FloatArray, columns: FloatArray) -> Motion:
+def interpolated(time: FloatArray, known: FloatArray, columns: FloatArray) -> Kinematics:
     """Return the motion at times (n,), linear between known ones (m,), of columns (m, 9) without jumps."""
     found = np.stack(
         [np.interp(time, known, column, np.nan, np.nan) for column in columns.T], axis=-1
     ).reshape(len(time), columns.shape[1])
     position, velocity_n, euler = found[:, :3], found[:, 3:6], np.asarray(wrap(found[:, 6:]))
     position[:, 1] = wrap(position[:, 1])
-    return Motion(position, velocity_n, euler)
+    return Kinematics(position, velocity_n, euler)

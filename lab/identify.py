@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -42,13 +41,13 @@ from lab.assumptions import (
 )
 from lab.experiment_settings import ExperimentSettings
 from lab.factors import choose, scaled
+from lab.progress import Progress
 from lab.renavigation import Subject, subject
 from lab.run import ResultError, Run
 from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Progress = Callable[[str, float], None]
 
 SETTLING = 30.0
 """Time after the start in which initial errors, not sensor errors, dominate the innovations [s]."""

@@ -8,7 +8,6 @@ degrees, datasheet units for the sensors, east-north-up. There are results of a 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +33,7 @@ from lab.identify import identify
 from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
 from lab.notebook_card import NotebookCard
+from lab.progress import Progress
 from lab.projection import Projection
 from lab.registry import find
 from lab.result_plots import ResultPlots
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     from lab.analysis.identification import Identification
 
-Progress = Callable[[str, float], None]
 
 DATASETS = (
     "truth",

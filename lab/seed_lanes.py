@@ -20,7 +20,7 @@ from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
-from lab.analysis.fix_figures import FixFigures, TrueMotion
+from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
@@ -144,9 +144,9 @@ class SeedLanes:
         self._of_grid = np.searchsorted(self._path, self._grid)
         self._of_before = np.searchsorted(self._stored, self._before)
         self._there = self._truth.taken(self._stored)
-        self._true_there = TrueMotion.of(self._there)
+        self._true_there = TruthArrays.of(self._there)
         self._on_grid = self._truth.taken(self._grid)
-        self._true_path = TrueMotion.of(self._on_grid)
+        self._true_path = TruthArrays.of(self._on_grid)
         profile = self._sensors.temperature
         self._temperature = (
             thermal.temperature(profile, time[1:], self._truth.height[1:] - self._truth.height[0])
@@ -420,7 +420,7 @@ class SeedLanes:
 
     def _motion(
         self, one: _Sensed, solution: Solution, navigated: LaneSolution, samples: Samples
-    ) -> fix_causes.Motion:
+    ) -> fix_causes.MotionAtFixes:
         """Return the motion at the fixes, whose places among the stored samples are given."""
         last = np.maximum(self._stored[samples] - 1, 0)
         first = np.maximum(last - self._width, 0)

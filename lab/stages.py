@@ -52,6 +52,7 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
+from lab.progress import Progress
 from lab.result import Runnable
 from lab.run import in_one
 from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer
@@ -66,14 +67,13 @@ from lab.units import si
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
-Progress = Callable[[str, float], None]
 
 CACHE = StageCache(limit=256 * 2**20)
 """Results of the stages of all experiments of this process."""
 
 
 @dataclass(frozen=True)
-class Flight:
+class SampledFlight:
     """The flight stage: the true trajectory, and truth and ideal IMU on the IMU's grid."""
 
     trajectory: Trajectory
@@ -198,11 +198,11 @@ class Stages:
         """Return the start of the navigator, after its alignment if it has one."""
         return begin(truth, self.experiment)
 
-    def kept_flight(self) -> Flight:
+    def kept_flight(self) -> SampledFlight:
         """Return the flight, computed once for all experiments with the same."""
         return CACHE.get("flight", self.flight_key, self.flight)
 
-    def flight(self) -> Flight:
+    def flight(self) -> SampledFlight:
         """Compute the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
         # Kept by itself: another IMU rate or curve needs no other reading.
@@ -212,7 +212,7 @@ class Stages:
         with large_blocks_given_back(samples):
             trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
             ideal = trajectory.increments(settings.imu_rate)
-            return Flight(trajectory, trajectory.at(ideal.time), ideal)
+            return SampledFlight(trajectory, trajectory.at(ideal.time), ideal)
 
     def belief(self, aligned: Aligned) -> Belief:
         """Return what the filter assumes."""
@@ -233,7 +233,7 @@ class Stages:
             aids=most_aids(self.sensors, navigator, samples / rate),
         )
 
-    def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:
+    def triad(self, sensor: str, flight: SampledFlight, found: FloatArray = NO_VECTOR) -> imu.Measured:
         """Simulate the gyros or the accelerometers, with temperature compensation if set.
 
         A bias estimated by an alignment is subtracted.
@@ -270,7 +270,7 @@ class Stages:
         )
 
     def measured_with(
-        self, sensor: str, flight: Flight, seed: int, found: FloatArray = NO_VECTOR
+        self, sensor: str, flight: SampledFlight, seed: int, found: FloatArray = NO_VECTOR
     ) -> imu.Measured:
         """Return the output of the gyros or the accelerometers with another seed, which is not cached."""
         errors = self.sensors.groups()[sensor]
@@ -284,7 +284,7 @@ class Stages:
     def measured(
         self,
         errors: imu.GyroErrors | imu.AccelerometerErrors,
-        flight: Flight,
+        flight: SampledFlight,
         draws: imu.ImuDraws,
         seed: int,
     ) -> imu.Measured:
@@ -299,7 +299,7 @@ class Stages:
         more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
         return measured._replace(increments=measured.increments + more * ideal.dt)
 
-    def fix_truth(self, flight: Flight) -> tuple[Truth, Truth | None]:
+    def fix_truth(self, flight: SampledFlight) -> tuple[Truth, Truth | None]:
         """Return the truth of the IMU at the fixes, and that of the antenna if they differ."""
         errors = self.sensors.gps
         times = gps.fix_times(errors, flight.trajectory.duration)
@@ -315,7 +315,7 @@ class Stages:
             )
         return truth, seen
 
-    def fixes(self, flight: Flight) -> gps.GpsFixes:
+    def fixes(self, flight: SampledFlight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""
         errors, seed = self.sensors.gps, self.experiment.seed
         truth, seen = self.fix_truth(flight)
@@ -325,7 +325,7 @@ class Stages:
             lambda: gps.measure(truth, errors, gps.GpsDraws.of(seed, truth.time.size), seen),
         )
 
-    def readings(self, flight: Flight) -> dict[str, Readings]:
+    def readings(self, flight: SampledFlight) -> dict[str, Readings]:
         """Simulate the sensors besides IMU and GPS."""
         found = {}
         for name, measure in (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import product
 from numbers import Real
@@ -21,6 +21,7 @@ from lab.cache import StageCache, digest
 from lab.ensemble import QUANTITIES, UNITS
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
+from lab.progress import Progress
 from lab.result import Result
 from lab.seeds import seed_numbers, thread_count
 from lab.setting_help import value_text
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 250 bytes each."""

@@ -65,3 +65,15 @@ def test_no_room_holds_more_than_a_fifth() -> None:
         lines[room(file)] += len((ROOT / file).read_text("utf-8").splitlines())
     largest, count = lines.most_common(1)[0]
     assert count <= LARGEST * lines.total(), f"{largest} has {count} of {lines.total()} lines"
+
+
+def test_each_of_these_nouns_names_one_thing() -> None:
+    nouns = ("Filter", "Finding", "Flight", "Motion", "Progress", "Recording")
+    named = Counter(
+        noun
+        for folder in ("lab", "dashboards")
+        for path in (ROOT / folder).rglob("*.py")
+        for noun in re.findall(r"^(?:class )?(\w+)\b(?=[(:]| = Callable)", path.read_text("utf-8"), re.M)
+        if noun in nouns
+    )
+    assert named == dict.fromkeys(nouns, 1)

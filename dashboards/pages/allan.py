@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import panel as pn
 
-from dashboards.computing import Progress
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
 from lab.analysis import allan, rest
+from lab.progress import Progress
 from lab.result import Result
 from lab.sensors.cards import card_in_force
 from lab.settings import Settings

@@ -7,12 +7,12 @@ from html import escape
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress
 from dashboards.pages.base import AROUND, plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.style import WRAP
 from lab.analysis.budget import QUANTITIES
 from lab.analysis.observability import observability_table
+from lab.progress import Progress
 from lab.result import Result
 from lab.views.budget import BudgetFigures
 

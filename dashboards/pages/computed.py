@@ -11,10 +11,11 @@ from typing import Any
 
 import panel as pn
 
-from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import soon, together
 from lab.memory import give_back, large_blocks_given_back
+from lab.progress import Progress
 from lab.result import Result
 from lab.views.figures import TimeAxis
 

@@ -10,7 +10,7 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Outcome, Progress
+from dashboards.computing import Outcome
 from dashboards.ensembles import ensemble
 from dashboards.identifying import Identifying
 from dashboards.pages.base import plot_grid
@@ -23,6 +23,7 @@ from lab.analysis.finding import Finding
 from lab.analysis.trial import can_be_tried, tried
 from lab.analysis.verdict import Verdict
 from lab.ensemble import Ensemble
+from lab.progress import Progress
 from lab.result import Result
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY

@@ -45,7 +45,7 @@ from lab.analysis.error_sources import (
 from lab.analysis.errors import euler_sigma
 from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
-from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
+from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
@@ -190,7 +190,7 @@ class _Propagation:
         known: Sequence[Series] = (),
     ) -> None:
         (truth, ideal), belief = run.true_flight("budget"), run.belief
-        self.flight = Flight(
+        self.flight = FlightArrays(
             truth.latitude,
             truth.longitude,
             truth.height,

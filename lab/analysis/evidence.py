@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.aid_verdict import aid_squares
-from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes, of_fixes
+from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
@@ -140,7 +140,7 @@ def evidence(
     aided: bool = False,
     calibrating: bool = False,
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
-    motion: Motion | None = None,
+    motion: MotionAtFixes | None = None,
     sensors: SensorErrors | None = None,
     gains: FloatArray | None = None,
 ) -> Evidence:

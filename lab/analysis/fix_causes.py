@@ -33,7 +33,7 @@ RATE_WINDOW = 0.1
 """Time over which angular rate and acceleration at a fix are averaged [s]."""
 
 
-class Motion(NamedTuple):
+class MotionAtFixes(NamedTuple):
     """The estimated motion at the m used fixes: all (m, 3), and C_nb (m, 3, 3)."""
 
     velocity: FloatArray
@@ -49,7 +49,7 @@ Ends = tuple[FloatArray, FloatArray]
 
 def motion_at_fixes(
     solution: Solution, samples: NDArray[np.intp], imu: Imu, velocity: Ends | None = None
-) -> Motion:
+) -> MotionAtFixes:
     """Return the motion at the fixes, from the samples before each, before its correction.
 
     Parameters
@@ -97,7 +97,7 @@ def motion_of(
     dtheta: FloatArray,
     ends: NDArray[np.intp],
     gained: FloatArray,
-) -> Motion:
+) -> MotionAtFixes:
     """Return the motion at m fixes from the values at some samples.
 
     Parameters
@@ -120,7 +120,7 @@ def motion_of(
     first, last = window
     span = np.maximum(time[last] - time[first], _step(time))[:, None]
     flown = np.maximum(time[ends[1:]] - time[ends[:-1]], 1e-9)[:, None]
-    return Motion(
+    return MotionAtFixes(
         velocity=velocity[1],
         acceleration=(velocity[1] - velocity[0]) / span,
         rate_b=_sums_between(dtheta, first, last) / span,
@@ -160,7 +160,7 @@ def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray
     return sums
 
 
-def causes_of(motion: Motion) -> FloatArray:
+def causes_of(motion: MotionAtFixes) -> FloatArray:
     """Return the error (m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
 
     A fix with the latency τ reports p(t − τ) and v(t − τ). A fix of an antenna at l reports p + C_nb l and v
@@ -204,7 +204,7 @@ def response(
     fixes: NDArray[np.intp],
     samples: NDArray[np.intp],
     time: FloatArray,
-    motion: Motion,
+    motion: MotionAtFixes,
     causes: FloatArray,
 ) -> FloatArray:
     """Return the response of the innovations (m, 6, CAUSES) to the causes, through the gains of the filter.
@@ -238,11 +238,11 @@ def response(
     )
 
 
-def _transitions(motion: Motion, dt: FloatArray, n: int) -> Iterator[FloatArray]:
+def _transitions(motion: MotionAtFixes, dt: FloatArray, n: int) -> Iterator[FloatArray]:
     """Iterate over the transitions (n, n) of the error from each fix to the next, `dt` (m,) later [s]."""
     for first in range(0, dt.size, FIXES_AT_ONCE):
         part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
-        here = Motion(*(values[part] for values in motion))
+        here = MotionAtFixes(*(values[part] for values in motion))
         F = np.zeros((part.stop - first, n, n))
         F[:, POS, VEL] = np.eye(3)
         F[:, VEL, ATT] = _skew(here.force_n)

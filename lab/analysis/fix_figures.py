@@ -29,7 +29,7 @@ QUANTITIES = 9
 """Errors of position, velocity and attitude."""
 
 
-class TrueMotion(NamedTuple):
+class TruthArrays(NamedTuple):
     """The truth at n times as arrays for the compiled function.
 
     Attributes
@@ -50,7 +50,7 @@ class TrueMotion(NamedTuple):
     euler: FloatArray
 
     @classmethod
-    def of(cls, truth: Truth) -> TrueMotion:
+    def of(cls, truth: Truth) -> TruthArrays:
         """Return the truth as contiguous arrays."""
         arrays = truth.position, truth.velocity_n, truth.q_nb, truth.euler
         return cls(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
@@ -214,7 +214,7 @@ def _put_sigma(sigma: FloatArray, euler: Vector, variance: FloatArray, covarianc
 def _at_fixes(
     solution: Solution,
     fixes: Samples,
-    there: TrueMotion,
+    there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
     out: FixFigures,
@@ -244,7 +244,7 @@ def _at_fixes(
 
 
 @allocating_kernel
-def _between(solution: Solution, before: Samples, there: TrueMotion, out: FixFigures) -> None:
+def _between(solution: Solution, before: Samples, there: TruthArrays, out: FixFigures) -> None:
     """Write NEES of the position at some stored samples."""
     v, P = np.empty(3), np.empty((3, 3))
     root, row = np.empty((3, 3)), np.empty((2, 3))
@@ -259,7 +259,7 @@ def _between(solution: Solution, before: Samples, there: TrueMotion, out: FixFig
 
 
 @allocating_kernel
-def _along(motion: FloatArray, path: TrueMotion, out: FixFigures) -> None:
+def _along(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
     """Write rms and largest size of the errors along the path."""
     error = np.empty(QUANTITIES)
     out.rms[:] = 0.0
@@ -286,11 +286,11 @@ def _measure(
     solution: Solution,
     fixes: Samples,
     before: Samples,
-    there: TrueMotion,
+    there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
     motion: FloatArray,
-    path: TrueMotion,
+    path: TruthArrays,
     out: FixFigures,
 ) -> None:
     _at_fixes(solution, fixes, there, bias, scale, out)
@@ -306,11 +306,11 @@ def is_ready() -> bool:
 def fix_figures(
     solution: Solution,
     before: Samples,
-    there: TrueMotion,
+    there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
     motion: FloatArray,
-    path: TrueMotion,
+    path: TruthArrays,
 ) -> FixFigures:
     """Return the figures of a run, of which NEES or NIS is NaN where the covariance is singular.
 

@@ -125,8 +125,8 @@ def _fits(fixes: FixErrors) -> _FixFits:
     count = 3.0 * fixes.count
     scales = np.ones((*fixes.log_determinant.shape, 2))
     for _ in range(3):
-        matrix = sum(part.matrix / scales[..., k, None, None] for k, part in enumerate(parts))
-        vector = sum(part.vector / scales[..., k, None] for k, part in enumerate(parts))
+        matrix = parts[0].matrix / scales[..., 0, None, None] + parts[1].matrix / scales[..., 1, None, None]
+        vector = parts[0].vector / scales[..., 0, None] + parts[1].vector / scales[..., 1, None]
         x = np.linalg.pinv(matrix, hermitian=True) @ vector[..., None]
         if fixes.count < FEWEST:
             x = np.zeros_like(x)
@@ -136,7 +136,7 @@ def _fits(fixes: FixErrors) -> _FixFits:
         ]
         scales = np.maximum(np.stack(rest, axis=-1) / count, 1e-12)
     likelihood = -0.5 * (count * np.log(scales).sum(axis=-1) + fixes.log_determinant)
-    return _FixFits(np.asarray(matrix), np.asarray(vector), scales, likelihood)
+    return _FixFits(matrix, vector, scales, likelihood)
 
 
 def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:

@@ -107,7 +107,7 @@ def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update |
     """
     for start in range(0, epochs.sample.size, _TOGETHER):
         some = slice(start, start + _TOGETHER)
-        part = Epochs(*(values[some] for values in epochs))
+        part = Epochs(epochs.sample[some], epochs.fix[some], epochs.aid[some], epochs.shown[some])
         solution = run.solution_arrays
         maps = output_map(solution.position[part.sample], solution.velocity_n[part.sample])
         at_fix = part.fix >= 0

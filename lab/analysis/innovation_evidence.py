@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.analysis import consistency, hypotheses
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.finding import DOUBT, MANY_SIGMA, is_right
-from lab.analysis.fix_causes import CAUSES, Motion, causes_of, gains, matrices, respond, response
+from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, matrices, respond, response
 from lab.analysis.imu_causes import Steps, columns, steps, steps_in_parts
 from lab.analysis.outliers import CHANCE, NEIGHBOURS, outliers
 from lab.analysis.pattern import BINS, binned
@@ -111,7 +111,7 @@ def innovations(
     belief: Belief,
     fixes: Fixes,
     imu: Imu,
-    motion: Motion,
+    motion: MotionAtFixes,
     *,
     explain: bool = True,
     aided: bool = False,
@@ -294,7 +294,7 @@ def _nothing() -> Fit:
 
 
 def _explained(
-    found: Innovations, record: Record, motion: Motion, apart: NDArray[np.bool_], explain: bool
+    found: Innovations, record: Record, motion: MotionAtFixes, apart: NDArray[np.bool_], explain: bool
 ) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
     solution, belief, imu, seen, samples, nu, S, _ = record

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
+from lab.progress import Progress
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 ROUNDS = 12
 """Most steps of the search; from parameters wrong by a factor of ten, 8 to 12 are needed."""

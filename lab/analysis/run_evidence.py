@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
-from lab.analysis.fix_causes import Motion
+from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.sensor_evidence import Reference
 from lab.further_truth import errors_of_states
 from lab.navigation.belief import bias_processes, of_bias_states
@@ -27,14 +27,14 @@ class Filtered(NamedTuple):
     ----------
     solution : Solution
         Its solution.
-    motion : Motion or None
+    motion : MotionAtFixes or None
         Motion at the offered fixes, if the solution has no velocity at all samples.
     gains : (m, states, 6) array or None
         Their gains, if it has no P after each fix.
     """
 
     solution: Solution
-    motion: Motion | None = None
+    motion: MotionAtFixes | None = None
     gains: FloatArray | None = None
 
 

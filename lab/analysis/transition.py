@@ -31,7 +31,7 @@ N, NAV, BIASES = 15, 9, 6
 """Number of error states, of navigation states among them, and of biases."""
 
 
-class Flight(NamedTuple):
+class FlightArrays(NamedTuple):
     """The true flight: n + 1 samples of position, velocity and attitude, and n ideal increments of length dt.
 
     Attributes
@@ -57,10 +57,10 @@ class Flight(NamedTuple):
     dvelocity: FloatArray
     dt: float
 
-    def between(self, first: int, last: int) -> Flight:
+    def between(self, first: int, last: int) -> FlightArrays:
         """Return the flight from one sample to another, all in float64."""
         samples, increments = slice(first, last + 1), slice(first, last)
-        return Flight(
+        return FlightArrays(
             self.latitude[samples],
             self.longitude[samples],
             self.height[samples],
@@ -140,7 +140,7 @@ class Transition(NamedTuple):
 
 
 @inline_kernel
-def _write(flight: Flight, k: int, F: FloatArray) -> None:
+def _write(flight: FlightArrays, k: int, F: FloatArray) -> None:
     """Write F of the errors in e, from the truth at sample k (Groves 14.47-14.49, with the sign of ψ here).
 
         δṙ = δv,   δv̇ = Γ δr − 2 ω_ie × δv + f × ψ − C_eb δb_a,   ψ̇ = −ω_ie × ψ + C_eb δb_g
@@ -187,7 +187,13 @@ def _clear(out: Transition) -> None:
 
 @inline_kernel
 def _respond(
-    flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatArray, row: FloatArray, out: Transition
+    flight: FlightArrays,
+    k: int,
+    F: FloatArray,
+    fade: FloatArray,
+    r: FloatArray,
+    row: FloatArray,
+    out: Transition,
 ) -> None:
     """Write the response r (9, 6) to errors of the IMU in sample k, and prepend the sample."""
     L, dt = out.navigation, flight.dt
@@ -230,7 +236,7 @@ def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray,
 
 @entry_kernel
 def transition(
-    flight: Flight,
+    flight: FlightArrays,
     first: int,
     last: int,
     fade: FloatArray,

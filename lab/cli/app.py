@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lab.cli.terminal import Progress, drop_output, spell_what_cannot_be_encoded, visible_output
+from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
 from lab.settings import SettingError
 
@@ -92,7 +92,7 @@ def ins_lab(
 
 
 @contextlib.contextmanager
-def working(task: str) -> Iterator[Progress]:
+def working(task: str) -> Iterator[ProgressLine]:
     """Report progress; only the answer goes to standard output, whatever a library prints.
 
     Parameters
@@ -105,7 +105,7 @@ def working(task: str) -> Iterator[Progress]:
     CommandError
         In place of a `ValueError` without a message of the lab, and of a `MemoryError`.
     """
-    with contextlib.redirect_stdout(sys.stderr), Progress(task) as progress:
+    with contextlib.redirect_stdout(sys.stderr), ProgressLine(task) as progress:
         try:
             yield progress
         except (CommandError, MissionError, SettingError):

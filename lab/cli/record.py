@@ -13,7 +13,7 @@ import typer
 from lab.cli.app import CommandError, working
 from lab.cli.interrupt import interrupted
 from lab.cli.options import Force
-from lab.cli.terminal import Progress
+from lab.cli.terminal import ProgressLine
 from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name
 
@@ -89,7 +89,7 @@ def record(
 
 
 def _recorded(
-    recorder: XPlaneRecorder, pressed: threading.Event, seconds: float | None, progress: Progress
+    recorder: XPlaneRecorder, pressed: threading.Event, seconds: float | None, progress: ProgressLine
 ) -> RawFlight:
     """Return the data from X-Plane until the time is over, Ctrl-C is pressed, or the data stop."""
     recorder.start()

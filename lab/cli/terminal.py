@@ -127,7 +127,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collec
     return "\n".join(out)
 
 
-class Progress:
+class ProgressLine:
     """Reports on standard error the progress of work that takes longer than `PATIENCE`.
 
     In a terminal, one line shows the current step and the seconds, and disappears when the work is done.

@@ -14,11 +14,12 @@ from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import NO_VECTOR, Belief
+from lab.progress import Progress
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.imu import Measured
 from lab.settings import SettingError
-from lab.stages import Flight, Progress, Stages
+from lab.stages import SampledFlight, Stages
 
 NOTE = "A fault of the gallery is hidden in this run."
 
@@ -87,7 +88,7 @@ class _Faulty(Stages):
         self._fault = fault
         self.hidden = fault.title
 
-    def triad(self, sensor: str, flight: Flight, found: imu.FloatArray = NO_VECTOR) -> Measured:
+    def triad(self, sensor: str, flight: SampledFlight, found: imu.FloatArray = NO_VECTOR) -> Measured:
         """Simulate the gyros or the accelerometers with the fault."""
         measured = self._real.triad(sensor, flight, found)
         spoil = self._fault.gyro if sensor == "gyro" else self._fault.accelerometer
@@ -95,7 +96,7 @@ class _Faulty(Stages):
             return measured
         return measured._replace(increments=spoil(measured.increments, flight.truth, flight.ideal.dt))
 
-    def fixes(self, flight: Flight) -> gps.GpsFixes:
+    def fixes(self, flight: SampledFlight) -> gps.GpsFixes:
         """Simulate the GPS receiver with the fault."""
         return self._fault.restamped(self._real.fixes(flight), self.experiment.seed)
 

@@ -15,7 +15,7 @@ import math
 import os
 import stat
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from lab.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, rea
 from lab.homework.homework import Judge
 from lab.homework.homework_file import Keyed
 from lab.lessons.quantities import QUANTITIES
+from lab.progress import Progress
 
 MOST_FILES = 2000
 """Most files in a folder; more than any class hands in."""
@@ -34,7 +35,6 @@ _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 """Signs with which a spreadsheet begins a formula; the wide ones where people write Chinese or Japanese."""
 
 Row = dict[str, str]
-Progress = Callable[[str, float], None]
 
 
 class GradingError(ValueError):

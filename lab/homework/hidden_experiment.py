@@ -22,13 +22,14 @@ from lab.navigation.algorithm import Algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import NO_VECTOR, Belief, Start
+from lab.progress import Progress
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
-from lab.stages import Flight, Progress, Stages, start
+from lab.stages import SampledFlight, Stages, start
 from lab.trajectory import Truth
 from lab.units import si
 
@@ -157,7 +158,7 @@ class _HiddenStages(Stages):
             real.sensors,
         )
 
-    def triad(self, sensor: str, flight: Flight, found: imu.FloatArray = NO_VECTOR) -> Measured:
+    def triad(self, sensor: str, flight: SampledFlight, found: imu.FloatArray = NO_VECTOR) -> Measured:
         """Simulate the gyros or the accelerometers as they are."""
         measured = self._real.triad(sensor, flight, found)
         for fault in self._faults:
@@ -167,14 +168,14 @@ class _HiddenStages(Stages):
                 measured = measured._replace(increments=increments)
         return measured
 
-    def fixes(self, flight: Flight) -> gps.GpsFixes:
+    def fixes(self, flight: SampledFlight) -> gps.GpsFixes:
         """Simulate the GPS receiver as it is."""
         seed = self._real.experiment.seed
         return reduce(
             lambda fixes, fault: fault.restamped(fixes, seed), self._faults, self._real.fixes(flight)
         )
 
-    def readings(self, flight: Flight) -> dict[str, Readings]:
+    def readings(self, flight: SampledFlight) -> dict[str, Readings]:
         """Simulate the other sensors as they are."""
         return self._real.readings(flight)
 

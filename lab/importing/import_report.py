@@ -16,8 +16,8 @@ from lab.importing.derived_motion import body_rates, euler_at, roughness
 from lab.importing.plausibility import (
     IMPLAUSIBLE,
     QUESTIONABLE,
-    Finding,
-    Motion,
+    FlightFinding,
+    RebuiltMotion,
     findings,
     motion,
     rate_agreement,
@@ -85,7 +85,7 @@ class ImportReport:
     ----------
     verdict : str
         "plausible", "questionable" or "implausible".
-    findings : tuple of Finding
+    findings : tuple of FlightFinding
         The reasons, worst first; none if plausible.
     rows : tuple of ReportRow
         Everything else, in groups.
@@ -96,7 +96,7 @@ class ImportReport:
     """
 
     verdict: str
-    findings: tuple[Finding, ...]
+    findings: tuple[FlightFinding, ...]
     rows: tuple[ReportRow, ...]
     specific_force_noise: float
     body_rate_noise: float
@@ -391,7 +391,7 @@ def _rms(values: Iterable[float]) -> float:
     return float(np.sqrt(np.mean(np.square(list(values)))))
 
 
-def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[ReportRow]:
+def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion) -> list[ReportRow]:
     force, rate = moves.specific_force, np.degrees(moves.body_rate)
     rows = [
         ReportRow(
@@ -421,12 +421,12 @@ def _units(units: Sequence[ColumnUnit]) -> list[ReportRow]:
     return rows
 
 
-def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
+def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
     """Report when much of the file was left out."""
     rows = raw.rows_read or len(raw.time)
     used = len(flight.raw.time) / max(rows, 1)
     if used < 1 - _MAX_LOST:
-        yield Finding(
+        yield FlightFinding(
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
             f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
@@ -434,9 +434,9 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
         )
 
 
-def _loudness(force: float) -> Iterable[Finding]:
+def _loudness(force: float) -> Iterable[FlightFinding]:
     if force > _QUESTIONABLE_NOISE:
-        yield Finding(
+        yield FlightFinding(
             IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE,
             f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
             "Likely: coarse numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) "

@@ -86,7 +86,7 @@ _IMPLAUSIBLE_RESIDUAL = 20
 
 
 @dataclass(frozen=True)
-class Finding:
+class FlightFinding:
     """Something implausible about a flight.
 
     Attributes
@@ -148,7 +148,7 @@ _CAUSES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RebuiltMotion:
     """The motion of a rebuilt flight, at the rate of the recording.
 
     Attributes
@@ -167,7 +167,7 @@ class Motion:
     acceleration: float
 
 
-def motion(rebuilt: Reconstruction) -> Motion:
+def motion(rebuilt: Reconstruction) -> RebuiltMotion:
     """Return the motion of a rebuilt flight."""
     recording = rebuilt.recording
     position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
@@ -176,7 +176,7 @@ def motion(rebuilt: Reconstruction) -> Motion:
     force = specific_force(position, recording.velocity_n, acceleration)
     rates = np.linalg.norm(body_rates(recording.time, recording.euler), axis=1)
     elsewhere = ~near if not near.all() else near
-    return Motion(
+    return RebuiltMotion(
         specific_force=np.linalg.norm(force, axis=1)[elsewhere],
         body_rate=rates[elsewhere[1:]] if elsewhere[1:].any() else rates,
         climb=np.abs(recording.velocity_n[:, 2]),
@@ -201,7 +201,9 @@ def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Agr
     return tuple(agreement(recorded[:, axis], derived[:, axis]) for axis in range(3))
 
 
-def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> tuple[Finding, ...]:
+def findings(
+    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion
+) -> tuple[FlightFinding, ...]:
     """Return the implausible properties of a flight, worst first.
 
     Parameters
@@ -240,7 +242,9 @@ def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict
     return made
 
 
-def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
+def _beyond_limits(
+    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion
+) -> list[FlightFinding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
     made = _derived_quantities(flight, rebuilt)
@@ -252,7 +256,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
             # A file is not refused for quantities that the lab derived.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
-                Finding(
+                FlightFinding(
                     level,
                     f"The {name} reaches {often * factor:.4g} {unit}, and {many} seldom exceed "
                     f"{limit.usual * factor:.4g} {unit}. Likely: {causes[name]}.",
@@ -261,7 +265,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
     usual = float(np.median(moves.specific_force))
     if not _GRAVITY_RATIO[0] < usual / earth.STANDARD_GRAVITY < _GRAVITY_RATIO[1]:
         found.append(
-            Finding(
+            FlightFinding(
                 QUESTIONABLE,
                 f"The specific force is usually {usual:.3g} m/s², and not about gravity's 9.8. Likely: "
                 "a wrong unit of "
@@ -271,7 +275,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
     return found
 
 
-def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
+def _velocity_against_positions(flight: RepairedFlight) -> list[FlightFinding]:
     """Compare the displacement by positions with the integral of the recorded velocity, in legs."""
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
@@ -305,10 +309,10 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
             words = _cause_of_slope(like.slope) if like is level else cause(like.slope, "speed")
             words = "noise of the positions, or fixes too seldom for the motion" if noisy else words
             sentence = f"{name} is {like.slope:.3g} times that of the positions. Likely: {words}."
-            found.append(Finding(QUESTIONABLE if noisy else IMPLAUSIBLE, sentence))
+            found.append(FlightFinding(QUESTIONABLE if noisy else IMPLAUSIBLE, sentence))
         elif abs(like.correlation) <= _MIN_CORRELATION:
             found.append(
-                Finding(
+                FlightFinding(
                     QUESTIONABLE,
                     f"{name} is hardly correlated with the change of the positions (correlation "
                     f"{like.correlation:.2f}). Likely: other axes than north, east, down, or another clock.",
@@ -325,20 +329,20 @@ def _cause_of_slope(slope: float) -> str:
     return cause(slope, "speed")
 
 
-def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> Finding | None:
+def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> FlightFinding | None:
     straight = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel()).correlation
     across = agreement(by_position[:, :2].ravel(), by_velocity[:, 1::-1].ravel()).correlation
     if across > _CERTAIN_CORRELATION and straight < _MIN_CORRELATION:
-        return Finding(IMPLAUSIBLE, "The velocities north and east look exchanged.")
+        return FlightFinding(IMPLAUSIBLE, "The velocities north and east look exchanged.")
     for axis, name in enumerate(("north", "east")):
         if np.abs(by_position[:, axis]).sum() > _MIN_PATH:
             one = agreement(by_position[:, axis], by_velocity[:, axis])
             if one.correlation < -_CERTAIN_CORRELATION:
-                return Finding(IMPLAUSIBLE, f"The velocity {name} has the opposite sign.")
+                return FlightFinding(IMPLAUSIBLE, f"The velocity {name} has the opposite sign.")
     return None
 
 
-def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
     """Compare heading, roll and pitch with the path."""
     recording = rebuilt.recording
     if rebuilt.attitude_reconstructed:
@@ -354,7 +358,7 @@ def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> l
     return found
 
 
-def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
+def _heading(velocity: FloatArray, yaw: FloatArray) -> list[FlightFinding]:
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     off = _usual_angle(yaw - course)
     if off < _MAX_CRAB:
@@ -369,11 +373,13 @@ def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
     best = min(guesses, key=lambda name: _usual_angle(guesses[name] - course))
     sentence = f"The heading is usually {np.degrees(off):.0f}° from the direction of motion"
     if _usual_angle(guesses[best] - course) < _CLEARLY_BETTER * off:
-        return [Finding(IMPLAUSIBLE, f"{sentence}. Likely: {best}.")]
-    return [Finding(QUESTIONABLE, f"{sentence}. Likely: another column, or a vehicle that moves sideways.")]
+        return [FlightFinding(IMPLAUSIBLE, f"{sentence}. Likely: {best}.")]
+    return [
+        FlightFinding(QUESTIONABLE, f"{sentence}. Likely: another column, or a vehicle that moves sideways.")
+    ]
 
 
-def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
+def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[FlightFinding]:
     recording = rebuilt.recording
     expected = coordinated_turn.attitude(recording.time, recording.velocity_n, "aircraft")[moving, 0]
     roll = rotation.wrap(recording.euler[moving, 0])
@@ -384,11 +390,11 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
         like.correlation < _MIN_CORRELATION
         and agreement(expected, recording.euler[moving, 1]).correlation > _CERTAIN_CORRELATION
     ):
-        return [Finding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
+        return [FlightFinding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
     if abs(like.correlation) < _MIN_ATTITUDE_CORRELATION or _SAME_ROLL[0] < like.slope < _SAME_ROLL[1]:
         return []
     return [
-        Finding(
+        FlightFinding(
             IMPLAUSIBLE,
             f"The roll is {like.slope:.3g} times the value that the turns require. Likely: "
             f"{cause(like.slope, 'angle')}.",
@@ -396,7 +402,7 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
     ]
 
 
-def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
+def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[FlightFinding]:
     climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
     if np.std(climb) < _MIN_CLIMBING:
         return []
@@ -406,7 +412,7 @@ def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
         like.correlation > _MIN_ATTITUDE_CORRELATION and unlike
     ):
         return [
-            Finding(
+            FlightFinding(
                 IMPLAUSIBLE,
                 f"The pitch changes by {like.slope:.3g} times the slope of the path. Likely: "
                 f"{cause(like.slope, 'angle')}.",
@@ -415,7 +421,7 @@ def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
     return []
 
 
-def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
     agreements = rate_agreement(flight, rebuilt)
     if agreements is None:
         return []
@@ -425,7 +431,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
             continue
         if abs(like.correlation) > _MIN_CORRELATION and not _SAME_RATE[0] < like.slope < _SAME_RATE[1]:
             found.append(
-                Finding(
+                FlightFinding(
                     QUESTIONABLE,
                     f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate "
                     "says. Likely: "
@@ -434,7 +440,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
             )
         elif abs(like.correlation) < _MIN_RATE_CORRELATION:
             found.append(
-                Finding(
+                FlightFinding(
                     QUESTIONABLE,
                     f"The recorded {axis} rate is hardly correlated with the attitude (correlation "
                     f"{like.correlation:.2f}). Likely: another axis, or wrong time stamps.",
@@ -443,7 +449,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
     return found
 
 
-def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
     airspeed, recording = rebuilt.recording.airspeed, rebuilt.recording
     if airspeed is None or rebuilt.curve == "air data":
         return []
@@ -455,7 +461,7 @@ def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
     if _SAME_AIRSPEED[0] < ratio < _SAME_AIRSPEED[1]:
         return []
     return [
-        Finding(
+        FlightFinding(
             QUESTIONABLE,
             f"The airspeed is usually {ratio:.3g} times the speed over the Earth. Likely: "
             f"{cause(ratio, 'speed')}, or indicated for true airspeed.",
@@ -463,7 +469,7 @@ def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
     ]
 
 
-def _residuals(rebuilt: Reconstruction) -> list[Finding]:
+def _residuals(rebuilt: Reconstruction) -> list[FlightFinding]:
     residual = rebuilt.position_residual
     if residual is None:
         return []
@@ -478,7 +484,7 @@ def _residuals(rebuilt: Reconstruction) -> list[Finding]:
     said = (
         f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: {words}."
     )
-    return [Finding(level, said)]
+    return [FlightFinding(level, said)]
 
 
 def _usual_angle(angle: FloatArray) -> float:

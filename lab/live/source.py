@@ -14,10 +14,10 @@ import numpy as np
 from lab.live.axis_map import AxisMap
 from lab.live.cause import cause_of
 from lab.live.decoders.decoder_error import DecoderError
-from lab.live.progress import Progress
 from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.live.reception import Reception
 from lab.live.ring import Cursor, Read, Ring
+from lab.live.sample_watch import SampleWatch
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
 from lab.live.true_motion import TrueMotion
@@ -82,7 +82,7 @@ class Source:
         self._state, self._why = OPENING, "Opening."
         self._reached = False
         self._heard = clock()
-        self._progress = Progress(self._heard)
+        self._progress = SampleWatch(self._heard)
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
         self._events: tuple[Event, ...] = ()
         self._losses: tuple[Event, ...] = ()
@@ -356,7 +356,7 @@ class Source:
             end()
 
     def _read(self) -> None:
-        self._progress = Progress(self._heard)
+        self._progress = SampleWatch(self._heard)
         self._set(STREAMING, "Connected; nothing has come yet.")
         while not self._ending.is_set():
             chunk = self._transport.read(WAKE)

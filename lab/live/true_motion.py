@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.growing_truth import Motion, interpolated
+from lab.growing_truth import Kinematics, interpolated
 from lab.trajectory import Truth
 
-__all__ = ["Motion", "TrueFlight", "TrueMotion"]
+__all__ = ["Kinematics", "TrueFlight", "TrueMotion"]
 
 FloatArray = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 class TrueMotion(Protocol):
     """What knows the true motion of a source."""
 
-    def at(self, time: FloatArray) -> Motion:
+    def at(self, time: FloatArray) -> Kinematics:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
         ...
 
@@ -44,6 +44,6 @@ class TrueFlight:
         self._columns = np.column_stack((truth.position, truth.velocity_n, np.unwrap(truth.euler, axis=0)))
         self._columns[:, 1] = np.unwrap(self._columns[:, 1])
 
-    def at(self, time: FloatArray) -> Motion:
+    def at(self, time: FloatArray) -> Kinematics:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
         return interpolated(time - self._begun(), self._truth.time, self._columns)

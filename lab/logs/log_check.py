@@ -119,7 +119,7 @@ _OR_ANOTHER_VEHICLE = (
 )
 
 
-class Motion(NamedTuple):
+class FixMotion(NamedTuple):
     """The motion by the fixes, in legs of about a second.
 
     Attributes
@@ -200,7 +200,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
     motion = motion_of(log)
     margin = LEAP_SECONDS + _AROUND_LEAP
     inside = (motion.start >= margin) & (motion.end <= log.duration - margin) & np.isfinite(motion.turn)
-    motion = Motion(*(column[inside] for column in motion))
+    motion = FixMotion(*(column[inside] for column in motion))
     if motion.turn.size < _MIN_LEGS or np.std(motion.turn) < _LIVELY_TURN:
         return
     around = np.arange(-_AROUND_LEAP, _AROUND_LEAP + _LAG_STEP / 2, _LAG_STEP)
@@ -221,14 +221,14 @@ def _check_leap_seconds(log: SensorLog) -> None:
         )
 
 
-def motion_of(log: SensorLog) -> Motion:
+def motion_of(log: SensorLog) -> FixMotion:
     """Return the motion of a log by its fixes."""
     gnss = log.gnss
     time = gnss.time - gnss.latency
     inside = np.flatnonzero((time >= MAX_LAG) & (time <= log.duration - MAX_LAG))
     if inside.size < 2:
         empty = np.empty(0)
-        return Motion(empty, empty, empty, empty)
+        return FixMotion(empty, empty, empty, empty)
     step = max(1, round(_LEG / float(np.median(np.diff(time)))))
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
@@ -244,7 +244,7 @@ def motion_of(log: SensorLog) -> Motion:
     turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MIN_COURSE_SPEED, np.diff(course) / dt, np.nan)
     turn[np.abs(np.diff(course)) > _MAX_COURSE_STEP] = np.nan
     short = dt < _MAX_LEG * _LEG
-    return Motion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+    return FixMotion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
 
 
 def _check_interval(log: SensorLog) -> None:
@@ -300,7 +300,7 @@ def _check_tumbling(log: SensorLog) -> None:
         )
 
 
-def _likeness(log: SensorLog, motion: Motion) -> FloatArray | None:
+def _likeness(log: SensorLog, motion: FixMotion) -> FloatArray | None:
     """Return correlation, factor and lag of each gyro with the course's rate; None if it shows too little."""
     rows = np.isfinite(motion.turn)
     if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
@@ -310,7 +310,7 @@ def _likeness(log: SensorLog, motion: Motion) -> FloatArray | None:
     )
 
 
-def _check_gyro_unit(log: SensorLog, motion: Motion) -> None:
+def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     """Compare the size of the turns with the course's, about the fastest axis of those that follow it.
 
     Velocities at 1 Hz do not show it: gyros that hardly turn, and a bias of 2 °/s, explain a turn of 20 s.
@@ -332,7 +332,7 @@ def _check_gyro_unit(log: SensorLog, motion: Motion) -> None:
             )
 
 
-def _check_turn(log: SensorLog, motion: Motion) -> None:
+def _check_turn(log: SensorLog, motion: FixMotion) -> None:
     """Compare the course's rate with the gyros, each axis at its best time."""
     likeness = _likeness(log, motion)
     if likeness is None:
@@ -352,7 +352,7 @@ def _check_turn(log: SensorLog, motion: Motion) -> None:
         )
 
 
-def _check_bank(log: SensorLog, motion: Motion) -> None:
+def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     """Check the pitch rate of banked turns, which is nose up in turns to either side.
 
     A vehicle that leans into its turns at bank φ and yaws at ψ̇ pitches at ψ̇ sin φ (Groves, ch. 2.3); one
@@ -372,7 +372,7 @@ def _check_bank(log: SensorLog, motion: Motion) -> None:
             )
 
 
-def _check_forward(log: SensorLog, motion: Motion) -> None:
+def _check_forward(log: SensorLog, motion: FixMotion) -> None:
     """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
     if motion.speed.size < _MIN_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
         return
@@ -448,7 +448,7 @@ def _shows_lag(found: Match) -> bool:
 
 
 def _largest_correlation(
-    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lags: FloatArray = _LAGS
+    log: SensorLog, increments: FloatArray, motion: FixMotion, seen: FloatArray, lags: FloatArray = _LAGS
 ) -> tuple[float, float, float]:
     """Return correlation, factor and lag at the largest correlation, of either sign.
 

@@ -81,7 +81,7 @@ class LaneSolution(NamedTuple):
     force: FloatArray
 
 
-class Progress(NamedTuple):
+class Counters(NamedTuple):
     """What each run of a block keeps of a `Filter` besides state and covariance."""
 
     counts: NDArray[np.int64]
@@ -90,7 +90,7 @@ class Progress(NamedTuple):
 
 
 @kernel
-def _load(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
+def _load(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
     """Copy a run of the block into a filter without a pending estimate."""
     for i in range(strapdown.LENGTH):
         run.state[i] = buffer[i * LANES + lane]
@@ -111,7 +111,7 @@ def _load(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
 
 
 @kernel
-def _save(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
+def _save(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
     """Copy a filter back into its block."""
     for i in range(strapdown.LENGTH):
         buffer[i * LANES + lane] = run.state[i]
@@ -159,7 +159,7 @@ def _fly(
 def advance(
     run: Filter,
     buffer: FloatArray,
-    kept: Progress,
+    kept: Counters,
     imu: Imu,
     increments: FloatArray,
     fixes: Fixes,
@@ -311,7 +311,7 @@ def _all_fixes(time: FloatArray, lanes: Sequence[Lane]) -> Fixes:
     )
 
 
-def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Progress]:
+def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Counters]:
     """Return the numbers of some filters side by side, and what else they keep; each has so many fixes."""
     states = filters[0].P.shape[0]
     buffer = aligned_zeros(LANES * size_of_lane(states)).reshape(-1, LANES)
@@ -321,7 +321,7 @@ def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Progress]
     counts = np.stack([run.counts for run in filters])
     counts[:, 0] = fixes * np.arange(LANES)
     clock, streak = (np.stack([getattr(run, name) for run in filters]) for name in ("clock", "streak"))
-    return buffer, Progress(counts, clock, streak)
+    return buffer, Counters(counts, clock, streak)
 
 
 _OF_FIXES = tuple(name for name in Solution._fields if name.startswith(("fix_", "innovation")))

@@ -57,7 +57,7 @@ from lab.navigation.unscented_filter import (
     LEVER_ARM,
     MISALIGNMENT,
     SCALE,
-    Filter,
+    UnscentedFilter,
 )
 from lab.navigation.unscented_noise import decay_errors, drive
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
@@ -100,7 +100,7 @@ def navigate(
     shown = np.float32 if is_long else np.float64
     solution = Solution.empty(imu.time.size, fixes.time.size, names, shown, aids.time.size)
     turned = turns(imu, fixes.time, belief.lever_arm, estimated=blocks.LEVER_ARM in names)
-    run = Filter.begin(start, belief, float(imu.time[0]), turned, names, aids)
+    run = UnscentedFilter.begin(start, belief, float(imu.time[0]), turned, names, aids)
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         if not is_long:
@@ -147,7 +147,7 @@ def check(schedule: Schedule) -> None:
 
 
 @embedded_kernel
-def _show(run: Filter) -> None:
+def _show(run: UnscentedFilter) -> None:
     """Write the covariance of the output errors, T P Tᵀ."""
     T, n, half, shown = run.T, run.x.size, run.half, run.shown
     write_map(run.state, T)
@@ -173,7 +173,7 @@ def _show(run: Filter) -> None:
 
 
 @embedded_kernel
-def _form(run: Filter) -> None:
+def _form(run: UnscentedFilter) -> None:
     """Compute mean and covariance from the points and from the noise since they were placed."""
     decay_errors(run, run.clock[0])
     gather(run.state, run.points, run.deviations, run.attitudes, run.mean, run.P, run.places)
@@ -189,7 +189,7 @@ def _form(run: Filter) -> None:
 
 
 @embedded_kernel
-def _centre(run: Filter) -> None:
+def _centre(run: UnscentedFilter) -> None:
     """Move the navigator to the mean, and mark its sigma points as outdated."""
     displace(run.state, run.mean, run.places)
     for i in range(run.x.size):
@@ -200,7 +200,7 @@ def _centre(run: Filter) -> None:
 
 
 @embedded_kernel
-def _see_slow_errors(run: Filter, axes: Matrix, nu: FloatArray, H: FloatArray) -> None:
+def _see_slow_errors(run: UnscentedFilter, axes: Matrix, nu: FloatArray, H: FloatArray) -> None:
     """Add latency, GPS drift and gyro drift to the innovation of a fix and to its H, if they are states."""
     latency, gps_drift, gyro_drift = run.first[LATENCY], run.first[GPS_DRIFT], run.first[GYRO_DRIFT]
     if latency >= 0:
@@ -217,7 +217,7 @@ def _see_slow_errors(run: Filter, axes: Matrix, nu: FloatArray, H: FloatArray) -
 
 @embedded_kernel
 def _judge(
-    run: Filter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
+    run: UnscentedFilter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
 ) -> int:
     """Write H and R of fix m, move its innovation to the antenna, and return its outcome."""
     H, R, S, n = run.H, run.R_fix, out.innovation_covariance[m], run.x.size
@@ -265,7 +265,7 @@ def _judge(
 
 
 @embedded_kernel
-def _update(run: Filter, nu: FloatArray) -> None:
+def _update(run: UnscentedFilter, nu: FloatArray) -> None:
     """Update P with an innovation, and correct the navigator by the estimated error.
 
     H is linear except for the lever arm, which is small compared with relevant position errors. For a linear
@@ -304,7 +304,7 @@ def _update(run: Filter, nu: FloatArray) -> None:
 
 
 @inline_kernel
-def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
+def _rests(run: UnscentedFilter, imu: Imu, k: int, dt: float) -> bool:
     """Process the rest flag of sample k; return whether an update at rest is due."""
     if imu.rest.size == 0:
         return False
@@ -313,7 +313,7 @@ def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
 
 
 @embedded_kernel
-def _update_at_rest(run: Filter) -> bool:
+def _update_at_rest(run: UnscentedFilter) -> bool:
     """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
     P, x, state, drift = run.P, run.x, run.state, run.first[GYRO_DRIFT]
     H, gain = np.empty(6), np.empty(x.size)
@@ -341,7 +341,7 @@ def _update_at_rest(run: Filter) -> bool:
 
 
 @inline_kernel
-def _store(out: Solution, k: int, run: Filter) -> None:
+def _store(out: Solution, k: int, run: UnscentedFilter) -> None:
     """Write sample k of the solution: the navigator minus its last difference to the mean of the points."""
     mean = run.spare
     for i in range(mean.size):
@@ -365,7 +365,7 @@ def _store(out: Solution, k: int, run: Filter) -> None:
 
 
 @embedded_kernel
-def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
+def _store_fix(out: Solution, m: int, sample: int, run: UnscentedFilter) -> None:
     """Write the results of fix m."""
     out.fix_sample[m] = sample
     for i in range(run.x.size):
@@ -374,7 +374,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
 
 
 @embedded_kernel
-def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
+def _step(run: UnscentedFilter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     """Advance the navigator and its sigma points by one IMU sample."""
     if run.clock[1] < 0:
         spread(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
@@ -388,25 +388,29 @@ def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
 
 
 @inline_kernel
-def aid_due(run: Filter, time: float, dt: float) -> bool:
+def aid_due(run: UnscentedFilter, time: float, dt: float) -> bool:
     """Return False: without aids, no measurement of theirs is ever due."""
     return False
 
 
 @inline_kernel
-def take_aids(run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule) -> None:
+def take_aids(
+    run: UnscentedFilter, out: Solution, k: int, time: float, dt: float, schedule: Schedule
+) -> None:
     """Do nothing: without aids, there are no measurements of theirs."""
 
 
 @inline_kernel
-def _aid_due(run: Filter, time: float, dt: float) -> bool:
+def _aid_due(run: UnscentedFilter, time: float, dt: float) -> bool:
     """Return whether a measurement of the aids is due at a time."""
     a = run.counts[2]
     return bool(a < run.aids.time.size and run.aids.time[a] <= time + SLACK * dt)
 
 
 @kernel
-def _take_aids(run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule) -> None:
+def _take_aids(
+    run: UnscentedFilter, out: Solution, k: int, time: float, dt: float, schedule: Schedule
+) -> None:
     """Apply the measurements of the aids that are due at sample k."""
     while _aid_due(run, time, dt):
         a = run.counts[2]
@@ -418,7 +422,9 @@ def _take_aids(run: Filter, out: Solution, k: int, time: float, dt: float, sched
 
 
 @entry_kernel
-def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
+def filter_all(
+    run: UnscentedFilter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule
+) -> None:
     """Advance a filter over `imu` from sample `first` on."""
     if first == 0:
         _show(run)
@@ -459,7 +465,7 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
 
 
 @functools.cache
-def driver(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
+def driver(*, aided: bool) -> Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
     own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, **wander.STEP}
     name = "nonlinear"
@@ -467,13 +473,15 @@ def driver(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Sched
         own[aid_due], own[take_aids] = _aid_due, _take_aids
         own[north_axes], own[north_variance] = wander.north_axes_before, wander.north_variance
         name = "nonlinear aids"
-    made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
+    made: Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None] = generated(
         name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)
     )[filter_all]
     return made
 
 
-def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
+def advance(
+    run: UnscentedFilter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule
+) -> None:
     """Advance a filter over the samples of `imu` from number `first` on.
 
     The flight may be passed whole or in pieces: the result is the same.

@@ -22,7 +22,7 @@ from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport
 from lab.navigation.solution import Solution
-from lab.navigation.unscented_filter import Filter
+from lab.navigation.unscented_filter import UnscentedFilter
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +46,9 @@ def _turn_as_biased(state: FloatArray, there: FloatArray) -> None:
 
 
 @kernel
-def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
+def observe_aid(
+    run: UnscentedFilter, a: int, age: float, dt: float, schedule: Schedule, out: Solution
+) -> bool:
     """Update the filter with measurement a of the aids, `age` seconds old; return whether it was used.
 
     The navigator must be the mean, and its points outdated: they are placed anew. With d the predicted

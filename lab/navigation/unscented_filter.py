@@ -30,10 +30,10 @@ SEEN = (
 )
 """Blocks of states that appear in fixes or in the rates at rest."""
 SCALE, MISALIGNMENT, GYRO_DRIFT, GPS_DRIFT, LEVER_ARM, LATENCY = range(len(SEEN))
-"""Their places in `Filter.first`."""
+"""Their places in `UnscentedFilter.first`."""
 
 
-class Filter(NamedTuple):
+class UnscentedFilter(NamedTuple):
     """An unscented filter between two samples, with the workspace of its kernels.
 
     Attributes
@@ -85,7 +85,7 @@ class Filter(NamedTuple):
         turned: FloatArray = NO_TURNS,
         names: Sequence[str] = (),
         aids: Aids = NO_AIDS,
-    ) -> Filter:
+    ) -> UnscentedFilter:
         """Return a filter with some further blocks at its start, at a time [s].
 
         For `turned` and `aids` see `filter.Filter.begin`.

@@ -12,12 +12,12 @@ import math
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel
 from lab.navigation.strapdown import Matrix, get, plus, put
-from lab.navigation.unscented_filter import GYRO_DRIFT, Filter
+from lab.navigation.unscented_filter import GYRO_DRIFT, UnscentedFilter
 from lab.navigation.wander import quaternion
 
 
 @inline_kernel
-def decay_errors(run: Filter, elapsed: float) -> None:
+def decay_errors(run: UnscentedFilter, elapsed: float) -> None:
     """Let slow errors decay: those of the navigator and of all points, and the covariance from noise."""
     for b in range(run.decay.size):
         if run.decay[b] > 0:
@@ -32,7 +32,7 @@ def decay_errors(run: Filter, elapsed: float) -> None:
 
 
 @inline_kernel
-def _add_noise(run: Filter, C_nb: Matrix, elapsed: float) -> None:
+def _add_noise(run: UnscentedFilter, C_nb: Matrix, elapsed: float) -> None:
     """Add the process noise of some time; white noise enters through C_nb."""
     for block in range(2):
         at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
@@ -47,7 +47,7 @@ def _add_noise(run: Filter, C_nb: Matrix, elapsed: float) -> None:
 
 
 @inline_kernel
-def drive(run: Filter, elapsed: float) -> None:
+def drive(run: UnscentedFilter, elapsed: float) -> None:
     """Propagate the covariance from noise over the elapsed time, and add the noise of that time.
 
     Half of the noise is added before and half after, which is accurate to second order in that time. The

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from typing import Any
 
-Progress = Callable[[str, float], None]
+from lab.progress import Progress
 
 QUIET = 0.5
 """Work that takes no longer than this shows no bar [s]."""

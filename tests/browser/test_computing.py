@@ -10,9 +10,10 @@ import pytest
 from bokeh.document import Document
 
 from dashboards import computing, session
-from dashboards.computing import LatestWins, Outcome, Progress, run
+from dashboards.computing import LatestWins, Outcome, run
 from lab.experiment import Experiment
 from lab.missions import MissionError
+from lab.progress import Progress
 
 PATIENCE = 60
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lab.cli.app import main
-from lab.cli.terminal import Progress, table
+from lab.cli.terminal import ProgressLine, table
 
 
 def test_a_wide_last_column_goes_on_below_itself(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +63,7 @@ class _Screen(io.StringIO):
 def test_quick_work_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lab.cli.terminal.PATIENCE", 60)
     screen = _Screen()
-    with Progress("working", screen) as progress:
+    with ProgressLine("working", screen) as progress:
         progress("halfway", 0.5)
     assert screen.getvalue() == ""
 
@@ -73,7 +73,7 @@ def test_slow_work_follows_the_news_and_leaves_no_trace_in_a_terminal(
 ) -> None:
     monkeypatch.setattr("lab.cli.terminal.PATIENCE", 0)
     screen = _Screen()
-    with Progress("montreal", screen) as progress:
+    with ProgressLine("montreal", screen) as progress:
         assert screen.written.wait(10)
         progress("flying", 0.25)
         progress("flying", 0.5)
@@ -92,7 +92,7 @@ def test_slow_work_tells_each_step_once_where_there_is_no_terminal(monkeypatch: 
     monkeypatch.setattr("lab.cli.terminal.PATIENCE", 0)
     log = _Screen()
     monkeypatch.setattr(log, "isatty", lambda: False)
-    with Progress("montreal", log) as progress:
+    with ProgressLine("montreal", log) as progress:
         assert log.written.wait(10)
         progress("flying", 0.25)
         progress("flying", 0.5)

@@ -53,7 +53,7 @@ def run(mission: str = "los_angeles", **settings: object) -> Result:
     return experiment.run()
 
 
-def random_filter(seed: int, rank: int = 15) -> unscented.Filter:
+def random_filter(seed: int, rank: int = 15) -> unscented.UnscentedFilter:
     """Return a filter at a random place with random states and a random covariance."""
     rng = np.random.default_rng(seed)
     sigma = np.repeat([10.0, 1.0, 0.1, 1e-3, 1e-2], 3)
@@ -63,22 +63,22 @@ def random_filter(seed: int, rank: int = 15) -> unscented.Filter:
         rng.normal(0, 100, 3),
         Rotation.random(rng=rng).as_quat(scalar_first=True),
     )
-    return unscented.Filter.begin(begin, NO_FILTER._replace(P0=root @ root.T))
+    return unscented.UnscentedFilter.begin(begin, NO_FILTER._replace(P0=root @ root.T))
 
 
-def make_positions_certain(filter_: unscented.Filter) -> None:
+def make_positions_certain(filter_: unscented.UnscentedFilter) -> None:
     """Make the σ of the position some nanometres."""
     filter_.P[:3] *= 1e-9
     filter_.P[:, :3] *= 1e-9
 
 
-def spread(filter_: unscented.Filter) -> None:
+def spread(filter_: unscented.UnscentedFilter) -> None:
     """Spread a filter's sigma points."""
     f = filter_
     sigma_points.spread(f.state, f.P, f.order, f.root, f.x, f.points, f.places)
 
 
-def gather(filter_: unscented.Filter) -> None:
+def gather(filter_: unscented.UnscentedFilter) -> None:
     """Form their mean and covariance."""
     f = filter_
     sigma_points.gather(f.state, f.points, f.deviations, f.attitudes, f.mean, f.P, f.places)
@@ -280,7 +280,7 @@ def test_biases_fade() -> None:
     belief = NO_FILTER._replace(
         P0=np.diag(np.r_[np.full(9, 1e-6), P0]), noise=np.r_[np.zeros(6), drive], decay=rates
     )
-    filter_ = unscented.Filter.begin(start_at(0.8), belief)
+    filter_ = unscented.UnscentedFilter.begin(start_at(0.8), belief)
     begin = np.r_[1e-3, -2e-3, 3e-3, 0.1, 0.2, -0.3]
     filter_.state[GYRO_BIAS : ACCEL_BIAS + 3] = begin
     out = Solution.empty(times.size, 0)
@@ -326,7 +326,7 @@ def test_a_flight_in_pieces_gives_the_same_bits(size: int) -> None:
     imu = Imu(imu.time[: samples + 1], imu.dtheta[:samples], imu.dvelocity[:samples])
     whole = unscented.navigate(imu, fixes, begin, result.belief)
     pieces = Solution.empty(imu.time.size, fixes.time.size)
-    filter_ = unscented.Filter.begin(begin, result.belief)
+    filter_ = unscented.UnscentedFilter.begin(begin, result.belief)
     for first in range(0, samples, size):
         last = min(first + size, samples)
         known = np.searchsorted(fixes.time, imu.time[last], side="right")

@@ -22,7 +22,7 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
 from lab.navigation.unscented_aids import observe_aid
-from lab.navigation.unscented_filter import Filter
+from lab.navigation.unscented_filter import UnscentedFilter
 from lab.result import Result
 from lab.rotation import wrap
 from lab.settings import SettingError
@@ -37,13 +37,13 @@ VALUES = (995.0, 30.0, 1.0, -2.0, 20.0, 15.0, 1.0, 0.7, -0.4)
 """A measured value of each kind."""
 
 
-def filter_at(latitude: float, seed: int, kind: int) -> Filter:
+def filter_at(latitude: float, seed: int, kind: int) -> UnscentedFilter:
     """Return a filter with a random covariance, a heading uncertain by 20°, and one measurement."""
     rng = np.random.default_rng(seed)
     one = Aids(np.zeros(1), np.array([kind]), np.array(VALUES)[[kind]], np.array([0.01]), FIELD[None], PLACE)
     attitude = Rotation.from_euler("ZYX", [0.5, 0.2, -0.3]).as_quat(scalar_first=True)
     begin = Start(np.array([latitude, 0.4, 1000.0]), np.array([30.0, -40.0, 5.0]), attitude)
-    run = Filter.begin(begin, NO_FILTER._replace(P0=np.eye(STATES)), names=NAMES, aids=one)
+    run = UnscentedFilter.begin(begin, NO_FILTER._replace(P0=np.eye(STATES)), names=NAMES, aids=one)
     sigma = np.concatenate((np.repeat([5.0, 2.0], 3), [0.1, 0.1, 0.35], np.full(STATES - 9, 1e-3)))
     root = sigma[:, None] * rng.normal(size=(STATES, STATES)) / np.sqrt(STATES)
     run.P[:] = root @ root.T
@@ -56,7 +56,7 @@ def filter_at(latitude: float, seed: int, kind: int) -> Filter:
     return run
 
 
-def predicted(run: Filter, kind: int, x: FloatArray) -> float:
+def predicted(run: UnscentedFilter, kind: int, x: FloatArray) -> float:
     """Return the measurement that the navigator minus an error x predicts, by Earth-fixed axes."""
     state, errors = run.state, dict(zip(blocks.places(NAMES), x[9:], strict=True))
     C_ew = Rotation.from_quat(state[wander.Q_EW :][:4], scalar_first=True).as_matrix()

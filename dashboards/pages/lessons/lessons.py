@@ -9,7 +9,7 @@ import panel as pn
 from bokeh.document import Document
 
 from dashboards.classroom import catalogue
-from dashboards.computing import LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LatestWins, Outcome, attempt
 from dashboards.pages.base import Page
 from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
@@ -20,6 +20,7 @@ from dashboards.style import WHOLE
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.lessons.lesson import Answer, Lesson, Step
+from lab.progress import Progress
 from lab.result import Result
 from lab.settings import SettingError
 from lab.views.figures import TimeAxis

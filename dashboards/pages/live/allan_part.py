@@ -10,7 +10,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.missions.entry_fields import WRAP, sized
@@ -22,6 +22,7 @@ from lab.analysis import allan, rest
 from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
 from lab.live.station import Station
 from lab.missions.mission_name import accepted_name
+from lab.progress import Progress
 from lab.sensors.cards import Card
 from lab.views.allan import AllanFigures
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress
 from dashboards.pages.live.unfinished_part import UnfinishedPart, name_of
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
@@ -23,6 +22,7 @@ from lab.live.unfinished import mark, unmark
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name
 from lab.missions.mission_name import accepted_name
+from lab.progress import Progress
 
 
 class _Stopped(NamedTuple):

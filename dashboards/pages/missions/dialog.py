@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import WRITING, Progress
+from dashboards.computing import WRITING
 from dashboards.pages.missions.job import Job
+from lab.progress import Progress
 
 
 class Act(NamedTuple):

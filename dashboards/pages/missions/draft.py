@@ -9,7 +9,6 @@ from typing import NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.pages.missions.import_fields import ColumnField, SettingFields, UnitFields
@@ -23,6 +22,7 @@ from lab.live.recorded_log import device_log
 from lab.logs.sensor_log import SensorLog
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
+from lab.progress import Progress
 from lab.readers import read_raw
 from lab.repair.raw_flight import RawFlight
 from lab.sensors.suite import white_noise

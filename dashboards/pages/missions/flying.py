@@ -11,7 +11,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress, SupersededError
+from dashboards.computing import SupersededError
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import WRAP, sized
@@ -21,6 +21,7 @@ from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
+from lab.progress import Progress
 from lab.toml_file import toml_text
 
 MISSING = "Flying needs JSBSim, which is not installed on this server: pip install 'ins-lab[fly]'"

@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
+from lab.progress import Progress
 
 TELL = 0.25
 """Time between two progress messages [s]."""

@@ -9,7 +9,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.cards import MissionCards, Question, all_cards, drawings
 from dashboards.pages.missions.dialog import Act, Dialog, fill
@@ -19,6 +19,7 @@ from dashboards.visitors import may_edit
 from lab.experiment import Experiment
 from lab.missions import MissionError, delete_mission, describe_mission, missions, rename_mission
 from lab.missions.library import own_place
+from lab.progress import Progress
 
 FIELD: dict[str, Any] = {
     "size": "small",

@@ -12,7 +12,7 @@ from dashboards.pages.base import Page
 from dashboards.pages.missions.flying import Flying
 from dashboards.pages.missions.importing import Importing
 from dashboards.pages.missions.library import Library
-from dashboards.pages.missions.recording import Recording
+from dashboards.pages.missions.recording import RecordingPart
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.visitors import may_edit
@@ -36,7 +36,7 @@ PARTS: dict[str, Callable[[Session], Part]] = {
     "Library": Library,
     "Import": Importing,
     "Fly": Flying,
-    "X-Plane": Recording,
+    "X-Plane": RecordingPart,
 }
 """Factory of each part, by the label of its button."""
 

@@ -7,7 +7,6 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress
 from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
@@ -15,6 +14,7 @@ from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.widgets import number
 from lab.importing.xplane_live import PORT, XPlaneRecorder
+from lab.progress import Progress
 from lab.repair.raw_flight import RawFlight
 
 TELL = 500
@@ -22,7 +22,7 @@ TELL = 500
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
 
 
-class Recording:
+class RecordingPart:
     """Records from X-Plane over the network.
 
     Parameters

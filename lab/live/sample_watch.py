@@ -1,4 +1,4 @@
-"""Progress: whether the bytes that come give samples, and if not, why, in a sentence."""
+"""Sample watch: whether the bytes that come give samples, and if not, why, in a sentence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FRUITLESS = 2.0
 and the time in which a protocol is looked for twice."""
 
 
-class Progress:
+class SampleWatch:
     """When bytes last gave a frame, and when a sample or a fix; of one connection.
 
     Parameters
