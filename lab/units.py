@@ -17,6 +17,8 @@ DEGREE = math.radians(1)
 """[rad]."""
 DAY = 86_400.0
 """[s]."""
+WEEK = 7 * DAY
+"""[s]."""
 LEAP_SECONDS = 18.0
 """GPS time minus UTC since 2017 [s]."""
 FOOT = 0.3048
@@ -31,6 +33,8 @@ KILOMETRE_PER_HOUR = 1 / 3.6
 """[m/s]."""
 MILE_PER_HOUR = STATUTE_MILE / 3600
 """[m/s]."""
+GAUSS = 1e-4
+"""[T]."""
 RANKINES_PER_KELVIN = 1.8
 """Degrees Rankine, in which JSBSim counts temperatures, per kelvin."""
 

@@ -350,7 +350,7 @@ class _Propagation:
         for p, (states_of_c, sign) in enumerate(self.shown):
             seen[p, states_of_c, self.own] = sign * np.eye(states_of_c.stop - states_of_c.start, 3)
         random = ((seen @ self.P) * seen).sum(axis=2)
-        # Roundoff of the turned axes may make a zero variance slightly negative.
+        # Roundoff of the rotated axes may make a zero variance slightly negative.
         return np.concatenate((constant, np.maximum(random, 0)))
 
 

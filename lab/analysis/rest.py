@@ -83,7 +83,7 @@ class Record(NamedTuple):
 def read_log(path: Path) -> dict[str, Record]:
     """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`; others are ignored.
 
-    Other headings are accepted if they name their units (`lab.readers.heading_names`).
+    Other headings are accepted if they name their units (`lab.readers.column_names`).
 
     Returns
     -------

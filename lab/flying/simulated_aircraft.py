@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -245,14 +244,14 @@ class SimulatedAircraft:
 
 
 def _executive(aircraft: str) -> Any:
-    # JSBSim looks here when it starts; without it a banner goes to standard output, the caller's.
-    os.environ.setdefault("JSBSIM_DEBUG", "0")
     try:
         import jsbsim  # noqa: PLC0415
     except ImportError as error:
         raise MissionError(
             "Flying needs JSBSim, which is not installed: pip install 'ins-lab[fly]'"
         ) from error
+    # Otherwise a banner goes to standard output, the caller's.
+    jsbsim.FGJSBBase().debug_lvl = 0  # type: ignore[no-untyped-call]
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)
     fdm.set_dt(STEP_MS / 1000)

@@ -6,7 +6,6 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from lab.importing.plausibility import (
 )
 from lab.importing.reconstruction import Reconstruction
 from lab.importing.sensor_noise import SensorNoise
+from lab.notebook_card import NotebookCard
 from lab.recordings.recording import Recording
 from lab.repair.quantisation import value_steps
 from lab.repair.raw_flight import ColumnUnit, RawFlight, Reset
@@ -78,7 +78,7 @@ class ReportRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImportReport:
+class ImportReport(NotebookCard):
     """The content of a file, how it was rebuilt, and whether the result is plausible.
 
     Attributes
@@ -94,6 +94,8 @@ class ImportReport:
     body_rate_noise : float
         Rms of the fast part of its body rates [rad/s].
     """
+
+    CARD = "import report"
 
     verdict: str
     findings: tuple[FlightFinding, ...]
@@ -122,19 +124,6 @@ class ImportReport:
 
     def __repr__(self) -> str:
         return f"<ImportReport: {self.verdict}, {len(self.findings)} findings>"
-
-    def _repr_html_(self) -> str:
-        reasons = "".join(f"<li>{escape(sentence)}</li>" for sentence in self.reasons)
-        lines, group = [], ""
-        for row in self.rows:
-            head = escape(row.group) if row.group != group else ""
-            group = row.group
-            cells = (f"<b>{head}</b>", escape(row.name), escape(row.value))
-            lines.append(
-                "".join(f'<td style="text-align:left;vertical-align:top">{cell}</td>' for cell in cells)
-            )
-        table = f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
-        return f"<p>Verdict: <b>{escape(self.verdict)}</b></p><ul>{reasons}</ul>{table}"
 
 
 def report(

@@ -218,9 +218,9 @@ def findings(
     found = [
         *_beyond_limits(flight, rebuilt, moves),
         *_velocity_against_positions(flight),
-        *_attitude_against_path(flight, rebuilt),
+        *_attitude_against_path(rebuilt),
         *_rates(flight, rebuilt),
-        *_airspeed(flight, rebuilt),
+        *_airspeed(rebuilt),
         *_residuals(rebuilt),
     ]
     return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
@@ -342,7 +342,7 @@ def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> FlightFinding 
     return None
 
 
-def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
+def _attitude_against_path(rebuilt: Reconstruction) -> list[FlightFinding]:
     """Compare heading, roll and pitch with the path."""
     recording = rebuilt.recording
     if rebuilt.attitude_reconstructed:
@@ -449,7 +449,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFindin
     return found
 
 
-def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
+def _airspeed(rebuilt: Reconstruction) -> list[FlightFinding]:
     airspeed, recording = rebuilt.recording.airspeed, rebuilt.recording
     if airspeed is None or rebuilt.curve == "air data":
         return []

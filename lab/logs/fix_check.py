@@ -16,6 +16,7 @@ from lab.displacement import metres_per_radian
 from lab.logs.sensor_log import GnssLog
 from lab.recordings.mission_error import MissionError
 from lab.rotation import wrap
+from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -47,20 +48,20 @@ _MAX_ROTATION = np.radians(30.0)
 noise some degrees."""
 _RADIANS = "latitude and longitude look like radians where degrees are declared"
 _UNITS = {
-    1 / 3.6: "the velocities look like km/h where m/s are declared",
-    1852 / 3600: "the velocities look like knots where m/s are declared",
-    1609.344 / 3600: "the velocities look like mph where m/s are declared",
-    0.3048: "the velocities look like feet per second where m/s are declared",
+    KILOMETRE_PER_HOUR: "the velocities look like km/h where m/s are declared",
+    KNOT: "the velocities look like knots where m/s are declared",
+    MILE_PER_HOUR: "the velocities look like mph where m/s are declared",
+    FOOT: "the velocities look like feet per second where m/s are declared",
     0.01: "the velocities look like cm/s where m/s are declared",
     0.001: "the times look like ms where s are declared, or the velocities like mm/s where m/s are declared",
     0.1: "latitude and longitude look like 1e-6° where 1e-7° are declared",
-    np.pi / 180: _RADIANS,
-    np.pi / 180 * np.sqrt(2): _RADIANS,
+    DEGREE: _RADIANS,
+    DEGREE * np.sqrt(2): _RADIANS,
 }
 """Likely cause by the ratio of displacement to velocity times time. Radians read as degrees also move the
 place to the equator, where those of longitude are longer: by √2 from 45°."""
 _HEIGHT_UNITS = {
-    1 / 0.3048: "the heights look like feet where m are declared",
+    1 / FOOT: "the heights look like feet where m are declared",
     1000.0: "the heights look like mm where m are declared",
     100.0: "the heights look like cm where m are declared",
 }

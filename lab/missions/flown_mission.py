@@ -168,7 +168,7 @@ def add_flown(
                 content = _flown_content(flown, path.name, seed, ending)
                 with atomic_file(toml) as file:
                     file.write(content)
-                remove_unused(folder, replaced)
+                remove_unused(replaced)
     return mission(toml)
 
 

@@ -113,7 +113,7 @@ def add_mission(
             replaced = recordings_named(toml)
             values["recording"] = path.name
             _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
-            remove_unused(where, replaced)
+            remove_unused(replaced)
     return mission(toml)
 
 
@@ -273,7 +273,7 @@ def delete_mission(name: str) -> None:
         elif not path.is_dir():
             recordings = recordings_named(path)
             path.unlink()
-            remove_unused(path.parent, recordings)
+            remove_unused(recordings)
         else:
             _delete_log(path)
 
@@ -374,8 +374,8 @@ def recordings_named(place: Path) -> list[Path]:
     return [path for path in named if path.name.lower().endswith((".csv", ".csv.gz"))]
 
 
-def remove_unused(folder: Path, recordings: Sequence[Path]) -> None:
-    """Remove recordings no TOML file in the folder names."""
+def remove_unused(recordings: Sequence[Path]) -> None:
+    """Remove recordings that no TOML file in their folder names."""
     for path in set(recordings):
         if not named_by_others(path):
             path.unlink(missing_ok=True)

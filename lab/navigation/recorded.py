@@ -144,7 +144,7 @@ def navigate_log(
         If the solution diverges beyond all numbers, or comes too close to a pole.
     """
     log = piece(log)
-    _check(log, navigator)
+    _check(navigator)
     readings = readings_of(log, sensors)
     sensors, remarks = fitted_only(sensors, readings, log)
     check_own_states(navigator)
@@ -281,7 +281,7 @@ NAMES = {
 """What the groups of other sensors are called in a sentence."""
 
 
-def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
+def _check(navigator: NavigatorSettings) -> None:
     """Refuse settings that cannot be applied to a log."""
     check_mechanization(navigator)
     if navigator.engine != "compiled":

@@ -96,8 +96,8 @@ def navigate(
     imu, fixes, start, belief, schedule, model, stretches, aids
         As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
     used
-        Called after each block of the way back, with the number of the increment from which on all have been
-        used.
+        Called after each block of the backward pass, with the number of the increment from which on all
+        have been used.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def navigate(
 
     go = within_frame_in_piece if is_long else within_frame
     passing = out
-    if is_long:  # the way back writes the histories, while it gives up the increments
+    if is_long:  # the backward pass writes the histories, while it gives up the increments
         row = out.room(1)
         passing = out._replace(**{name: getattr(row, name) for name in HISTORIES if name != "rest"})
 

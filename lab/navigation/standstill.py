@@ -89,7 +89,7 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = No
 
 
 class Held(NamedTuple):
-    """What a vehicle at rest felt, and what it felt since.
+    """Specific force of a vehicle at rest, and the velocity gained since.
 
     Attributes
     ----------
@@ -116,10 +116,10 @@ def standing_still(
 ) -> tuple[NDArray[np.bool_], list[Held | None]]:
     """Return the samples (n,) in which the velocity is zero, also where no fix shows it.
 
-    A vehicle that begins to move feels another specific force long before the fixes show its speed. So a rest
-    ends where the force changes. It goes on once the force is as before and the change has added no velocity,
-    or once the fixes would show the speed that the smallest visible change gives. Without fixes, it lasts
-    until the inertial sensors show vibration, rotation, or another specific force.
+    The specific force changes long before the fixes show the speed of a vehicle that begins to move. So a
+    rest ends where the force changes. It goes on once the force is as before and the change has added no
+    velocity, or once the fixes would show the speed that the smallest visible change gives. Without fixes, it
+    lasts until the inertial sensors show vibration, rotation, or another specific force.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ LENGTH = 81  # length of the state
 
 MAX_LATITUDE = NEAR_POLE
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,
-and its errors are no longer small where a displacement is not small compared with the way to the pole."""
+and its errors are no longer small where a displacement is not small compared with that to the pole."""
 
 radii = inline_kernel(earth.radii)
 gravity = inline_kernel(earth.gravity)

@@ -1,4 +1,4 @@
-"""Message times: when the messages of a DataFlash log were written, in seconds on one clock.
+"""DataFlash time: when the messages of a DataFlash log were written, in seconds on one clock.
 
 Since 2015 every message has the time since boot (``TimeUS``). Before, most have it in milliseconds
 (``TimeMS``), but the GPS's ``TimeMS`` (in 2012 ``Time``) counts from the start of the GPS week and ``T``,

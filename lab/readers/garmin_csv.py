@@ -246,7 +246,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
         return _North(
             None, None, "There is no track over ground. The heading, which is magnetic, is not used."
         )
-    legs = _legs(columns, time, speed)
+    legs = _legs(time, speed)
     if legs.sum() < _MIN_LEGS:
         return _North(None, None, "The aircraft hardly moves. Its track and its heading are not used.")
     off = wrap(_course(columns)[legs] - track[legs])
@@ -286,7 +286,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
     )
 
 
-def _legs(columns: Columns, time: FloatArray, speed: FloatArray) -> BoolArray:
+def _legs(time: FloatArray, speed: FloatArray) -> BoolArray:
     """Return the rows at which the course between the rows around them can be told."""
     span = np.full_like(time, np.inf)
     span[_ASTRIDE:-_ASTRIDE] = time[2 * _ASTRIDE :] - time[: -2 * _ASTRIDE]

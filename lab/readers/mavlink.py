@@ -81,7 +81,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     log, vehicle = _vehicle(path, FIELDS)
     geoid = geoid_of(vehicle)
     velocity, position = _velocity(vehicle), _position(vehicle, geoid)
-    remarks = _remarks(log, vehicle, geoid)
+    remarks = _remarks(log, geoid)
     kind = _kind(vehicle)
     if velocity is None or position is None:
         flight = _gps_track(path, vehicle, geoid, remarks, kind).flight()
@@ -192,7 +192,7 @@ def _others(log: TlogFile, vehicle: Vehicle) -> tuple[Dropped, ...]:
     return (Dropped("messages of another vehicle or of another start of the autopilot", count, first),)
 
 
-def _remarks(log: TlogFile, vehicle: Vehicle, geoid: float | None) -> tuple[str, ...]:
+def _remarks(log: TlogFile, geoid: float | None) -> tuple[str, ...]:
     began = f"{datetime.fromtimestamp(log.started, UTC):%Y-%m-%d %H:%M} UTC"
     remarks = [f"Time counts from when the autopilot was switched on. The log begins at {began}."]
     remarks.append(

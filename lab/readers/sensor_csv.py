@@ -1,6 +1,6 @@
 """Sensor csv: tables with named columns from phones, ROS, loggers and exports of autopilots.
 
-A log may be one file or several. The headings say what columns are (`lab.readers.heading_names`); what they
+A log may be one file or several. The headings say what columns are (`lab.readers.column_names`); what they
 do not say is guessed by the numbers, and every guess is reported. A person corrects both: for each heading a
 unit, such as ``g``, or a quantity with a unit, such as ``force_x[g]``. A zip file is read as the files in it.
 """
@@ -21,7 +21,7 @@ from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.readers.along_track import along_track
-from lab.readers.heading_names import GIVEN, IGNORED, QUANTITIES
+from lab.readers.column_names import GIVEN, IGNORED, QUANTITIES
 from lab.readers.height_unit import unit_that_agrees
 from lab.readers.leap_offset import end_together, offset_that_agrees, remark_on_ends
 from lab.readers.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.readers.heading_names import GIVEN
+from lab.readers.column_names import GIVEN
 from lab.readers.sheet import Sheet
 
 METADATA = "Metadata.csv"

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.readers.heading_names import SCALARS, Heading, given_heading, heading_of
-from lab.readers.heading_units import unit_of
+from lab.readers.column_names import SCALARS, Heading, given_heading, heading_of
+from lab.readers.column_units import unit_of
 from lab.readers.sheet_cells import (
     angles_of_cells,
     are_decimal_commas,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.readers.heading_names import Heading
+from lab.readers.column_names import Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_stamps import spread
 from lab.readers.stamps import (

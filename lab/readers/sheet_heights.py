@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.readers.column_names import SCALARS
 from lab.readers.fields import SEA_LEVEL
-from lab.readers.heading_names import SCALARS
 from lab.readers.sheet import Sheet
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.coverage import span_text
-from lab.readers.heading_names import GIVEN, VECTORS, Heading
+from lab.readers.column_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
 from lab.readers.sheet_force import refuse_cm_per_s2

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.logs.auxiliary_data import Series
 from lab.logs.pressure_height import ACCEPTED, PERIOD, height_of, reading_at
 from lab.logs.sensor_log import SensorLog
-from lab.readers.heading_names import Heading
+from lab.readers.column_names import Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import clock_of
 from lab.readers.sheet_imu import NAMED, is_of_another_device

@@ -29,7 +29,7 @@ from lab.readers.ulog_file import MAGIC as ULOG
 from lab.recordings.decompression import whole
 from lab.recordings.named_columns import MAX_BYTES
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.units import DAY
+from lab.units import DAY, WEEK
 
 FloatArray = NDArray[np.float64]
 
@@ -89,8 +89,6 @@ _DATED = 1
 """Bit of a valid date in NAV-PVT."""
 _WEEK_KNOWN = 2
 """Bit of a valid week in NAV-TIMEGPS."""
-_WEEK = 604_800
-"""[s]."""
 _GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 """When the first week of GPS began."""
 _COLUMNS = {"lat": "°", "lon": "°", "height": "m", "gSpeed": "m/s", "headMot": "°"}
@@ -274,7 +272,7 @@ def _weeks(messages: _Messages) -> FloatArray:
             continue
         # The day is right but for the seconds between UTC and GPS, so the week is that of its noon.
         noon = since.total_seconds() + 0.5 * DAY
-        week[point] = np.round((noon - messages.time[point]) / _WEEK)
+        week[point] = np.round((noon - messages.time[point]) / WEEK)
     return week
 
 
@@ -284,9 +282,7 @@ def _time(of_week: FloatArray, week: FloatArray, fixed: NDArray[np.bool_]) -> tu
     if fixed.any() and known[fixed].all():
         first = int(week[np.argmax(known)])
         start = np.datetime64(_GPS_EPOCH.replace(tzinfo=None), "D") + 7 * first
-        return of_week + _WEEK * (
-            week - first
-        ), f"Time is that of GPS, from the start of its week on {start}."
+        return of_week + WEEK * (week - first), f"Time is that of GPS, from the start of its week on {start}."
     time = of_week.copy()
-    time[fixed] = np.unwrap(time[fixed], period=_WEEK)
+    time[fixed] = np.unwrap(time[fixed], period=WEEK)
     return time, "Time is that of GPS, from the start of a week that the file does not name."

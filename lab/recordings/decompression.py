@@ -1,4 +1,4 @@
-"""Content: the bytes of a file, decompressed if it is a gzip file, in pieces and up to a limit."""
+"""Decompression: the bytes of a file, decompressed if it is a gzip file, in pieces and up to a limit."""
 
 from __future__ import annotations
 

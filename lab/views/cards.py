@@ -12,6 +12,7 @@ CARDS = {
     "result": "lab.views.result_card:result_html",
     "mission": "lab.views.mission_card:mission_html",
     "log": "lab.views.mission_card:log_html",
+    "import report": "lab.views.import_report_card:import_report_html",
     "outcome": "lab.views.outcome_card:outcome_html",
     "verdict": "lab.views.verdict_card:verdict_html",
     "comparison": "lab.views.comparison_card:comparison_html",

@@ -21,6 +21,7 @@ from bokeh.resources import INLINE
 from numpy.typing import NDArray
 
 from lab import ecef
+from lab.east_north_up import east_north_up
 from lab.missions.flight_import import FlightImport
 from lab.recordings.atomic_file import atomic_file
 from lab.views.envelope import envelope, limits, thin_path
@@ -108,7 +109,7 @@ def _track(read: FlightImport) -> figure:
 
 def _map(start: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return metres east and north of the start, thinned for the screen."""
-    metres = ecef.displacement(np.broadcast_to(start, position.shape), position)[:, [1, 0]]
+    metres = east_north_up(ecef.displacement(np.broadcast_to(start, position.shape), position))[:, :2]
     east, north = metres[thin_path(metres, POINTS)].T
     return east, north
 

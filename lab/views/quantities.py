@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
+from lab.east_north_up import east_north_up_sizes
 from lab.navigation.aids import NAMES, SHOWN
 from lab.navigation.blocks import SCALES
 from lab.navigation.blocks import block as find_block
+from lab.navigation.error_models import ATT, POS, VEL
 from lab.views.time_plot import AID_CLOCKS, Band, Clock, Curve, FloatArray, Interval, Reader, TimePlot
 
 if TYPE_CHECKING:
@@ -84,11 +86,15 @@ def _sigmas(name: str, title: str, unit: str, labels: Sequence[str], states: Seq
     )
 
 
-# The filter's states are north, east, down; the plots show east, north, up, which have the same σ.
+def _along_enu(block: slice) -> tuple[int, ...]:
+    """Return the states of a block along east, north and up; the filter has them along north, east, down."""
+    return tuple(east_north_up_sizes(np.arange(block.start, block.stop)).tolist())
+
+
 COVARIANCE: tuple[TimePlot, ...] = (
-    _sigmas("position", "position", "m", EAST_NORTH_UP, (1, 0, 2)),
-    _sigmas("velocity", "velocity", "m/s", EAST_NORTH_UP, (4, 3, 5)),
-    _sigmas("attitude", "attitude, about", "°", ("east", "north", "vertical"), (7, 6, 8)),
+    _sigmas("position", "position", "m", EAST_NORTH_UP, _along_enu(POS)),
+    _sigmas("velocity", "velocity", "m/s", EAST_NORTH_UP, _along_enu(VEL)),
+    _sigmas("attitude", "attitude, about", "°", ("east", "north", "vertical"), _along_enu(ATT)),
     _sigmas("gyro_bias", "gyro biases", "°/s", BODY, (9, 10, 11)),
     _sigmas("accelerometer_bias", "accelerometer biases", "mg", BODY, (12, 13, 14)),
 )

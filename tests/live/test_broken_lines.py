@@ -18,7 +18,7 @@ from live_streams import RATE, fixes, motion
 from test_source import Scripted, until
 
 import lab.live
-from lab.live import progress
+from lab.live import sample_watch
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.reception import Reception
 from lab.live.recorded_log import recorded_samples
@@ -112,7 +112,7 @@ def fruitless(now: Status) -> bool:
 def test_a_device_that_changes_its_speed_is_stale_until_it_is_read_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(progress, "FRUITLESS", 0.3)
+    monkeypatch.setattr(sample_watch, "FRUITLESS", 0.3)
     wrong = threading.Event()
     change = lambda frame: at_other_speed(frame, 115_200, 57_600) if wrong.is_set() else frame  # noqa: E731
     with listening() as (server, address), lab.live.open(address) as source:
@@ -121,13 +121,13 @@ def test_a_device_that_changes_its_speed_is_stale_until_it_is_read_again(
             until(lambda: source.status.state == STREAMING and source.end.imu > 0)
             wrong.set()
             # Not for their absence: bytes come all the time.
-            until(lambda: (now := source.status).silence < progress.FRUITLESS and fruitless(now))
+            until(lambda: (now := source.status).silence < sample_watch.FRUITLESS and fruitless(now))
             wrong.clear()
             until(lambda: source.status.state == STREAMING)
 
 
 def test_a_clock_that_stands_still_is_stale(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "FRUITLESS", 0.2)
+    monkeypatch.setattr(sample_watch, "FRUITLESS", 0.2)
     with listening() as (server, address), lab.live.open(f"{address}?protocol=vectornav") as source:
         peer, _ = server.accept()
         with peer:

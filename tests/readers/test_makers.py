@@ -17,7 +17,7 @@ from lab.earth import STANDARD_GRAVITY
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers import read_raw
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.sheet_cells import numbers_of_cells
 from lab.units import FOOT, KNOT
 

@@ -10,7 +10,7 @@ from foreign_tables import phone, table
 from phone_drive import drive
 
 from lab.missions.flight_import import read_log
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.sensor_csv import recognises
 
 LANGUAGES = {

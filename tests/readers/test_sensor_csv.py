@@ -13,7 +13,7 @@ from lab.earth import STANDARD_GRAVITY
 from lab.missions import MissionError
 from lab.missions.flight_import import prepare_import, read_log
 from lab.missions.log_mission import LogMission
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.stamps import seconds_of_texts
 
 

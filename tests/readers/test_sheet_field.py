@@ -19,7 +19,7 @@ from lab.missions import read_sensor_log
 from lab.missions.flight_import import read_log
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.sheet_field import _is_of_the_earth
 from lab.recordings.recording import Recording
 from lab.rotation import euler_from_quaternion, wrap

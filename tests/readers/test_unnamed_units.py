@@ -7,7 +7,7 @@ import pytest
 from sensor_logs import tables
 
 from lab.missions import MissionError
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_fixes import fixes_of
 from lab.readers.sheet_imu import imu_of

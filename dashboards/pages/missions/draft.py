@@ -14,7 +14,6 @@ from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.pages.missions.import_fields import ColumnField, SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
-from dashboards.pages.missions.report_html import REPORT_STYLE, log_html, report_html
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.importing.import_settings import ImportSettings
@@ -27,6 +26,7 @@ from lab.readers import read_raw
 from lab.repair.raw_flight import RawFlight
 from lab.sensors.suite import white_noise
 from lab.views.import_preview import preview_figures
+from lab.views.import_report_card import REPORT_STYLE, read_log_html, rows_html
 
 SEVERITY = {"plausible": "success", "questionable": "warning", "implausible": "error"}
 GRID = """
@@ -193,9 +193,9 @@ class Draft:
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
         self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
         self._add_log.visible = read.log is not None
-        self._report.object = report_html(flight.report)
+        self._report.object = rows_html(flight.report)
         self._units.show(flight.raw.units)
-        self._log_report.object = log_html(read.log, read.log_refused)
+        self._log_report.object = read_log_html(read.log, read.log_refused)
         self._preview[:] = list(_panes(flight))
         self._body.visible = True
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.decoders.column_map import MAX_COLUMNS, SEPARATORS, UNITS_OF, Column, ColumnMap, ColumnMapError
-from lab.readers.heading_names import heading_of
+from lab.readers.column_names import heading_of
 from lab.readers.unit_names import unit_name
 from lab.recordings.mission_error import MissionError
 
@@ -37,7 +37,7 @@ _OTHERS = (
     ("heading", re.compile(r"true heading|heading true")),
     ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
 )
-"""Names of what only streams have; those of times, rates and forces are in `lab.readers.heading_names`."""
+"""Names of what only streams have; those of times, rates and forces are in `lab.readers.column_names`."""
 _SHARED = ("time", "rate", "force")
 """Quantities whose names streams and csv files share."""
 _BARE = re.compile(r"[xyz]")

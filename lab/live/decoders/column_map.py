@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
 
+from lab.earth import STANDARD_GRAVITY
 from lab.readers.unit_names import UNITS
-from lab.units import TO_SI
 
 _AXES = ("x", "y", "z")
 VECTORS = ("rate", "force", "magnetic")
 """Quantities with an x, a y and a z."""
 UNITS_OF = {
-    "time": {**UNITS["time"], "ns": 1e-9},
+    "time": UNITS["time"],
     "count": {"": 1.0},
-    "rate": {**UNITS["angular rate"], "mrad/s": 1e-3},
-    "force": {**UNITS["acceleration"], "mg": TO_SI["mg"], "g/256": TO_SI["g"] / 256},
-    "magnetic": {"T": 1.0, "µT": 1e-6, "mT": 1e-3, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+    "rate": UNITS["angular rate"],
+    "force": {**UNITS["acceleration"], "g/256": STANDARD_GRAVITY / 256},
+    "magnetic": {unit: UNITS["magnetic field"][unit] / 1e6 for unit in ("T", "µT", "mT", "nT", "G", "mG")},
     "temperature": {"°C": 1.0},
-    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3},
-    "heading": {"°": math.radians(1.0), "rad": 1.0},
-    "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "mm/s": 1e-3},
+    "pressure": {unit: UNITS["pressure"][unit] for unit in ("Pa", "hPa", "kPa")},
+    "heading": {unit: UNITS["angle"][unit] for unit in ("°", "rad")},
+    "speed": {unit: UNITS["speed"][unit] for unit in ("m/s", "km/h", "mm/s")},
 }
 """Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
 QUANTITIES = (

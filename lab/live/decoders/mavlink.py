@@ -28,14 +28,12 @@ from lab.live.samples import FIX_2D, FIX_3D, FIX_RTK, NAN, NO_FIX, UNKNOWN
 from lab.logs.sensor_log import SIGMAS
 from lab.readers.mavlink_sensors import ONE_G, SINCE_1970, UNKNOWN_SPEED
 from lab.readers.tlog_file import MAGICS, SHORTEST, SIGNATURE, SIGNED
-from lab.units import TO_SI
+from lab.units import GAUSS, TO_SI
 
 MISSING = "MAVLink needs pymavlink, which is not installed: pip install 'ins-lab[mavlink]'"
 
 _ORDER = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "SCALED_IMU2", "SCALED_IMU3")
 """Messages of an IMU; an earlier one goes before a later one."""
-_MILLIGAUSS = 1e-7
-"""[T]."""
 _HECTOPASCAL = 100.0
 """[Pa]."""
 _RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
@@ -136,7 +134,7 @@ class Mavlink(Framing):
         else:
             rate = [1e-3 * value for value in rate]
             force = [TO_SI["mg"] * value for value in force]
-            unit, pressure = _MILLIGAUSS, NAN
+            unit, pressure = 1e-3 * GAUSS, NAN
             temperature = fields.get("temperature", 0) * 1e-2 or NAN  # 0 says that it is not known
         if name == "RAW_IMU" and self._raw_seen < _TRIED:
             if not ONE_G[0] < math.hypot(*force) / STANDARD_GRAVITY < ONE_G[1]:

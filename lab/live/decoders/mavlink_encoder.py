@@ -11,9 +11,8 @@ from lab.live.decoders.mavlink import MISSING
 from lab.live.decoders.merging import merged
 from lab.live.decoders.sending import known, microseconds, sent_fix, vector
 from lab.live.samples import NO_FIX
+from lab.units import GAUSS
 
-_GAUSS = 1e-4
-"""[T]."""
 _ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT
 
@@ -64,7 +63,7 @@ class MavlinkEncoder:
         temperature, pressure = known(row, "temperature", "pressure")
         message = self._link.highres_imu_encode(
             microseconds(row["time"]), *vector(row, "force"), *vector(row, "rate"),
-            *vector(row, "magnetic", _GAUSS), pressure / 100, 0.0, 0.0, temperature, _ALL_FIELDS,
+            *vector(row, "magnetic", GAUSS), pressure / 100, 0.0, 0.0, temperature, _ALL_FIELDS,
         )  # fmt: skip
         return self._packed(message)
 

@@ -27,13 +27,12 @@ from lab.live.decoders.merging import merged
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.sending import vector
 from lab.live.decoders.wrapping import WrappingCounter
+from lab.units import GAUSS
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples
 TICK = 2.1701e-6
 """Of the timer [s]."""
-GAUSS = 1e-4
-"""[T]."""
 
 _SYNC = b"\xff" * 4  # four bytes begin a frame
 _START = _SYNC + bytes((SIZE,))

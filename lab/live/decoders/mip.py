@@ -28,6 +28,7 @@ from lab.live.samples import (
     UNKNOWN,
     Vector,
 )
+from lab.units import GAUSS
 
 SYNC = b"\x75\x65"
 SENSOR = 0x80  # set of the inertial data
@@ -37,8 +38,6 @@ FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x0
 GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17  # fields of `SENSOR`
 REFERENCE_TIME, DELTA_TIME, SHARED_GPS_TIME = 0xD5, 0xD6, 0xD3  # times, of any set
 PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B  # fields of `GNSS`
-GAUSS = 1e-4
-"""[T]."""
 MILLIBAR = 100.0
 """[Pa]."""
 NANOSECOND = 1e-9

@@ -14,7 +14,6 @@ from lab.live.decoders.merging import merged
 from lab.live.decoders.mip import (
     FIX_INFO,
     FORCE,
-    GAUSS,
     GNSS,
     GNSS_TIME,
     MAGNETIC,
@@ -30,6 +29,7 @@ from lab.live.decoders.mip import (
 from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import nanoseconds, sent_fix, vector
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
+from lab.units import GAUSS
 
 # Kinds of fixes of FIX_INFO.
 _FIX_TYPES = {FIX_3D: 0, FIX_2D: 1, FIX_RTK_FLOAT: 5, FIX_RTK: 6, FIX_DIFFERENTIAL: 7}

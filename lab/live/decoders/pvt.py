@@ -18,6 +18,7 @@ from lab.live.decoders.calendar import utc_seconds
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.sending import sent_fix
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
+from lab.units import WEEK
 
 _FIELDS = "IHBBBBBBIiBBBBiiiiIIiiiiiI"
 """Up to the accuracy of the speed."""
@@ -30,7 +31,7 @@ _FIX_TYPES = {2: FIX_2D, 3: FIX_3D, 4: FIX_3D}
 """Kinds of fixes of the receiver; 1 is dead reckoning alone, 4 is GNSS with it, 5 is time only."""
 _CARRIER = 6
 """First of two bits of the flags for a solution of the carrier: 1 float, 2 fixed."""
-_WEEK = 604_800_000
+_WEEK = round(1e3 * WEEK)
 """[ms]."""
 
 

@@ -37,9 +37,10 @@ from lab.live.decoders.ublox import (
     Z_FORCE,
     Z_GYRO,
 )
+from lab.units import WEEK
 
 _LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
-_WEEK = 604_800_000
+_WEEK = round(1e3 * WEEK)
 """[ms]."""
 _PVT_SIZE = 92
 """Bytes of NAV-PVT from protocol 15 on."""

@@ -45,10 +45,9 @@ from lab.live.samples import (
     UNKNOWN,
     Vector,
 )
+from lab.units import GAUSS
 
 SYNC = 0xFA  # first byte of a message
-GAUSS = 1e-4
-"""[T]."""
 KILOPASCAL = 1e3
 """[Pa]."""
 NANOSECOND = 1e-9

@@ -1,4 +1,4 @@
-"""Heading translations: the words of headings that phones write in German, French, Spanish and Italian.
+"""Column translations: the words of column headings that phones write in German, French, Spanish and Italian.
 
 Apps such as phyphox export in the language of the phone: ``Beschleunigung x (m/s^2)``, ``Temps (s)``.
 """

@@ -1,4 +1,4 @@
-"""Heading names: what the columns of a stranger's csv are, by their headings: quantity, axis and unit.
+"""Column names: what the columns of a stranger's csv are, by their headings: quantity, axis and unit.
 
 A heading such as ``linear_acceleration.x``, ``AccX``, ``accel_x_g`` or ``Gyroscope y (rad/s)`` is cut into
 words, an axis and a unit; the words name the quantity. A column that a heading does not name is not read.
@@ -10,9 +10,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lab.readers.heading_field import FIELD_WORDS, GLUED_FIELD, names_field
-from lab.readers.heading_translations import in_english
-from lab.readers.heading_units import UNIT, unit_of
+from lab.readers.column_field import FIELD_WORDS, GLUED_FIELD, names_field
+from lab.readers.column_translations import in_english
+from lab.readers.column_units import UNIT, unit_of
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 

@@ -1,4 +1,4 @@
-"""Heading field: which words of a heading name a magnetometer.
+"""Column field: which words of a column heading name a magnetometer.
 
 Phones and loggers call it ``Magnetic field x``, ``magnetometerX``, ``mag_x_uT``, ``Bx``; SensorLog on an
 iPhone calls the field of its compass ``locationHeadingX``.

@@ -1,4 +1,4 @@
-"""Heading units: the units in the headings of columns, in the spellings of loggers."""
+"""Column units: the units in the headings of columns, in the spellings of loggers."""
 
 from __future__ import annotations
 
