@@ -22,10 +22,17 @@ JUDGES = (
     *("navigation/initial_heading.py", "navigation/recorded.py", "navigation/rest_alignment.py"),
     *("navigation/standstill.py", "sensors/suite.py", "assumptions.py", "identify.py", "log_reference.py"),
     *(
+        "flying/coordinated_turn.py",
         "flying/motion_commands.py",
         "flying/motion_file.py",
+        "flying/pilot.py",
         "flying/waypoints.py",
     ),
+    *("live/axis_check.py", "live/axis_map.py", "live/clock_watch.py", "live/device_clock.py"),
+    *("live/fix_intake.py", "live/held.py", "live/intake.py", "live/live_start.py", "live/live_verdict.py"),
+    *("live/nominal_rate.py", "live/pressure.py", "live/reading_intake.py", "live/six_positions.py"),
+    *("live/stream_statistics.py", "live/decoders/column_guess.py", "live/decoders/limits.py"),
+    *("live/decoders/rows.py", "phone/posted.py", "phone/pushed.py", "xplane"),
     *(
         "log_run.py",
         "navigation/driver.py",

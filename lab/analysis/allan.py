@@ -35,7 +35,9 @@ MIN_SAMPLES = 16
 """Fewest samples for an Allan deviation."""
 
 FITS = 1e-3
-"""p value below which the five terms do not explain a deviation."""
+"""p value below which the five terms do not explain a deviation. Of 600 simulated axes with white noise, half
+of them with a random walk, one was below it; of 90 with a Gauss-Markov bias of the same σ and a correlation
+time of 100 samples besides, 26."""
 
 _FEWEST_DEGREES = 3.0
 """Fewest degrees of freedom of an estimate that is used: with three, its σ is 40 % of the estimate."""

@@ -48,7 +48,8 @@ _PER_CORNER = 32
 _SHORTEST = 5e-4
 """Shortest time from sample to sample that is simulated: 2 kHz, the fastest rate of an IMU here [s]."""
 _SHOWN = 2.0
-"""A record does not show a term below this multiple of its σ."""
+"""A record does not show a term below this multiple of its σ. `allan.fit` states σ so that terms that are not
+present are at most 1.5 σ and all others more than 4 σ, so any number in between separates them."""
 _STILL = 0.5
 """Largest change of the specific force over a record at rest, between means over a hundredth of it [m/s²]."""
 _PARTS, _SAMPLES_PER_PART = 100, 4

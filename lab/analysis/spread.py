@@ -9,7 +9,8 @@ from lab.analysis.likelihood import Seen, squares
 from lab.navigation.error_models import STATES
 
 BY_CHANCE = 1e-3
-"""Significance level of a difference between the halves of a log."""
+"""Significance level of a difference between the halves of a log, and of the size of the innovations: chance
+shows each in one log in 1,000. A convention."""
 HEAVY = 6.0
 """Kurtosis of a channel above which its tails count as heavy: a Gaussian has 3, a Laplace density 6."""
 FEWEST = 20

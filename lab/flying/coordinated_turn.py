@@ -34,7 +34,8 @@ Vehicle = Literal["aircraft", "car", "boat"]
 
 VEHICLES = get_args(Vehicle)
 STANDSTILL = 0.5
-"""Horizontal speed below which the velocity shows no heading [m/s]."""
+"""Horizontal speed below which the velocity shows no heading [m/s]: noise of a receiver of 0.1 m/s turns it
+by 12° there (σ), noise of 0.3 m/s goes all around."""
 TAXIING = 5.0
 """Speed up to which an aircraft does not bank: its wheels carry it [m/s]."""
 FLYING = 10.0
@@ -48,12 +49,14 @@ _MIN_LIFT = 0.5 * STANDARD_GRAVITY
 _MIN_TURN_TIME = 2.0
 """Shortest time in which a vehicle turns to the direction in which it leaves a standstill [s]."""
 _MAX_STANDING_TURN_RATE = np.radians(45.0)
-"""Rate of that turn where it is a large one [rad/s]."""
+"""Rate of that turn where it is a large one [rad/s]: the smooth step reaches 1.5 times as much, which stays
+below `_MAX_TURN_RATE`."""
 _MAX_TURN_RATE = np.radians(90.0)
 """Largest turn rate of slow motion [rad/s]: nothing on wheels or wings turns faster at a walk; the
 direction of noise does, from sample to sample."""
 _SLOW = 8.0
-"""Speed below which the direction of motion may be noise [m/s]."""
+"""Speed below which the direction of motion may be noise [m/s]. In simulated noise of 0.5 m/s at 5 Hz, 8 % of
+the steps are faster than `_MAX_TURN_RATE` at 4 m/s, and 0.03 % at 8 m/s."""
 _REACHES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Times around such a turn during which the heading is held [s]; each is tried if the previous one is too
 short."""

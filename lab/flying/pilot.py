@@ -36,6 +36,32 @@ _SKID_RATE = math.radians(2.0)
 
 PATIENCE = 60.0
 """Time without progress of a manoeuvre after which it cannot be done [s]."""
+_RUN_UP = 60.0
+"""Airspeed up to which speeding up is progress of a take-off [m/s]: on the runway, the height does not
+change. From there on, the fastest aircraft, which rotates at 80 m/s, has to gain height within `PATIENCE`."""
+_HEIGHT_PROGRESS, _SPEED_PROGRESS, _TURN_PROGRESS = 3.0, 0.5, 2.0
+"""Least change within `PATIENCE` that is progress [m], [m/s], [°]. The slowest climb of a plan makes 12 m of
+it, the flattest turn of the fastest aircraft 12°. Less than this left is as good as done."""
+_RUN_UP_PROGRESS = 1.0
+"""Least change within `PATIENCE` that is progress of a take-off, of airspeed [m/s] and height [m] together: a
+Cessna 172 gains 2 m/s each second."""
+_HEIGHT_REACHED = 5.0
+"""Distance from a height at which a climb ends [m]: the pilot approaches it with a time constant of 5 s, so
+the way from 5 m to 1 m would take 8 s more."""
+_RATE_LEVEL = 0.3
+"""Rate of climb below which an aircraft is level [m/s]: it is taken off within 0.6 s and makes 0.1 m of
+height."""
+_SPEED_REACHED = 1.0
+"""Distance from an airspeed at which a change of it ends [m/s]. A plain choice: the airspeed is approached
+ever more slowly, and what is left does not matter to the next manoeuvre."""
+_HEADING_REACHED, _WINGS_LEVEL = math.radians(2.0), math.radians(3.0)
+"""Angle left, and bank, at which a turn ends [rad]: for the last 2°, the default gain banks by 2.4°."""
+_LIFTED = 3.0
+"""Height above that at a stand from which the aircraft flies [m]. A plain choice: lower, it may touch down
+again, and its undercarriage is raised here."""
+_SLOWEST = 20.0
+"""Least airspeed by which rates are divided [m/s]: below the stall of all aircraft but the slowest, so that
+gains stay finite."""
 
 
 class Pilot:
@@ -158,17 +184,17 @@ class Pilot:
             case TakeOff() as take_off:
                 if time - self._begun_at < take_off.wait_s:
                     self._nearest_at = time
-                left = take_off.height_m - seen.height + 60.0 - min(seen.airspeed, 60.0)
-                return left, 1.0, f"airspeed {seen.airspeed:.1f} m/s, height {seen.height:.0f} m"
+                left = take_off.height_m - seen.height + _RUN_UP - min(seen.airspeed, _RUN_UP)
+                return left, _RUN_UP_PROGRESS, f"airspeed {seen.airspeed:.1f} m/s, height {seen.height:.0f} m"
             case ChangeHeight() as change:
                 asked = f"height {seen.height:.0f} m of {change.height_m:g} m"
-                return abs(seen.height - change.height_m), 3.0, asked
+                return abs(seen.height - change.height_m), _HEIGHT_PROGRESS, asked
             case ChangeSpeed() as change:
                 asked = f"airspeed {seen.airspeed:.1f} m/s of {change.airspeed_m_s:g} m/s"
-                return abs(seen.airspeed - change.airspeed_m_s), 0.5, asked
+                return abs(seen.airspeed - change.airspeed_m_s), _SPEED_PROGRESS, asked
             case Turn() | TurnBy():
                 left = math.degrees(abs(self._turn_left))
-                return left, 2.0, f"{left:.0f}° left to turn"
+                return left, _TURN_PROGRESS, f"{left:.0f}° left to turn"
             case _:
                 return 0.0, 1.0, ""
 
@@ -221,15 +247,15 @@ class Pilot:
             case TakeOff():
                 done = self._flying and seen.height >= step.height_m
             case ChangeHeight():
-                done = elapsed >= step.seconds or abs(seen.height - step.height_m) < 5.0
+                done = elapsed >= step.seconds or abs(seen.height - step.height_m) < _HEIGHT_REACHED
             case Level():
-                done = abs(seen.climb_rate) < 0.3 and abs(self._rate) < 0.3
+                done = abs(seen.climb_rate) < _RATE_LEVEL and abs(self._rate) < _RATE_LEVEL
             case ChangeSpeed():
-                done = abs(seen.airspeed - step.airspeed_m_s) < 1.0
+                done = abs(seen.airspeed - step.airspeed_m_s) < _SPEED_REACHED
             case Hold():
                 done = elapsed >= step.seconds
             case _:
-                done = abs(self._turn_left) < math.radians(2.0) and abs(seen.roll) < math.radians(3.0)
+                done = abs(self._turn_left) < _HEADING_REACHED and abs(seen.roll) < _WINGS_LEVEL
         return done
 
     def _track_heading(self, seen: Instruments) -> None:
@@ -254,7 +280,7 @@ class Pilot:
             self._pitch = min(
                 self._pitch + _PITCH_RATE_AT_ROTATION * self._period, self._aircraft.climb_out_pitch
             )
-        if seen.height > 3.0 and not seen.on_ground:
+        if seen.height > _LIFTED and not seen.on_ground:
             self._flying = True
             self._controls.steering = 0.0
             self._controls.gear_down = False
@@ -271,7 +297,7 @@ class Pilot:
         self._aileron_trim = _clip(self._aileron_trim + 0.25 * error * self._period, -most, most)
         aileron = self._aileron_trim + 2.0 * error + 0.5 * (change / self._period - seen.roll_rate)
         self._move("aileron", _clip(self._gains.aileron * aileron, -0.8, 0.8), lag=0.1)
-        turn_rate = _GRAVITY * math.tan(seen.roll) / max(seen.airspeed, 20.0) * math.cos(seen.roll)
+        turn_rate = _GRAVITY * math.tan(seen.roll) / max(seen.airspeed, _SLOWEST) * math.cos(seen.roll)
         rudder = (
             self._skid_trim + 1.0 * (seen.beta - self._hold_skid(seen)) - 0.6 * (seen.yaw_rate - turn_rate)
         )
@@ -298,7 +324,7 @@ class Pilot:
         wanted = _clip(wanted, -self._rate_limit, self._rate_limit)
         change = acceleration * self._period
         self._rate += _clip(wanted - self._rate, -change, change)
-        airspeed = max(seen.airspeed, 20.0)
+        airspeed = max(seen.airspeed, _SLOWEST)
         error = (self._rate - seen.climb_rate) / airspeed
         slow = max(self._aircraft.slowest - seen.airspeed, 0.0)
         self._pitch_trim = _clip(self._pitch_trim + (0.25 * error - 0.02 * slow) * self._period, -0.15, 0.2)

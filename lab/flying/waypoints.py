@@ -38,15 +38,17 @@ SAMPLE = 0.05
 MAX_WAYPOINTS = 10_000
 """Most waypoints in one plan."""
 SHARPEST = math.radians(150.0)
-"""Largest change of course at a waypoint that is not stopped at [rad]."""
+"""Largest change of course at a waypoint that is not stopped at [rad]. The turn begins before the waypoint by
+the radius times the tangent of half of it: 3.7 radii here, 11 at 170°."""
 
 STEEPEST = 0.5
-"""Largest slope of a climb or descent."""
+"""Largest slope of a climb or descent, m per m. The steepest street (Baldwin Street, Dunedin) has 0.35, the
+climbs of the shipped flights 0.11: more is mostly a wrong unit of the height."""
 
 _MIN_DISTANCE = 1e-3
 """Distance of waypoints below which they are at one place [m]."""
 _MIN_SPEED = 0.1
-"""Slowest speed at which a leg is travelled [m/s]."""
+"""Slowest speed at which a leg is travelled [m/s]. A plain choice: it goes 1.4 km within `MAX_DURATION`."""
 _MAX_ROUNDS = 80
 """Most rounds of Picard's iteration: the longest paths at the highest latitudes need most."""
 _FARTHEST = 1.5

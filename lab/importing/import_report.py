@@ -40,7 +40,8 @@ _REPAIRS = {
     "by motion": "estimated from the displacements between the samples",
 }
 _MAX_LOST = 0.2
-"""Part of the rows that may be left out of a plausible flight."""
+"""Part of the rows that may be left out of a plausible flight. A plain choice: less calls recordings with
+some damaged rows questionable, more passes flights of which a large part is missing."""
 _QUESTIONABLE_NOISE, _IMPLAUSIBLE_NOISE = 5.0, 50.0
 """Noise of the specific force [m/s², rms] from which a flight is questionable, and implausible: half of
 gravity drowns every manoeuvre but aerobatics, and five times gravity all."""

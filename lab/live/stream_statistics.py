@@ -24,6 +24,11 @@ LEAST_HZ: Final = 20.0
 at 12.5 Hz, it is 28 times the noise of the default accelerometers."""
 SEGMENT: Final = 2.0
 """Length of the pieces whose spectra are averaged [s]: lines 0.5 Hz apart are told apart."""
+HIGHEST: Final = 0.98
+"""End of the frequencies at which noise is compared, as a part of the highest: the median of the pieces there
+is a third of that of white noise, since its density has one degree of freedom instead of two."""
+LEAST_LINES: Final = 4
+"""Fewest frequencies with a level of noise: in a minute at 100 Hz, its logarithm then has a σ of 0.04."""
 NEIGHBOURS: Final = 15
 """Frequencies whose median a line must exceed: 7 Hz, over which the spectrum of a motion changes little."""
 LEAST_FIXES: Final = 20
@@ -127,9 +132,9 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
 
     spectrum = _spectrum(rates, dt)
     sizes = {}
-    high = (spectrum.frequency >= LEAST_HZ) & (spectrum.frequency < 0.98 * spectrum.frequency[-1])
+    high = (spectrum.frequency >= LEAST_HZ) & (spectrum.frequency < HIGHEST * spectrum.frequency[-1])
     for triad, density in spectrum.density.items():
-        if high.sum() < 4:
+        if high.sum() < LEAST_LINES:
             continue
         level = np.median(density[high], axis=0)
         sizes[f"{triad} noise"] = float(np.mean(np.log(level)) / 2)

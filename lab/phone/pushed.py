@@ -23,6 +23,8 @@ _RADIAL_68: Final = math.sqrt(-2 * math.log(1 - 0.683))
 _MICRO: Final = 1e-6  # [T/µT]
 _SAME: Final = 1e-3
 """Most by which the times of gravity and of the rest of the acceleration differ [s]: they are one event."""
+_LARGEST_TIME: Final = 1e24
+"""Largest time that is converted [ns]: `LARGEST` s. Whole numbers of JSON may be too large for a float."""
 
 
 class Pushed(NamedTuple):
@@ -91,7 +93,7 @@ def _sort(reading: dict[str, Any], found: dict[str, list[Row]]) -> None:
     if not isinstance(name, str) or type(time) not in {int, float} or not isinstance(values, dict):
         return
     assert isinstance(time, int | float)
-    seconds = number(time / 1e9 if abs(time) < 1e24 else None)
+    seconds = number(time / 1e9 if abs(time) < _LARGEST_TIME else None)
     if name in {"gyroscope", "accelerometer", "totalacceleration", "gravity", "magnetometer"}:
         row = [seconds, *(number(values.get(axis)) for axis in "xyz")]
         if not any(map(math.isnan, row)):

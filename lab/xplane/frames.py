@@ -39,6 +39,14 @@ PACE_OFF = 0.1
 """Smallest part by which a pace that is reported differs from that of this computer."""
 STANDS = 0.5
 """Time for which the clock stands still while packets come until the simulator is paused [s]."""
+_GAP = 2.5
+"""Interval, in usual ones, from which a bridged gap is reported: two frames are missing. One is not worth a
+remark: X-Plane sends at most one position in a frame, and its frames are not even."""
+_REMEMBERED = 0.02
+"""Part that a new interval has in the usual one, as in `lab.live.clock_watch`: at 50 Hz, a second is
+remembered."""
+_KILOMETRE = 1000.0
+"""Length from which kilometres are shown [m]."""
 
 
 class BrokenFlightError(ValueError):
@@ -182,10 +190,10 @@ class XPlaneFrames:
         if why:
             raise BrokenFlightError(why)
         self._back = 0
-        if step > 2.5 * self._usual:
+        if step > _GAP * self._usual:
             self.bridged += 1
             self.longest = max(self.longest, step)
-        self._usual = step if math.isnan(self._usual) else self._usual + 0.02 * (step - self._usual)
+        self._usual = step if math.isnan(self._usual) else self._usual + _REMEMBERED * (step - self._usual)
         self._last, self._moved = frame, arrival
         self._paces.append((arrival, frame.time))
         while arrival - self._paces[0][0] > PACE_OVER:
@@ -261,4 +269,4 @@ def _break(last: Frame, frame: Frame, step: float) -> str:
 
 
 def _length(metres: float) -> str:
-    return f"{metres / 1000:.1f} km" if metres >= 1000 else f"{metres:.0f} m"
+    return f"{metres / _KILOMETRE:.1f} km" if metres >= _KILOMETRE else f"{metres:.0f} m"

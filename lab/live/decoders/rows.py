@@ -23,7 +23,8 @@ from lab.live.samples import (
 _LARGEST_TIME = 1e12
 """Largest time that is believed [s]: 30 000 years. Damaged floats hold any number."""
 _LARGEST_HEIGHT = 1e6
-"""Largest height of a fix that is believed [m]."""
+"""Largest height of a fix that is believed [m]: the space station orbits at 4e5 m. Damaged floats hold any
+number."""
 _LARGEST_SPEED = 1e4
 """Largest speed of a fix that is believed [m/s]: an orbit has 7800 m/s."""
 
