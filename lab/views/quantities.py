@@ -98,6 +98,7 @@ COVARIANCE: tuple[TimePlot, ...] = (
     _sigmas("gyro_bias", "gyro biases", "°/s", BODY, (9, 10, 11)),
     _sigmas("accelerometer_bias", "accelerometer biases", "mg", BODY, (12, 13, 14)),
 )
+"""Numbers are those of the states, in the order of `error_models.STATES`."""
 SCALE_COVARIANCE: tuple[TimePlot, ...] = (
     _sigmas("gyro_scale", "gyro scale factors", "%", BODY, (15, 16, 17)),
     _sigmas("accelerometer_scale", "accelerometer scale factors", "%", BODY, (18, 19, 20)),
