@@ -6,10 +6,10 @@ import os
 from collections.abc import Callable
 
 from lab.cache import StageCache, digest
-from lab.ensemble import Ensemble
+from lab.ensembles.ensemble import Ensemble
+from lab.ensembles.seeds import run_ensemble
 from lab.progress import Progress
 from lab.result import Result
-from lab.seeds import run_ensemble
 
 KEPT = StageCache(limit=192 * 2**20)
 """Ensembles by the settings they were run with; of a flight of three minutes, each takes 3 to 20 MB, most of

@@ -33,8 +33,9 @@ from lab.views.completion import register_completion
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
-    from lab.comparison import compare
-    from lab.ensemble import Ensemble
+    from lab.ensembles.comparison import compare
+    from lab.ensembles.ensemble import Ensemble
+    from lab.ensembles.seeds import run_ensemble
     from lab.exercises.catalogue import check
     from lab.experiment import Experiment
     from lab.export import export_track
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from lab.navigation.own_states import declare_states
     from lab.result import Result
     from lab.run import ResultError
-    from lab.seeds import run_ensemble
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
     from lab.sweep import Sweep
@@ -83,7 +83,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Algorithm": "lab.navigation.algorithm",
     "Estimate": "lab.navigation.algorithm",
-    "Ensemble": "lab.ensemble",
+    "Ensemble": "lab.ensembles.ensemble",
     "Experiment": "lab.experiment",
     "Mission": "lab.missions",
     "MissionError": "lab.missions",
@@ -96,11 +96,11 @@ _HOMES = {
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
     "check": "lab.exercises.catalogue",
-    "compare": "lab.comparison",
+    "compare": "lab.ensembles.comparison",
     "declare_states": "lab.navigation.own_states",
     "export_track": "lab.export",
     "mission": "lab.missions",
-    "run_ensemble": "lab.seeds",
+    "run_ensemble": "lab.ensembles.seeds",
 }
 _MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plots": "lab.views.plots"}
 

@@ -29,7 +29,7 @@ from lab.datasets import aiding, flight, innovations, sensors, tables
 from lab.experiment_settings import ExperimentSettings
 from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
-from lab.identify import identify
+from lab.identification.identify import identify
 from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
 from lab.notebook_card import NotebookCard

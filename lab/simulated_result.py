@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import renavigation
 from lab.analysis.run_evidence import Filtered
 from lab.ideal_imu import IdealImu
+from lab.identification import renavigation
 from lab.navigation.rest_alignment import Aligned
 from lab.result import Result
 from lab.trajectory import Truth

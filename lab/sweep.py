@@ -1,4 +1,4 @@
-"""Sweep: the errors of many runs over values of settings, as one dataset; `lab.sweeping` computes it."""
+"""Sweep: the errors of many runs over values of settings, as one dataset (`lab.ensembles.sweeping`)."""
 
 from __future__ import annotations
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import product
 
+from lab.ensembles.seed_lanes import SeedLanes
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
-from lab.seed_lanes import SeedLanes
 from lab.settings import SettingError
 
 Assignments = Mapping[str, object]

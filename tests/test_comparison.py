@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lab import comparison
-from lab.comparison import compare, models
+from lab.ensembles import comparison
+from lab.ensembles.comparison import compare, models
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.settings import SettingError

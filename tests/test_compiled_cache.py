@@ -10,7 +10,7 @@ import numba
 import pytest
 from numba.core.compiler_lock import global_compiler_lock
 
-from lab import compiled_cache
+from lab.compiling import compiled_cache
 from lab.file_lock import locked
 from lab.navigation.compilation import is_ready
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from lab import Experiment, variants
-from lab.compiled_cache import CachedKernel
+from lab.compiling.compiled_cache import CachedKernel
 from lab.compiling_apart import compile_apart
 from lab.navigation import choice, smoother, unscented
 from lab.navigation.choice import chosen_model

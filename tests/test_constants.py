@@ -17,10 +17,20 @@ DIRECTIVES = ("fmt:", "type:", "noqa")
 """Beginnings of comments that are for tools and say nothing of a number."""
 ROOT = FILES[0].parents[0]
 JUDGES = (
-    *("readers", "repair", "importing", "logs", "recordings", "missions", "analysis", "lessons"),
+    *(
+        "readers",
+        "repair",
+        "importing",
+        "logs",
+        "recordings",
+        "missions",
+        "analysis",
+        "lessons",
+        "identification",
+    ),
     *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
     *("navigation/initial_heading.py", "navigation/recorded.py", "navigation/rest_alignment.py"),
-    *("navigation/standstill.py", "sensors/suite.py", "assumptions.py", "identify.py", "log_reference.py"),
+    *("navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
     *(
         "flying/coordinated_turn.py",
         "flying/motion_commands.py",
@@ -38,11 +48,9 @@ JUDGES = (
         "navigation/driver.py",
         "navigation/observation.py",
         "navigation/reference.py",
-        "renavigation.py",
         "setting_kinds.py",
         "settings.py",
         "toml_file.py",
-        "withheld.py",
     ),
 )
 """Rooms and files that refuse, repair or judge what a user brings."""

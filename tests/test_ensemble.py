@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import lab.seeds as seeds_module
+import lab.ensembles.seeds as seeds_module
 from lab.analysis.innovation_evidence import LAGS
-from lab.ensemble import QUANTITIES, Collected, Ensemble
+from lab.ensembles.ensemble import QUANTITIES, Collected, Ensemble
+from lab.ensembles.seeds import _keep, run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.checks import DivergedError, diverged
 from lab.result import Result
-from lab.seeds import _keep, run_ensemble
 from lab.settings import SettingError
 from lab.stages import CACHE
 

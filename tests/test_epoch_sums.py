@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.epoch_sums import EpochSums
-from lab.error_histogram import PARTS, STEPS, ErrorHistogram
+from lab.ensembles.epoch_sums import EpochSums
+from lab.ensembles.error_histogram import PARTS, STEPS, ErrorHistogram
 
 EPOCHS = np.arange(1.0, 13.0)
 

@@ -9,13 +9,13 @@ from sensor_logs import described
 from lab import Experiment
 from lab.analysis.identification import better
 from lab.analysis.likelihood import Seen
-from lab.assumptions import assumed, scaled_rows
 from lab.experiment_settings import ExperimentSettings
-from lab.factors import FEWEST, choose, scaled
+from lab.identification.assumptions import assumed, scaled_rows
+from lab.identification.factors import FEWEST, choose, scaled
+from lab.identification.renavigation import subject
+from lab.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.navigation.belief import belief
-from lab.renavigation import subject
 from lab.settings import SettingError
-from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 
 
 def flown(**navigator: float):

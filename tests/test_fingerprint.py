@@ -9,7 +9,7 @@ from typing import Any
 import numba
 import pytest
 
-from lab.fingerprint import fingerprint
+from lab.compiling.fingerprint import fingerprint
 
 TEXT = '''
 from __future__ import annotations

@@ -13,8 +13,8 @@ from pathlib import Path
 import numba
 import pytest
 
-from lab import generated_module
-from lab.generated_module import VERSIONS, generated_folder, module_of
+from lab.compiling import generated_module
+from lab.compiling.generated_module import VERSIONS, generated_folder, module_of
 
 NUMBERS = count()
 
@@ -111,7 +111,7 @@ def test_only_the_last_versions_are_kept(folder: Path) -> None:
 
 AT_ONCE = """
 import sys
-from lab.generated_module import module_of
+from lab.compiling.generated_module import module_of
 sys.stdin.readline()
 for k in range(30):
     assert module_of("shared", f"number = {k}\\n" + "# " + "x" * 20_000 + "\\n").number == k

@@ -7,10 +7,10 @@ import pytest
 from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
+from lab.identification.renavigation import subject
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
 from lab.navigation.recorded import navigate_log
-from lab.renavigation import subject
 from lab.sensors.cards import read_cards
 from lab.settings import SettingError
 

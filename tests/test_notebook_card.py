@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from lab import card, registry
-from lab.comparison import Compared, Comparison
+from lab.ensembles.comparison import Compared, Comparison
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.notebook_card import NotebookCard
 from lab.registry import find, names, register
 from lab.result import Result
-from lab.seeds import run_ensemble
 from lab.sensors.gps import GpsErrors
 
 

@@ -12,10 +12,10 @@ import pytest
 import lab.stages
 from lab import anchoring
 from lab.cache import StageCache
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.missions import mission
 from lab.recordings import flight_csv
-from lab.seeds import run_ensemble
 
 COUNTED = ((flight_csv, "read_columns"), (anchoring, "anchored_offsets"), (anchoring, "anchored_cartesian"))
 """Functions that parse the table of a csv, and that hold an integrated velocity to its positions."""

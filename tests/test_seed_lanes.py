@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import lab.seeds as seeds_module
+import lab.ensembles.seeds as seeds_module
 from lab.analysis.sums import Kept
 from lab.cache import _freeze
-from lab.ensemble import Collected, Ensemble
+from lab.ensembles.ensemble import Collected, Ensemble
+from lab.ensembles.run_at_fixes import RunAtFixes
+from lab.ensembles.seed_lanes import SeedLanes
+from lab.ensembles.seeds import _keep, run_ensemble
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
-from lab.run_at_fixes import RunAtFixes
-from lab.seed_lanes import SeedLanes
-from lab.seeds import _keep, run_ensemble
 
 SLOW: dict[str, object] = {"mission": "los_angeles", "trajectory.imu_rate": 50.0}
 OUTAGE: dict[str, object] = {"sensors.gps.outages": [[30.0, 55.0]]}

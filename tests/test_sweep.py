@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from sensor_logs import tables, write
 
-from lab import sweeping
+from lab.ensembles import sweeping
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
-from lab.seeds import run_ensemble
 from lab.settings import SettingError
 from lab.sweep import Sweep
 

@@ -22,7 +22,7 @@ from dashboards.style import WRAP
 from lab.analysis.finding import Finding
 from lab.analysis.trial import can_be_tried, tried
 from lab.analysis.verdict import Verdict
-from lab.ensemble import Ensemble
+from lab.ensembles.ensemble import Ensemble
 from lab.progress import Progress
 from lab.result import Result
 from lab.views.figures import TimeAxis, TimeFigures

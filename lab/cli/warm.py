@@ -28,7 +28,7 @@ def warm(
     ] = False,
 ) -> None:
     """Compile the filter ahead for every combination of settings, so that nobody waits for it."""
-    from lab.compiled_cache import LOWEST_PRIORITY  # noqa: PLC0415 - help does not need the compiler
+    from lab.compiling.compiled_cache import LOWEST_PRIORITY  # noqa: PLC0415 - help does not need the compiler
 
     if idle and hasattr(os, "nice"):
         os.nice(LOWEST_PRIORITY)

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import allan
+from lab.identification.renavigation import subject
+from lab.identification.withheld import held_out, outages
 from lab.live.live_verdict import batch_of
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
-from lab.renavigation import subject
 from lab.sensors.suite import TRIADS, SensorSuite
-from lab.withheld import held_out, outages
 
 FloatArray = NDArray[np.float64]
 

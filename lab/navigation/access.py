@@ -14,7 +14,7 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from lab.compiled_cache import DISABLE_JIT
+from lab.compiling.compiled_cache import DISABLE_JIT
 
 FloatArray = NDArray[np.float64]
 

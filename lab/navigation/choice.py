@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab import compiled_cache
+from lab.compiling import compiled_cache
 from lab.navigation import navigator, smoother, unscented
 from lab.navigation.belief import chosen_blocks, is_aided, schedule_of
 from lab.navigation.driver import driver

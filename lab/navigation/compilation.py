@@ -11,8 +11,8 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from lab.compiled_cache import DISABLE_JIT, CachedKernel, cached
-from lab.kernel_compiler import Kernel
+from lab.compiling.compiled_cache import DISABLE_JIT, CachedKernel, cached
+from lab.compiling.kernel_compiler import Kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -3,7 +3,8 @@
 The kernels of the lab are written for the model `phi` with 15 states. A `Variant` says what another filter
 has in place of some kernels and constants. Its module has the text of each kernel that this changes, also
 through those that it calls, with the new names in it; all other kernels are imported. So the compiler sees
-constants and direct calls, and a reader sees what one filter computes, in a file (`lab.generated_module`).
+constants and direct calls, and a reader sees what one filter computes, in a file
+(`lab.compiling.generated_module`).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from textwrap import fill, indent
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-from lab.fingerprint import plain_function, uses
-from lab.generated_module import module_of
+from lab.compiling.fingerprint import plain_function, uses
+from lab.compiling.generated_module import module_of
 from lab.navigation import compilation
 
 Kernel = Callable[..., Any]

@@ -17,7 +17,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from lab.compiled_cache import DISABLE_JIT
+from lab.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel
 from lab.navigation.error_models import ErrorModel, write_f

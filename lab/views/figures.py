@@ -28,7 +28,7 @@ from lab.views.quantities import CURSOR, times_of_aid
 from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
-    from lab.ensemble import Ensemble
+    from lab.ensembles.ensemble import Ensemble
     from lab.result import Result
 
 UNPACK = """

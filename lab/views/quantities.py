@@ -18,7 +18,7 @@ from lab.navigation.error_models import ATT, POS, VEL
 from lab.views.time_plot import AID_CLOCKS, Band, Clock, Curve, FloatArray, Interval, Reader, TimePlot
 
 if TYPE_CHECKING:
-    from lab.ensemble import Ensemble
+    from lab.ensembles.ensemble import Ensemble
     from lab.result import Result
     from lab.run import Run
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab.navigation.aids import NAMES
 
 if TYPE_CHECKING:
-    from lab.ensemble import Ensemble
+    from lab.ensembles.ensemble import Ensemble
     from lab.result import Result
 
 FloatArray = NDArray[np.floating]

@@ -12,10 +12,10 @@ from lab.analysis.finding import Finding
 from lab.analysis.run_evidence import reference_of
 from lab.analysis.sensor_evidence import sensor_errors, spectrum
 from lab.analysis.sensor_verdict import judge_sensors
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.solution import Imu
 from lab.result import Result
-from lab.seeds import run_ensemble
 
 MATCHED = [
     ("gyro", 30.0, 0.5),

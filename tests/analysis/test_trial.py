@@ -8,10 +8,10 @@ import pytest
 from lab.analysis import trial
 from lab.analysis.finding import Change
 from lab.analysis.trial import Figures
-from lab.ensemble import TRIED
+from lab.ensembles.ensemble import TRIED
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.checks import diverged
-from lab.seeds import run_ensemble
 
 BEFORE = Figures(nis=1.5, correlation=0.1, held_out=4.0, fixes=400)
 

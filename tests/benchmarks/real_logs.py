@@ -24,8 +24,10 @@ import numpy as np
 from lab.analysis import trial
 from lab.experiment import Experiment
 from lab.experiment_settings import ExperimentSettings
-from lab.factors import scaled
-from lab.identify import LARGEST_PART, SETTLING
+from lab.identification.factors import scaled
+from lab.identification.identify import LARGEST_PART, SETTLING
+from lab.identification.renavigation import Subject, subject
+from lab.identification.withheld import held_out, outages
 from lab.log_result import LogResult
 from lab.missions.catalogue import mission
 from lab.missions.flight_import import read_log
@@ -33,8 +35,6 @@ from lab.missions.library import add_log
 from lab.missions.mission import Mission
 from lab.missions.mission_name import suggested_name
 from lab.recordings.mission_error import MissionError
-from lab.renavigation import Subject, subject
-from lab.withheld import held_out, outages
 from tests.sensor_logs import described
 
 GATES = (0.99, 0.995, 0.999, 0.9999)

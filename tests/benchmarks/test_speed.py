@@ -24,8 +24,9 @@ import pyins_reference
 import pytest
 from numpy.typing import NDArray
 
-from lab import seeds as many_seeds
 from lab.analysis.errors import position_error
+from lab.ensembles import seeds as many_seeds
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.missions import fly, mission
 from lab.navigation import unscented
@@ -34,7 +35,6 @@ from lab.navigation.error_models import MODELS
 from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.result import Result
-from lab.seeds import run_ensemble
 from lab.stages import CACHE, start
 from lab.units import si
 from lab.variants import compile_lanes

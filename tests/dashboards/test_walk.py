@@ -17,9 +17,9 @@ from dashboards.page import PAGES
 from dashboards.pages.base import Page
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.time_plots import Covariance, Errors, Height
-from lab import seeds
 from lab.analysis.verdict import Verdict
-from lab.ensemble import Ensemble
+from lab.ensembles import seeds
+from lab.ensembles.ensemble import Ensemble
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import cards

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
+from lab.ensembles.seeds import run_ensemble
 from lab.memory import bytes_per_aid
 from lab.navigation import aids, blocks, navigator, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
@@ -28,7 +29,6 @@ from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI
 from lab.rotation import wrap
 from lab.run import ResultError
-from lab.seeds import run_ensemble
 from lab.sensors.readings import Readings
 
 RATE = 50.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import error_state
-from lab.comparison import models
+from lab.ensembles.comparison import models
 from lab.experiment import Experiment
 from lab.navigation import strapdown
 from lab.navigation.belief import belief

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import lane_sensors
 from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import error_state
@@ -25,10 +24,12 @@ from lab.analysis.innovation_evidence import may_have_outliers, needs_explanatio
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.ecef import near_pole
-from lab.ensemble import QUANTITIES
+from lab.ensembles import lane_sensors
+from lab.ensembles.ensemble import QUANTITIES
+from lab.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
+from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
 from lab.histories import LONG
-from lab.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.missions import LogMission, mission
 from lab.navigation import rest_alignment
 from lab.navigation.aiding import needs_rest
@@ -51,7 +52,6 @@ from lab.navigation.standstill import at_rest
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_from_quaternion
 from lab.run import at_samples
-from lab.run_at_fixes import ChannelSums, RunAtFixes
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.stages import Stages, start

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from lab.analysis.identification import HeldOut, better
 from lab.analysis.likelihood import Seen
 from lab.experiment_settings import ExperimentSettings
-from lab.renavigation import Subject
-from lab.withheld import judged, predicted
+from lab.identification.renavigation import Subject
+from lab.identification.withheld import judged, predicted
 
 Flags = NDArray[np.bool_]
 

@@ -22,8 +22,8 @@ from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
+from lab.compiling.fingerprint import fingerprint
 from lab.file_lock import locked
-from lab.fingerprint import fingerprint
 
 log = logging.getLogger(__name__)
 

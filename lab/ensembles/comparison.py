@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from lab.ensemble import QUANTITIES, Ensemble
+from lab.ensembles.ensemble import QUANTITIES, Ensemble
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.notebook_card import NotebookCard
 from lab.progress import Progress
-from lab.seeds import run_ensemble
 from lab.settings import SettingError
 
 

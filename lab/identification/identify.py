@@ -25,7 +25,8 @@ from lab.analysis.likelihood import (
     squares,
 )
 from lab.analysis.spread import spread
-from lab.assumptions import (
+from lab.experiment_settings import ExperimentSettings
+from lab.identification.assumptions import (
     LATENCY,
     LOGARITHMS,
     NOISE,
@@ -39,12 +40,11 @@ from lab.assumptions import (
     rows_of,
     scaled_rows,
 )
-from lab.experiment_settings import ExperimentSettings
-from lab.factors import choose, scaled
+from lab.identification.factors import choose, scaled
+from lab.identification.renavigation import Subject, subject
+from lab.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.progress import Progress
-from lab.renavigation import Subject, subject
 from lab.run import ResultError, Run
-from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -32,7 +32,7 @@ from numba.core.untyped_passes import (
     WithLifting,
 )
 
-from lab.compiled_cache import cached
+from lab.compiling.compiled_cache import cached
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a kernel that no Python and no C calls."""

@@ -24,7 +24,9 @@ from lab.analysis.evidence import position_nees, whole_seconds
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
-from lab.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
+from lab.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
+from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
@@ -32,8 +34,6 @@ from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.progress import Progress
 from lab.result import Result
-from lab.run_at_fixes import ChannelSums, RunAtFixes
-from lab.seed_lanes import LANES, SeedLanes
 
 FloatArray = NDArray[np.float64]
 

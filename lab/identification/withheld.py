@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lab.analysis.identification import HeldOut
 from lab.analysis.likelihood import Seen, log_likelihoods, squares
 from lab.experiment_settings import ExperimentSettings
-from lab.renavigation import Subject
+from lab.identification.renavigation import Subject
 
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -1,6 +1,6 @@
 """Ensemble: one experiment over many seeds, and the verdict on its filter.
 
-Of the runs only sums are kept, and a few numbers of each; see `lab.seeds`.
+Of the runs only sums are kept, and a few numbers of each; see `lab.ensembles.seeds`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
-from lab.epoch_sums import EpochSums
-from lab.error_histogram import ErrorHistogram
+from lab.ensembles.epoch_sums import EpochSums
+from lab.ensembles.error_histogram import ErrorHistogram
+from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
 from lab.navigation.checks import DivergedError
 from lab.notebook_card import NotebookCard
 from lab.progress import Progress
-from lab.run_at_fixes import ChannelSums, RunAtFixes
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
-from lab.ensemble import QUANTITIES, UNITS
+from lab.ensembles.ensemble import QUANTITIES, UNITS
+from lab.ensembles.seeds import seed_numbers, thread_count
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.progress import Progress
 from lab.result import Result
-from lab.seeds import seed_numbers, thread_count
 from lab.setting_help import value_text
 from lab.settings import SettingError
 from lab.sweep import Sweep

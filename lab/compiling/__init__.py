@@ -1,0 +1,1 @@
+"""Compiling: how a kernel is compiled, what its code depends on, and where it is kept."""

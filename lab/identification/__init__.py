@@ -1,0 +1,1 @@
+"""Identification: noise, latency and lever arm from the innovations of a `Run`, most of all of a real log."""
