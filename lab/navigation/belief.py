@@ -46,6 +46,9 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 FLICKER_VARIANCE = 5
 """Variance of the process that stands for flicker, in B²: the 4 B² of flicker after some 10⁵ samples, and a
 quarter more, found by NEES."""
+FLICKER_AT_FIRST = 3.3
+"""Variance of flicker 10 s after its start, in B²: (ln n + γ + 4 ln 2) / π after n samples, at 100 Hz.
+In these seconds it grows faster than the process that stands for it."""
 FLICKER_PEAK = 1.89
 """Where the Allan deviation of that process is largest, in its correlation times (IEEE Std 952-1997)."""
 SHORTEST_MEETING = 10.0
@@ -266,9 +269,9 @@ def _matched_p0(
     varying = np.zeros(21)
     varying[GYRO_BIAS] = si(sensors.gyro, "instability") ** 2
     varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
-    if aligned:  # flicker is negligible next to a whole turn-on bias
-        varying[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
-        varying[ACCEL_BIAS] += flicker_process(sensors.accelerometer)[0]
+    flicker = FLICKER_VARIANCE if aligned else FLICKER_AT_FIRST
+    varying[GYRO_BIAS] += flicker * si(sensors.gyro, "flicker") ** 2
+    varying[ACCEL_BIAS] += flicker * si(sensors.accelerometer, "flicker") ** 2
     return (constants[:21, :21] + np.diag(varying))[: navigator.states, : navigator.states]
 
 

@@ -9,6 +9,7 @@ from scipy.linalg import solve_continuous_are
 from lab import Experiment
 from lab.navigation.belief import belief, bias_process, flicker_process
 from lab.navigation.settings import NavigatorSettings
+from lab.sensors.cards import card
 from lab.sensors.imu import GyroErrors
 from lab.sensors.suite import SensorSuite
 
@@ -112,6 +113,25 @@ def test_the_filter_of_a_drifting_sensor_is_consistent(name):
     value = nees(DRIFTS[name], 12)
     print(f"\n{name}: NEES {value:.2f} of 1")
     assert value == pytest.approx(1, abs=0.25)
+
+
+@pytest.mark.parametrize("name", ["iIMU-FSAS", "LN-200S"])
+def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name):
+    """Over 60 flights, NEES of the three gyro biases has a σ of 0.11."""
+    one = Experiment(mission="los_angeles")
+    card(name).load(one)
+    one.update({"trajectory": {"imu_rate": 50}, "navigator": {"alignment": 0}})
+    for triad in (one.sensors.gyro, one.sensors.accelerometer):
+        triad.misalignment, triad.quantisation, triad.bandwidth = (0,) * 6, (0,) * 3, (0,) * 3
+    one.sensors.gyro.g_sensitivity = (0,) * 3
+    found = []
+    for seed in range(60):
+        result = one.copy().update({"seed": seed}).run()
+        at = np.searchsorted(result.time, (5.0, 20.0))
+        errors = result.sensor_errors
+        error = errors.gyro_bias.values[at] - errors.gyro_bias_true.values[at]
+        found.append((error / errors.gyro_bias_sigma.values[at]) ** 2)
+    assert np.mean(found, axis=(0, 2)) == pytest.approx(1.0, abs=0.35)
 
 
 @pytest.mark.parametrize(
