@@ -56,8 +56,8 @@ class Figures(NamedTuple):
     correlation : float
         Largest absolute correlation of a kind of innovation from one fix to the next.
     outages : (k,) array
-        Rms of the position errors in each outage, relative to the fixes withheld in it [m]; empty if the
-        flight is too short, infinite if the run diverges without them.
+        Rms of the position errors in each outage, relative to the fixes withheld in it [m]; NaN without any,
+        infinite if the run diverges without them. Empty if the flight is too short.
     fixes : float
         Number of fixes for NIS and the correlation.
     """
@@ -70,7 +70,8 @@ class Figures(NamedTuple):
     @property
     def held_out(self) -> float:
         """Rms of the position errors across all outages [m]; NaN without one."""
-        return float(np.sqrt(np.mean(self.outages**2))) if self.outages.size else float("nan")
+        known = self.outages[~np.isnan(self.outages)]
+        return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 class Repeatable(Run, ABC):
@@ -197,7 +198,12 @@ def _grew(before: Figures, after: Figures) -> bool:
         return False
     if not np.isfinite(after.held_out):
         return True
-    growth = np.log(np.maximum(after.outages, 1e-9) / np.maximum(before.outages, 1e-9))
+    # Another latency moves the fixes, so an outage may lose its only one, and the last one may fit no more.
+    pairs = zip(before.outages, after.outages, strict=False)
+    growth = np.array([np.log(max(then, 1e-9) / max(was, 1e-9)) for was, then in pairs])
+    growth = growth[~np.isnan(growth)]
+    if not growth.size:
+        return False
     scatter = WEIGHT * SCATTER**2 + np.sum((growth - growth.mean()) ** 2)
     error = np.sqrt(scatter / (WEIGHT + growth.size - 1) / growth.size)
     return bool(growth.mean() > np.log(WORSE) + LIKELY * error)
@@ -276,8 +282,8 @@ def average(of: Sequence[Figures]) -> Figures:
 def held_out(run: Repeatable) -> FloatArray:
     """Return the rms position error in each artificial outage, relative to the fixes withheld there (k,) [m].
 
-    They are infinite where the run diverges without these fixes, and none if the flight is too short. The
-    second half of each outage counts, where the errors have grown.
+    They are infinite where the run diverges without these fixes, NaN where there are none, and the array is
+    empty if the flight is too short. The second half of each outage counts, where the errors have grown.
     """
     begin, end = float(run.time[0]), float(run.time[-1])
     starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
@@ -291,11 +297,11 @@ def held_out(run: Repeatable) -> FloatArray:
     withheld = (since > OUTAGE / 2) & (since <= OUTAGE)  # (fix, outage)
     chosen, counts = withheld.any(axis=1), withheld.sum(axis=0)
     if not chosen.any():
-        return np.zeros(0)
+        return np.full(starts.size, np.nan)
     try:
         coasted = run.repeated(experiment)
     except DivergedError:
-        return np.full(np.count_nonzero(counts), np.inf)
+        return np.where(counts > 0, np.inf, np.nan)
     solution, time = coasted.solution_arrays, coasted.time
     at = times[chosen]
     after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
@@ -305,4 +311,4 @@ def held_out(run: Repeatable) -> FloatArray:
     arm = C_nb_from_euler(euler_from_quaternion(solution.q_nb[after])) @ coasted.belief.lever_arm
     error = arm - displacement(there, fixes.position[chosen])
     squares = np.sum(error**2, axis=1) @ withheld[chosen]
-    return np.asarray(np.sqrt(squares[counts > 0] / counts[counts > 0]))
+    return np.asarray(np.sqrt(squares / np.where(counts > 0, counts, np.nan)))
