@@ -1,6 +1,6 @@
 """Coordinated turn: the attitude a vehicle most likely had, from its velocity alone.
 
-On an aircraft in a coordinated turn acts no side force: its lift, the part of the specific force across the
+No side force acts on an aircraft in a coordinated turn: its lift, the part of the specific force across the
 path, lies in its plane of symmetry. That gives the bank; the nose is taken to point along the path (angle of
 attack and sideslip 0, no wind). A car follows the slope and does not lean, a boat stays level. The result
 is a reconstruction and must be labelled so wherever it is shown.

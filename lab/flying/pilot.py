@@ -47,7 +47,7 @@ _RUN_UP_PROGRESS = 1.0
 Cessna 172 gains 2 m/s each second."""
 _HEIGHT_REACHED = 5.0
 """Distance from a height at which a climb ends [m]: the pilot approaches it with a time constant of 5 s, so
-the way from 5 m to 1 m would take 8 s more."""
+the last metres to 1 m would take 8 s more."""
 _RATE_LEVEL = 0.3
 """Rate of climb below which an aircraft is level [m/s]: it is taken off within 0.6 s and makes 0.1 m of
 height."""
