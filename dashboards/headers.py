@@ -8,7 +8,7 @@ import secrets
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
 
-from dashboards.upstream import TransformedPages
+from dashboards.upstream.server import TransformedPages
 
 _HOST = re.compile(r"[\w.:\[\]-]{1,260}", re.ASCII)
 _SCRIPT = re.compile(rb"<script(?=[\s>])", re.IGNORECASE)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from bokeh.protocol.exceptions import ProtocolError
@@ -17,6 +17,7 @@ from bokeh.protocol.message import Message
 from bokeh.protocol.receiver import Receiver
 from bokeh.server.connection import ServerConnection
 from bokeh.server.protocol_handler import ProtocolHandler
+from bokeh.server.session import ServerSession
 from bokeh.server.views import ws
 
 log = logging.getLogger(__name__)
@@ -70,16 +71,29 @@ class BoundedReceiver(Receiver):
         return message
 
 
+async def _tell_version(message: Message[Any], connection: ServerConnection) -> Message[Any]:
+    """Return the answer to a page that asks for the version of Bokeh."""
+    return connection.protocol.create("SERVER-INFO-REPLY", message.header["msgid"])
+
+
+HANDLERS: dict[str, Callable[[Any, ServerConnection], Awaitable[Any]]] = {
+    "PULL-DOC-REQ": ServerSession.pull,
+    "PATCH-DOC": ServerSession.patch,
+    "SERVER-INFO-REQ": _tell_version,
+}
+"""Accepted types of messages, and what carries each out."""
+
+
 class BoundedHandler(ProtocolHandler):
     """Carries out messages, except those for other documents; an error is logged in one line."""
 
     async def handle(self, message: Message[Any], connection: ServerConnection) -> Any:
         """Return the answer to a message."""
-        if message.msgtype not in {"PULL-DOC-REQ", "PATCH-DOC", "SERVER-INFO-REQ"}:
+        if message.msgtype not in HANDLERS:
             raise ProtocolError(f"messages of type {message.msgtype} are not accepted")
         try:
             _check_objects(message, connection)
-            return await self._handlers[message.msgtype](message, connection)
+            return await HANDLERS[message.msgtype](message, connection)
         except Exception as error:
             log.exception("a message of a page failed")
             return connection.error(message, f"{type(error).__name__}: {error}"[:MAX_REASON])

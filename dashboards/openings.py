@@ -19,7 +19,7 @@ from bokeh.server.contexts import ApplicationContext
 from bokeh.server.session import ServerSession
 
 from dashboards import garbage
-from dashboards.upstream import models_version
+from dashboards.upstream.server import models_version
 from lab.memory import give_back
 
 PAUSE = 0.01

@@ -43,7 +43,7 @@ from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.titled import Tabs
-from dashboards.upstream import leave_out_hooks
+from dashboards.upstream.server import leave_out_hooks
 from lab.experiment import Experiment
 from lab.memory import give_back
 from lab.result import Result

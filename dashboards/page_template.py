@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jinja2 import Environment
 
-SCRIPT = Path(__file__).with_name("upstream.js")
+SCRIPT = Path(__file__).with_name("upstream") / "upstream.js"
 
 PAGE = Environment().from_string(
     f"""

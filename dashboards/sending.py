@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from bokeh.document import Document
 
-from dashboards.patch_messages import one_message
+from dashboards.upstream.patch_messages import one_message
 
 
 @contextmanager

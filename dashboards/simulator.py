@@ -7,7 +7,7 @@ from dashboards.headers import PROTECTED
 from dashboards.log_limit import limit_log
 from dashboards.messages import bound_messages
 from dashboards.page import SimulatorPage
-from dashboards.upstream import speed_up
+from dashboards.upstream.server import speed_up
 
 limit_log()
 bound_messages()

@@ -31,7 +31,7 @@ from websockets.typing import Subprotocol
 
 from dashboards.headers import policy, sockets
 from dashboards.origins import is_from_accepted
-from dashboards.upstream import serving_application, viser_connection, viser_sockets
+from dashboards.upstream.server import serving_application, viser_connection, viser_sockets
 
 VIEWS = "ins_lab_3d_views"
 """Key of the registered views, by token, in the settings of the web application."""

@@ -17,7 +17,6 @@ HARMLESS = {
     "register_cards",  # the displays of the package's own classes, in a notebook
     "register_completion",
     "setflags",  # of an array of the module
-    "hv.extension",  # HoloViews draws with nothing else
 }
 
 

@@ -46,9 +46,6 @@ from lab.views.time_plot import AID_CLOCKS, Curve, TimePlot
 if TYPE_CHECKING:
     from lab.result import Result
 
-# As in Panel: for offline use, the environment variable PANEL_INLINE=True puts the scripts into the page.
-hv.extension("bokeh", logo=False, inline=pn.config.inline)
-
 WIDTH, HEIGHT_PIXELS = 330, 230
 """Size of a plot [px]."""
 PATH_POINTS = 2000
@@ -68,6 +65,15 @@ APP_PAGE = Environment().from_string(
 """Panel's plain page with the line without which a phone shrinks a page of 980 px to its width."""
 OPEN_TAB = ".bk-tab.bk-active { color: var(--background-text-color, inherit); }"
 """Bokeh writes the title of the open tab in black, whatever the ground."""
+
+
+def use_bokeh() -> None:
+    """Have HoloViews draw with Bokeh, unless it already can; it draws with nothing else here.
+
+    As in Panel, the environment variable PANEL_INLINE=True puts the scripts into the page, for offline use.
+    """
+    if "bokeh" not in hv.Store.loaded_backends() or hv.Store.current_backend != "bokeh":
+        hv.extension("bokeh", logo=False, inline=pn.config.inline)
 
 
 def fit_phones() -> None:
@@ -104,6 +110,7 @@ def follow_theme(*figures: figure) -> None:
     if pn.config.theme == "dark" and (app := _app()) is not None:  # such as with ?theme=dark
         app.theme = DarkTheme().bokeh_theme
     if not figures:
+        use_bokeh()
         kinds = (hv.opts.Curve, hv.opts.Area, hv.opts.Scatter, hv.opts.ErrorBars, hv.opts.HeatMap)
         hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
 
@@ -126,6 +133,7 @@ def sensor_errors(result: Result) -> hv.Layout:
 
 def innovations(result: Result) -> hv.Layout:
     """Return position and velocity innovations with ±2σ, and below them their autocorrelation."""
+    use_bokeh()
     plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
     return hv.Layout(plots).cols(columns(3)).opts(shared_axes=True)
@@ -144,6 +152,7 @@ def height(result: Result) -> hv.Layout:
 
 def ground_track(result: Result) -> hv.Overlay:
     """Return the true path, the estimated path and the fixes on a map in metres, with equal scales."""
+    use_bokeh()
     track, gps = result.drawn_track, result.gps
     label = result.projection.label
     easting = hv.Dimension("easting", label=f"Easting ({label})", unit="m")
@@ -180,6 +189,7 @@ def ground_track(result: Result) -> hv.Overlay:
 
 
 def _layout(result: Result, plots: Sequence[TimePlot], wide: int) -> hv.Layout:
+    use_bokeh()
     drawn = hv.Layout([_time_plot(result, plot) for plot in plots])
     return drawn.cols(columns(wide)).opts(shared_axes=True)
 

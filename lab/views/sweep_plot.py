@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.views.figures import decade_ticks
-from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns
+from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layo
             f"plot: {len(swept)} settings vary ({', '.join(swept) or 'none'}); accepted are one or two. "
             "sweep.sel chooses a value of a setting, as in sweep.sel(NAME=value).plot()"
         )
+    use_bokeh()
     panels = [panel(data, name) for name in (DEFAULT if quantities is None else quantities)]
     drawn = [draw(one, data, swept) for one in panels + tests(data)]
     return hv.Layout(drawn).cols(columns(3)).opts(shared_axes=False)

@@ -15,7 +15,7 @@ import pytest
 from bokeh.document import Document
 
 from dashboards import garbage
-from dashboards.upstream import speed_up
+from dashboards.upstream.server import speed_up
 
 PAGES = 2
 TABS = (1, 4)

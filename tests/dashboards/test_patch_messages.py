@@ -25,7 +25,7 @@ from tornado.locks import Lock
 from tornado.websocket import WebSocketProtocol13
 
 from dashboards.sending import together
-from dashboards.upstream import speed_up
+from dashboards.upstream.server import speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 

@@ -24,12 +24,12 @@ from bokeh.util import callback_manager
 from panel.io.state import set_curdoc
 from panel.links import Callback
 
-from dashboards.upstream import leave_out_hooks, models_version, speed_up
+from dashboards.upstream.server import leave_out_hooks, models_version, speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 WHOLE_PAGE = """
 import sys
-from dashboards.upstream import speed_up
+from dashboards.upstream.server import speed_up
 if sys.argv[1] != "plain":
     speed_up()
 from bokeh.core.json_encoder import serialize_json

@@ -22,7 +22,7 @@ from dashboards.computing import Outcome, run
 from dashboards.page import PAGES, SimulatorPage
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
-from dashboards.upstream import speed_up
+from dashboards.upstream.server import speed_up
 from lab.experiment import Experiment
 from lab.result import Result
 

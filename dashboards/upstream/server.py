@@ -1,20 +1,4 @@
-"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads on the server.
-
-`upstream.js` replaces those in the browser; those of Bokeh's defaults and of Panel's components are in
-`remembered_defaults` and `fast_components`.
-
-Each part is tested against the installed version, which `pyproject.toml` pins
-(`tests/dashboards/test_upstream.py`). These upstream changes would make parts unnecessary:
-
-- Lazily computed defaults, and one description of properties for each class: Bokeh 4, issue `bokeh#15354
-  <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
-- An ended document without reference cycles: ``bokeh#11523``, open since 2021. Collections that block all
-  sessions: ``panel#3259``.
-- Events without the lock of their document: no upstream issue is known. They carry the mark of
-  `panel.io.with_lock`.
-- Panel's repeated copies, lookups and searches for each component, values of the server that its components
-  send back, and access control in viser: no upstream issue is known.
-"""
+"""Server: what Bokeh, Panel and viser keep private and the laboratory needs on the server."""
 
 from __future__ import annotations
 
@@ -44,9 +28,9 @@ from tornado.web import Application, OutputTransform
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
-from dashboards.fast_components import begin_components_faster
-from dashboards.patch_messages import speed_up_patches
-from dashboards.remembered_defaults import CONSTANT, RememberedDefaults, themed
+from dashboards.upstream.components import begin_components_faster
+from dashboards.upstream.patch_messages import speed_up_patches
+from dashboards.upstream.remembered_defaults import CONSTANT, RememberedDefaults, themed
 
 MOST_VALUES = 64
 """Most accepted values that are remembered of a property; those of most are one to ten."""

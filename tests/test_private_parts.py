@@ -1,0 +1,55 @@
+"""Private parts: attributes of libraries that begin with an underscore are used in two rooms only."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+FILES = sorted(path for folder in ("lab", "dashboards") for path in (ROOT / folder).rglob("*.py"))
+ROOMS = ("dashboards/upstream", "lab/compiling")
+"""Where private parts may stand: those of Bokeh, Panel and viser; those of Numba."""
+PUBLIC = {"_replace", "_asdict", "_fields", "_make", "_getvalue"}
+"""Documented names with an underscore: of named tuples, and of what Numba's intrinsics return."""
+
+
+def is_private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__") and name not in PUBLIC
+
+
+def defined(tree: ast.Module) -> Iterator[str]:
+    """Yield each name that a module defines: functions, classes, variables, and attributes of its objects."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                yield name
+            case ast.Name(id=name, ctx=ast.Store()):
+                yield name
+            case ast.Attribute(value=ast.Name(id="self" | "cls"), attr=name, ctx=ast.Store()):
+                yield name
+
+
+def foreign(files: dict[str, str]) -> list[str]:
+    """Return each use of a private attribute that no module defines."""
+    trees = {file: ast.parse(text) for file, text in files.items()}
+    own = {name for tree in trees.values() for name in defined(tree)}
+    return [
+        f"{file}: {ast.unparse(node)}"
+        for file, tree in trees.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and is_private(node.attr) and node.attr not in own
+    ]
+
+
+def test_private_parts_of_libraries_stand_in_their_rooms() -> None:
+    files = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8") for file in FILES}
+    found = foreign(files)
+    assert [use for use in found if not use.startswith(ROOMS)] == []
+    assert any(use.startswith(ROOMS[0]) for use in found)
+    assert any(use.startswith(ROOMS[1]) for use in found)
+
+
+def test_a_private_part_is_found() -> None:
+    assert foreign({"own.py": "class A:\n def __init__(self):\n  self._b = 1\n  self._b += self._b"}) == []
+    assert foreign({"other.py": "def size(model): return model._size"}) == ["other.py: model._size"]
