@@ -14,9 +14,9 @@ from typing import Any, Generic, TypeVar
 
 from lab.experiment import Experiment
 from lab.missions import MissionError
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
-from lab.settings import SettingError
 
 log = logging.getLogger(__name__)
 

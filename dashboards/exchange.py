@@ -29,10 +29,10 @@ from dashboards.titled import Card
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
+from lab.parameters.setting_kinds import MatrixOrNone
+from lab.parameters.settings import SettingError
+from lab.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
 from lab.result import Result
-from lab.setting_kinds import MatrixOrNone
-from lab.settings import SettingError
-from lab.toml_file import MAX_BYTES, TomlError, parse_toml
 
 MOST_FIELDS = 200
 """Most settings an address may hold; there are fewer than 100."""

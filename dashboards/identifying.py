@@ -16,9 +16,9 @@ from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.identification import Identification
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
-from lab.settings import SettingError
 
 TELL = 0.25
 """Time between two progress messages [s]."""

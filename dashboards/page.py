@@ -46,8 +46,8 @@ from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
 from lab.experiment import Experiment
 from lab.memory import give_back
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.settings import SettingError
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)

@@ -15,9 +15,9 @@ from dashboards.sending import soon, together
 from lab.experiment import Experiment
 from lab.homework.homework import Homework
 from lab.missions import missions, names_in_words
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
-from lab.settings import SettingError
 
 PATIENCE = 500
 """Time after which the page shows the progress of a run [ms]."""

@@ -25,8 +25,8 @@ from lab.missions import LogMission, missions
 from lab.navigation.belief import belief
 from lab.navigation.blocks import IMU_DENSITIES
 from lab.navigation.rest_alignment import usual
+from lab.parameters.setting_kinds import MatrixOrNone
 from lab.sensors.suite import OTHER_SENSORS
-from lab.setting_kinds import MatrixOrNone
 
 SECTIONS = {
     "sensors.gyro": ("Gyros", True),

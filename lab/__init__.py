@@ -39,16 +39,17 @@ if TYPE_CHECKING:
     from lab.exercises.catalogue import check
     from lab.experiment import Experiment
     from lab.export import export_track
+    from lab.frames import earth, rotation
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
     from lab.navigation.algorithm import Algorithm, Estimate
     from lab.navigation.own_states import declare_states
+    from lab.parameters.settings import SettingError
     from lab.result import Result
     from lab.run import ResultError
     from lab.sensors.cards import card, cards
-    from lab.settings import SettingError
     from lab.sweep import Sweep
-    from lab.trajectory import Trajectory
+    from lab.truth.trajectory import Trajectory
     from lab.views import plots
 
 __all__ = [
@@ -72,9 +73,11 @@ __all__ = [
     "check",
     "compare",
     "declare_states",
+    "earth",
     "export_track",
     "mission",
     "plots",
+    "rotation",
     "run_ensemble",
 ]
 
@@ -90,9 +93,9 @@ _HOMES = {
     "Recording": "lab.missions",
     "Result": "lab.result",
     "ResultError": "lab.run",
-    "SettingError": "lab.settings",
+    "SettingError": "lab.parameters.settings",
     "Sweep": "lab.sweep",
-    "Trajectory": "lab.trajectory",
+    "Trajectory": "lab.truth.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
     "check": "lab.exercises.catalogue",
@@ -102,7 +105,13 @@ _HOMES = {
     "mission": "lab.missions",
     "run_ensemble": "lab.ensembles.seeds",
 }
-_MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plots": "lab.views.plots"}
+_MODULES = {
+    "allan": "lab.analysis.allan",
+    "budget": "lab.analysis.budget",
+    "earth": "lab.frames.earth",
+    "plots": "lab.views.plots",
+    "rotation": "lab.frames.rotation",
+}
 
 
 register_cards()

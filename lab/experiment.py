@@ -8,10 +8,10 @@ from typing import Any
 from lab.log_run import run_log
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
+from lab.parameters.setting_help import is_changed
 from lab.progress import Progress
 from lab.registry import find
 from lab.result import Result, Runnable
-from lab.setting_help import is_changed
 from lab.stages import CACHE, Stages
 from lab.sweep import Sweep
 

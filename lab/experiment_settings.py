@@ -9,11 +9,11 @@ from typing import Any, Self
 import param
 
 from lab.navigation.settings import NavigatorSettings
+from lab.parameters.setting_kinds import Quantity
+from lab.parameters.settings import Derived, SettingError, Settings, group
+from lab.parameters.toml_file import TomlError, parse_toml, read_toml, toml_text
 from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
-from lab.setting_kinds import Quantity
-from lab.settings import Derived, SettingError, Settings, group
-from lab.toml_file import TomlError, parse_toml, read_toml, toml_text
 
 
 class TrajectorySettings(Settings):

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.east_north_up import east_north_up
 from lab.experiment_settings import ExperimentSettings
-from lab.ideal_imu import IdealImu
+from lab.frames.east_north_up import east_north_up
+from lab.kinematics.ideal_imu import IdealImu
 from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.own_states import OwnStates, declared_states, of_blocks
+from lab.parameters.units import si
 from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
 from lab.sensors.suite import TRIADS
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from lab.displacement import displacement, metres_per_radian
+from lab.frames.displacement import displacement, metres_per_radian
+from lab.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
 from lab.logs.auxiliary_data import Comparison, Reference
 from lab.navigation.solution import Solution
-from lab.rotation import euler_from_quaternion, quaternion_from_euler, wrap
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab.datasets import tables
 from lab.result import Result
 from lab.run import Recorded
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 if TYPE_CHECKING:
     import pandas as pd

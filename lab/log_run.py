@@ -29,7 +29,7 @@ from lab.run import Recorded
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.sensors.suite import OTHER_SENSORS
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")

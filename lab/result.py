@@ -27,6 +27,7 @@ from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
 from lab.datasets import aiding, flight, innovations, sensors, tables
 from lab.experiment_settings import ExperimentSettings
+from lab.frames.projection import Projection
 from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
 from lab.identification.identify import identify
@@ -34,7 +35,6 @@ from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
 from lab.notebook_card import NotebookCard
 from lab.progress import Progress
-from lab.projection import Projection
 from lab.registry import find
 from lab.result_plots import ResultPlots
 

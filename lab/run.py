@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.experiment_settings import ExperimentSettings
+from lab.frames.rotation import euler_from_quaternion
 from lab.further_truth import bias_drift, further_truth
 from lab.histories import LONG, made_when_asked
-from lab.ideal_imu import IdealImu
+from lab.kinematics.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment import Alignment
@@ -24,12 +25,11 @@ from lab.navigation.belief import assumed_latency
 from lab.navigation.blocks import DRIFTS, SCALES
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import HISTORIES, Belief, Solution
-from lab.rotation import euler_from_quaternion
 from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

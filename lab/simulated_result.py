@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.run_evidence import Filtered
-from lab.ideal_imu import IdealImu
 from lab.identification import renavigation
+from lab.kinematics.ideal_imu import IdealImu
 from lab.navigation.rest_alignment import Aligned
+from lab.parameters.units import si
 from lab.result import Result
-from lab.trajectory import Truth
-from lab.units import si
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from lab.cache import StageCache, digest
 from lab.compiling_apart import compile_apart
 from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, SINGLE, kept
-from lab.ideal_imu import IdealImu
+from lab.kinematics.ideal_imu import IdealImu
 from lab.log_run import timed
 from lab.memory import Retiring, check_memory, give_back, large_blocks_given_back
 from lab.missions import Mission
@@ -52,6 +52,8 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
+from lab.parameters.settings import SettingError
+from lab.parameters.units import si
 from lab.progress import Progress
 from lab.result import Runnable
 from lab.run import in_one
@@ -60,10 +62,8 @@ from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
-from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
-from lab.trajectory import Trajectory, Truth
-from lab.units import si
+from lab.truth.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")

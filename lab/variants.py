@@ -12,7 +12,7 @@ from itertools import product
 from lab.ensembles.seed_lanes import SeedLanes
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 Assignments = Mapping[str, object]
 

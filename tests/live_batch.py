@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.live_navigator import LiveNavigator
 from lab.live.raw_recording import RawWriter

@@ -141,7 +141,8 @@ def gyro_z(time):
     return float(result.sensor_errors.gyro_bias_sigma.sel(time=time, method="nearest")[2])
 """,
     "04_filter": """
-from lab import card, earth
+from lab import card
+from lab.frames import earth
 def rms(name):
     return float(np.sqrt((runs[name].errors.position**2).sum("axis").mean()))
 card("STIM300").load(experiment)

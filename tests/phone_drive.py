@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from lab.recordings.recording import Recording
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 RATE = 100.0
 """Rate of the IMU [Hz]."""

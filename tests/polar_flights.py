@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth, rotation
+from lab.frames import earth, rotation
 from lab.recordings.recording import Recording
 
 FloatArray = NDArray[np.float64]

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import C_nb_from_euler
 from lab.missions import Recording
 from lab.repair.raw_flight import RawFlight
-from lab.rotation import C_nb_from_euler
 
 
 def weave(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from sensor_logs import ATTITUDE, EPOCH, IMU, POSITION, SIGMA, VELOCITY, tables, trajectory, write_csv
 
 from lab import Experiment
-from lab.magnetic_field import magnetic_field
+from lab.frames.magnetic_field import magnetic_field
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.library import delete_mission
 

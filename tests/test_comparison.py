@@ -11,7 +11,7 @@ from lab.ensembles import comparison
 from lab.ensembles.comparison import compare, models
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 from lab.stages import CACHE
 
 

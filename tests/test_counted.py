@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lab.counted import counted, were
 from lab.live.decoders.recognition import Candidate
+from lab.parameters.counted import counted, were
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pymap3d
 import pytest
 
 import lab
-from lab.displacement import displaced, displacement, longer_above, metres_per_radian
+from lab.frames.displacement import displaced, displacement, longer_above, metres_per_radian
 
 ROOT = Path(lab.__file__).parent
 CURVATURE = {

@@ -9,7 +9,7 @@ import pymap3d
 import pymap3d.rcurve
 import pytest
 
-from lab import earth
+from lab.frames import earth
 
 LATITUDES = np.radians([-89.0, -70.0, -33.9, -5.0, 0.0, 20.0, 45.5, 80.0])
 

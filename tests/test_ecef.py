@@ -7,7 +7,7 @@ import pymap3d
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab import earth, ecef
+from lab.frames import earth, ecef
 
 RNG = np.random.default_rng(1)
 PLACES = np.column_stack(

@@ -16,8 +16,8 @@ from lab.ensembles.ensemble import QUANTITIES, Collected, Ensemble
 from lab.ensembles.seeds import _keep, run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.checks import DivergedError, diverged
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.settings import SettingError
 from lab.stages import CACHE
 
 SEEDS = 40

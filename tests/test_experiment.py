@@ -17,12 +17,12 @@ import pytest
 from lab.experiment import Experiment
 from lab.missions import Recording, mission, write_flight_csv
 from lab.navigation.settings import NavigatorSettings
+from lab.parameters.settings import SettingError
 from lab.recordings.mission_error import MissionError
 from lab.result import Result
 from lab.sensors.draws import unit_draws
-from lab.settings import SettingError
 from lab.stages import CACHE, start
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 STAGES = {"flight", "draws", "gyro", "accelerometer", "truth at fixes", "gps", "navigation"}
 

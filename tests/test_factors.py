@@ -15,7 +15,7 @@ from lab.identification.factors import FEWEST, choose, scaled
 from lab.identification.renavigation import subject
 from lab.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.navigation.belief import belief
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 
 def flown(**navigator: float):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from turning_flight import Turning
 
-from lab import growing_trajectory
-from lab.displacement import displacement
-from lab.growing_trajectory import FOLLOWS, FlownPiece, GrowingTrajectory
+from lab.frames.displacement import displacement
 from lab.recordings.frame import Frame
+from lab.truth import growing_trajectory
+from lab.truth.growing_trajectory import FOLLOWS, FlownPiece, GrowingTrajectory
 
 RATE = 100.0
 

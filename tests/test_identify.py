@@ -11,8 +11,8 @@ from lab.identification.renavigation import subject
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
 from lab.navigation.recorded import navigate_log
+from lab.parameters.settings import SettingError
 from lab.sensors.cards import read_cards
-from lab.settings import SettingError
 
 LIMIT = 4.0
 """Errors in σ that none of a dozen estimates has by chance, of Gaussian ones 1 in 1300 runs."""

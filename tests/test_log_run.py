@@ -8,6 +8,7 @@ from copter_logs import copter
 from sensor_logs import tables, trajectory, write, write_csv
 
 from lab import Experiment, ResultError, compare, run_ensemble
+from lab.frames.rotation import wrap
 from lab.log_reference import differences, reference_at
 from lab.log_result import LogResult
 from lab.log_run import has_effect
@@ -15,9 +16,8 @@ from lab.logs.auxiliary_data import Reference
 from lab.missions import MissionError, mission, read_sensor_log
 from lab.navigation.algorithm import Estimate
 from lab.navigation.recorded import navigate_log
+from lab.parameters.settings import SettingError
 from lab.result import DATASETS
-from lab.rotation import wrap
-from lab.settings import SettingError
 from lab.stages import CACHE
 
 

@@ -12,13 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 from dashboards.computing import run
-from lab import Experiment, histories, memory, spline_windows, stages, trajectory
+from lab import Experiment, histories, memory, stages
 from lab import run as arrays
 from lab.analysis import consistency, fix_causes, imu_causes, observability, sensor_evidence
 from lab.analysis.innovation_evidence import offered
 from lab.analysis.run_evidence import evidence_of
 from lab.cli import app
 from lab.datasets import flight, tables
+from lab.kinematics import spline_windows
 from lab.missions import mission
 from lab.navigation import navigator, smoother, unscented
 from lab.navigation.choice import chosen_model
@@ -26,7 +27,8 @@ from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.result import Result
 from lab.sensors.imu import Measured
-from lab.trajectory import Trajectory
+from lab.truth import trajectory
+from lab.truth.trajectory import Trajectory
 from lab.views import figures
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS

@@ -58,9 +58,15 @@ def test_importing_the_lab_registers_the_cards_and_loads_nothing_that_draws() ->
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     cards, modules = json.loads(done.stdout)
     assert {"settings", "result"} <= set(cards)
-    assert not {"numpy", "param", "holoviews", "bokeh", "IPython", "lab.result", "lab.settings"} & set(
-        modules
-    )
+    assert not {
+        "numpy",
+        "param",
+        "holoviews",
+        "bokeh",
+        "IPython",
+        "lab.result",
+        "lab.parameters.settings",
+    } & set(modules)
 
 
 class Reader(HTMLParser):

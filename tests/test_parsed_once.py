@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 import lab.stages
-from lab import anchoring
 from lab.cache import StageCache
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
+from lab.kinematics import anchoring
 from lab.missions import mission
 from lab.recordings import flight_csv
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab import earth, ecef, rotation
+from lab.frames import earth, ecef, rotation
 from lab.missions import mission
-from lab.polar_path import PolarPath
 from lab.recordings.recording import Recording
-from lab.trajectory import Trajectory
+from lab.truth.polar_path import PolarPath
+from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lab.projection import Projection
+from lab.frames.projection import Projection
 
 A, F, K0 = 6378137.0, 1 / 298.257223563, 0.9996
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import rotation
+from lab.frames import rotation
 
 angle = st.floats(-np.pi, np.pi)
 pitch = st.floats(np.radians(-89.5), np.radians(89.5))

@@ -14,9 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiment import Experiment
-from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone, describe
-from lab.settings import SettingError, Settings, group
-from lab.toml_file import toml_text
+from lab.parameters.setting_kinds import (
+    AxisQuantity,
+    Intervals,
+    MatrixOrNone,
+    Quantity,
+    QuantityOrNone,
+    describe,
+)
+from lab.parameters.settings import SettingError, Settings, group
+from lab.parameters.toml_file import toml_text
 
 
 class Engine(Settings):

@@ -14,7 +14,7 @@ from sensor_logs import tables, write
 from lab.ensembles import sweeping
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 from lab.sweep import Sweep
 
 DENSITIES = [0.3, 0.02]

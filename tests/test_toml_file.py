@@ -7,7 +7,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.toml_file import toml_text
+from lab.parameters.toml_file import toml_text
 
 ANY = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
 TEXTS = ANY | st.text("\"'\\\n\r\t\0\x7fa ", max_size=8)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.spatial.transform import Rotation
 
-from lab import earth, rotation
+from lab.frames import earth, rotation
 from lab.missions import mission
 from lab.recordings.recording import Recording
-from lab.trajectory import AttitudeKind, Trajectory, Truth
+from lab.truth.trajectory import AttitudeKind, Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import pytest
 
 from lab.datasets.flight import STATE_UNITS
 from lab.experiment import Experiment
+from lab.parameters.units import TO_SI, si
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
-from lab.units import TO_SI, si
 
 KNOWN = {
     "°": np.pi / 180,

@@ -8,7 +8,7 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
 from lab.recordings.frame import Frame
 
 EARTH = np.array([0.0, 0.0, earth.RATE])

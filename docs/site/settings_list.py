@@ -7,8 +7,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from lab.experiment import Experiment
-from lab.setting_help import value_text
-from lab.setting_kinds import describe
+from lab.parameters.setting_help import value_text
+from lab.parameters.setting_kinds import describe
 
 
 class SettingsList(SphinxDirective):

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth, ecef
+from lab.frames import earth, ecef
 from lab.navigation.error_models import ATT, POS, VEL
 
 FloatArray = NDArray[np.float64]

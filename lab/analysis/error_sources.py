@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
-from lab.east_north_up import east_north_up_sizes
+from lab.frames.east_north_up import east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.error_models import (
@@ -25,15 +25,15 @@ from lab.navigation.error_models import (
     STATES,
     VEL,
 )
+from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors.suite import TRIADS
-from lab.units import si
 
 if TYPE_CHECKING:
     from lab.experiment_settings import ExperimentSettings
-    from lab.ideal_imu import IdealImu
+    from lab.kinematics.ideal_imu import IdealImu
     from lab.navigation.rest_alignment import Aligned
-    from lab.settings import Settings
+    from lab.parameters.settings import Settings
 
 FloatArray = NDArray[np.float64]
 

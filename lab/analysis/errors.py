@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
 from lab.analysis.error_axes import output_map
-from lab.displacement import displacement
+from lab.frames import ecef
+from lab.frames.displacement import displacement
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
 from lab.analysis import aid_verdict
 from lab.analysis.finding import Change, Finding, Verdict, headline, is_right
 from lab.analysis.sums import Squares
-from lab.earth import STANDARD_GRAVITY
+from lab.frames import ecef
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.navigation import blocks
 from lab.navigation.error_models import VEL
 from lab.navigation.further_columns import with_blocks

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
 from lab.analysis import errors
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.outliers import outliers
 from lab.analysis.pattern import binned
 from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.frames import ecef
+from lab.frames.rotation import wrap
 from lab.navigation.error_models import POS, VEL
 from lab.navigation.solution import Belief, Fixes
-from lab.rotation import wrap
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

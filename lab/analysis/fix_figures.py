@@ -18,7 +18,7 @@ from lab.navigation import compilation
 from lab.navigation.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import Vector, get, radii
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
 from lab.analysis.aid_verdict import SENSORS
 from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
 from lab.analysis.transition import NAV
+from lab.frames import ecef
 from lab.navigation import blocks
 from lab.navigation.aids import AIRSPEED
 from lab.navigation.error_models import ATT, POS, VEL

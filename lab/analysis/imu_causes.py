@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
-from lab.rotation import C_nb_from_euler, euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
 

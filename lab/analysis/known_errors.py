@@ -13,18 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth, ecef
 from lab.analysis.error_sources import rounding
-from lab.east_north_up import east_north_up
+from lab.frames import earth, ecef
+from lab.frames.east_north_up import east_north_up
+from lab.frames.rotation import C_nb_from_euler, wrap
 from lab.navigation.aids import FORWARD, MAGNETIC, NORTHWARD
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.blocks import LATENCY, LEVER_ARM
-from lab.rotation import C_nb_from_euler, wrap
+from lab.parameters.units import si
 from lab.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
-from lab.trajectory import Truth
-from lab.units import si
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -22,6 +22,7 @@ from lab.analysis.budget import (
     sigma_of_quantities,
 )
 from lab.analysis.gains import epochs_of
+from lab.frames.rotation import wrap
 from lab.navigation import strapdown
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
@@ -30,9 +31,8 @@ from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.wander_models import linear_model
-from lab.rotation import wrap
 from lab.run import Run
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.analysis import allan
+from lab.frames import earth
 from lab.logs.sensor_log import SensorLog
+from lab.parameters.units import TO_SI
 from lab.readers.sensor_csv import sheets_of
 from lab.readers.sheet_imu import NAMED, imu_of
 from lab.recordings.mission_error import MissionError
@@ -20,7 +21,6 @@ from lab.sensors import imu
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
 from lab.sensors.suite import TRIADS, SensorSuite
-from lab.units import TO_SI
 
 FloatArray = NDArray[np.float64]
 

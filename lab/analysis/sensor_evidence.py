@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.sums import Kept, Squares, Sum
 from lab.navigation.solution import Belief, Imu
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from lab.analysis.finding import (
 from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.sums import Fit, Squares
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline, written
-from lab.displacement import displaced, displacement
 from lab.experiment_settings import ExperimentSettings
+from lab.frames.displacement import displaced, displacement
+from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.blocks import IMU_DENSITIES
 from lab.navigation.checks import DivergedError
-from lab.rotation import C_nb_from_euler, euler_from_quaternion
+from lab.parameters.settings import SettingError
 from lab.run import Run
-from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from lab.cli.app import CommandError, print_json, working
 from lab.cli.cards import ASSUMED, FOOT, number
 from lab.cli.options import AsJson, Assumed, Force, check_out
 from lab.cli.terminal import table
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms

@@ -13,7 +13,7 @@ import typer
 
 from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 
 class CommandError(ValueError):

@@ -11,7 +11,7 @@ import typer
 
 from lab.cli.app import CommandError, working
 from lab.cli.options import Force, check_out
-from lab.counted import counted
+from lab.parameters.counted import counted
 
 EXAMPLES = """\b
 Examples:

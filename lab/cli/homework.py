@@ -216,8 +216,8 @@ def _read(reading: Any) -> Any:
 
 def _experiment(found: Homework, config: Path | None, assignments: Sequence[str] | None) -> HiddenExperiment:
     """Return the experiment with the student's settings."""
-    from lab.settings import SettingError  # noqa: PLC0415 - beside the others
-    from lab.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
+    from lab.parameters.settings import SettingError  # noqa: PLC0415 - beside the others
+    from lab.parameters.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
 
     chosen = found.experiment()
     if config is not None:

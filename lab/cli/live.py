@@ -17,9 +17,9 @@ from lab.cli.interrupt import interrupted
 from lab.cli.options import AsJson, Assignments, Card, Config, experiment
 from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
-from lab.counted import counted
 from lab.missions.mission_name import accepted_name
-from lab.settings import SettingError
+from lab.parameters.counted import counted
+from lab.parameters.settings import SettingError
 
 if TYPE_CHECKING:
     from lab.live.live_state import LiveState

@@ -11,7 +11,7 @@ import typer
 from lab.cli.app import CommandError, Commands, print_json
 from lab.cli.options import AsJson, Force
 from lab.cli.terminal import table
-from lab.counted import counted
+from lab.parameters.counted import counted
 
 EXAMPLES = """\b
 Examples:

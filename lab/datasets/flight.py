@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from lab.analysis.errors import euler_sigma, position_error
 from lab.datasets.labelled import DEGREE, Variables, labelled, labelled_at
-from lab.east_north_up import east_north_up, east_north_up_sizes
+from lab.frames.east_north_up import east_north_up, east_north_up_sizes
+from lab.frames.projection import Projection
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation import blocks
 from lab.navigation.error_models import ATT, POS, STATES, VEL
 from lab.navigation.solution import Solution
-from lab.projection import Projection
-from lab.rotation import euler_from_quaternion, wrap
+from lab.parameters.units import TO_SI
 from lab.run import Run
-from lab.trajectory import Truth
-from lab.units import TO_SI
+from lab.truth.trajectory import Truth
 
 if TYPE_CHECKING:
     import xarray as xr

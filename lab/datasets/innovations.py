@@ -11,7 +11,7 @@ from lab.analysis import consistency as statistics
 from lab.analysis.errors import error_state
 from lab.analysis.fix_causes import of_fixes
 from lab.datasets.labelled import EAST_NORTH_UP, labelled
-from lab.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
+from lab.frames.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
 from lab.navigation.error_models import POS
 from lab.navigation.kalman import MEASUREMENTS
 from lab.run import Run

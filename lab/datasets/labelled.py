@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import TO_SI
 from lab.run import Run
-from lab.units import TO_SI
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.datasets.labelled import DEGREE, labelled
-from lab.east_north_up import east_north_up
-from lab.projection import Projection
+from lab.frames.east_north_up import east_north_up
+from lab.frames.projection import Projection
+from lab.parameters.units import TO_SI
 from lab.run import Run
 from lab.sensors import temperature as thermal
-from lab.units import TO_SI
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,8 +15,8 @@ from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.notebook_card import NotebookCard
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
-from lab.settings import SettingError
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from lab.navigation import compilation
 from lab.navigation.compilation import entry_kernel, kernel
 from lab.navigation.filter import aligned_zeros
 from lab.navigation.lane_step import LANES
+from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors.draws import generator
 from lab.sensors.suite import SensorSuite
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 Errors = imu.GyroErrors | imu.AccelerometerErrors

@@ -23,12 +23,13 @@ from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
-from lab.ecef import near_pole
 from lab.ensembles import lane_sensors
 from lab.ensembles.ensemble import QUANTITIES
 from lab.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
+from lab.frames.ecef import near_pole
+from lab.frames.rotation import euler_from_quaternion
 from lab.histories import LONG
 from lab.missions import LogMission, mission
 from lab.navigation import rest_alignment
@@ -50,12 +51,11 @@ from lab.navigation.schedule import SLACK
 from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
 from lab.navigation.strapdown import MAX_LATITUDE
-from lab.rotation import euler_from_quaternion
+from lab.parameters.units import si
 from lab.run import at_samples
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.stages import Stages, start
-from lab.units import si
 
 __all__ = ["LANES", "SeedLanes"]
 

@@ -22,10 +22,10 @@ from lab.ensembles.ensemble import QUANTITIES, UNITS
 from lab.ensembles.seeds import seed_numbers, thread_count
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
+from lab.parameters.setting_help import value_text
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
-from lab.setting_help import value_text
-from lab.settings import SettingError
 from lab.sweep import Sweep
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
+from lab.frames import ecef
+from lab.frames.rotation import wrap
 from lab.missions import LogMission, Mission, Recording
 from lab.result import Result
-from lab.rotation import wrap
 from lab.views.envelope import thin_path
 
 FloatArray = NDArray[np.float64]

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from lab.parameters.toml_file import parse_toml
+from lab.parameters.units import FOOT
 from lab.recordings.mission_error import MissionError
-from lab.toml_file import parse_toml
-from lab.units import FOOT
 
 
 @cache

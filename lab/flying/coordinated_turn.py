@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab.earth import STANDARD_GRAVITY
-from lab.rotation import wrap
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 Vehicle = Literal["aircraft", "car", "boat"]

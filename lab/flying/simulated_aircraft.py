@@ -8,8 +8,8 @@ from typing import Any
 
 from lab.flying.flight_plan import AirStart, FlightPlan, Runway
 from lab.flying.weather import Air
+from lab.parameters.units import FOOT, RANKINES_PER_KELVIN
 from lab.recordings.mission_error import MissionError
-from lab.units import FOOT, RANKINES_PER_KELVIN
 
 STEP_MS = 1
 """Integration step [ms]; divides 5, 10 and 55 ms."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lab.gallery import increments
 from lab.sensors.draws import unit_draws
 from lab.sensors.gps import GpsFixes
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 Spoil = Callable[[FloatArray, Truth, float], FloatArray]

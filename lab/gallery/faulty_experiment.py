@@ -14,11 +14,11 @@ from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import NO_VECTOR, Belief
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.imu import Measured
-from lab.settings import SettingError
 from lab.stages import SampledFlight, Stages
 
 NOTE = "A fault of the gallery is hidden in this run."

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth, rotation
-from lab.trajectory import Truth
+from lab.frames import earth, rotation
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from lab.experiment import Experiment
 from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.homework.sealing import SealError, TeacherKey, seal_for_teacher
 from lab.lessons.lesson import number_typed
+from lab.parameters.settings import SettingError
+from lab.parameters.toml_file import TomlError, parse_toml, toml_text
 from lab.recordings.atomic_file import atomic_file
-from lab.settings import SettingError
-from lab.toml_file import TomlError, parse_toml, toml_text
 
 FORMAT = "ins-lab hand-in 1"
 _ANY_FORMAT = r"ins-lab hand-in \d{1,6}"

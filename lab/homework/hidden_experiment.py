@@ -22,16 +22,16 @@ from lab.navigation.algorithm import Algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import NO_VECTOR, Belief, Start
+from lab.parameters.settings import SettingError
+from lab.parameters.units import si
 from lab.progress import Progress
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
-from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
 from lab.stages import SampledFlight, Stages, start
-from lab.trajectory import Truth
-from lab.units import si
+from lab.truth.trajectory import Truth
 
 NO_BUDGET = "The error budget needs the true errors of the sensors, which are hidden in this homework."
 

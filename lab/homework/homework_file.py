@@ -29,7 +29,7 @@ from lab.homework.sealing import (
 )
 from lab.homework.source_file import judge_of
 from lab.lessons.fields import LessonError
-from lab.toml_file import TomlError, parse_toml, read_text, toml_text
+from lab.parameters.toml_file import TomlError, parse_toml, read_text, toml_text
 
 FORMAT = "ins-lab homework 1"
 KEY_FORMAT = "ins-lab homework key 1"

@@ -11,7 +11,7 @@ from typing import Any
 from lab.cache import digest
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS, Fault
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 CHANGEABLE = ("navigator", "sensors")
 """Groups of which settings may be changed or hidden."""

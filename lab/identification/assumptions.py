@@ -18,9 +18,9 @@ from lab.analysis.likelihood import Estimate, Parameter
 from lab.experiment_settings import ExperimentSettings
 from lab.navigation.belief import assumed_lever_arm, belief
 from lab.navigation.blocks import IMU_DENSITIES
+from lab.parameters.units import TO_SI, si
 from lab.run import Run
 from lab.sensors.suite import SensorSuite
-from lab.units import TO_SI, si
 
 FloatArray = NDArray[np.float64]
 

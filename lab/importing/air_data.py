@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab import ecef, rotation
+from lab.frames import ecef, rotation
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from lab import earth, rotation
+from lab.frames import earth, rotation
 from lab.recordings.recording import Recording
 from lab.repair.smooth_axes import SmoothAxes
 

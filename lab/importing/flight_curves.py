@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab import ecef
-from lab.anchoring import anchored_cartesian, anchored_offsets
-from lab.displacement import longer_above
+from lab.frames import ecef
+from lab.frames.displacement import longer_above
 from lab.importing import air_data
 from lab.importing.derived_motion import roughness, spline_rates
 from lab.importing.import_settings import AUTO, ImportSettings
+from lab.kinematics.anchoring import anchored_cartesian, anchored_offsets
 from lab.repair.quantisation import value_steps
 from lab.repair.raw_flight import JUDGED_SAMPLES, RawFlight
 from lab.repair.sample_times import prediction_error

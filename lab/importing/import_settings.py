@@ -5,10 +5,10 @@ from __future__ import annotations
 import param
 
 from lab.flying.coordinated_turn import VEHICLES
+from lab.parameters.setting_kinds import Quantity
+from lab.parameters.settings import Settings
 from lab.repair.row_repair import MAX_BRIDGED_GAP
 from lab.repair.time_repair import REPAIRED, TIME_STAMPS
-from lab.setting_kinds import Quantity
-from lab.settings import Settings
 
 AUTO = "auto"
 CURVES = ("velocity", "position", "air data")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab import earth, ecef, rotation
 from lab.flying import coordinated_turn
+from lab.frames import earth, ecef, rotation
 from lab.importing.derived_motion import body_rates, euler_at, specific_force
 from lab.importing.reconstruction import Reconstruction
 from lab.importing.wrong_units import Agreement, agreement, cause

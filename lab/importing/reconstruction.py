@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab import ecef, rotation
 from lab.flying import coordinated_turn
+from lab.frames import ecef, rotation
 from lab.importing.flight_curves import (
     NOISE_THAT_MATTERS,
     FlightCurves,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
+from lab.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
 
 FloatArray = NDArray[np.float64]
 

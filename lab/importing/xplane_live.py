@@ -9,8 +9,8 @@ import time
 from array import array
 from typing import Self
 
-from lab.counted import counted, were
 from lab.importing import xplane_packets
+from lab.parameters.counted import counted, were
 from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import RawFlight

@@ -11,7 +11,7 @@ from typing import Any
 from lab.experiment import Experiment
 from lab.lessons.text import TextError, settings_named, text_html
 from lab.missions import missions, names_in_words
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 MOST_CHOICES = 12
 """Most answers to choose from; the gallery has 10."""

@@ -9,7 +9,7 @@ from typing import Any
 from lab.gallery.faults import FAULTS
 from lab.lessons.lesson import Lesson
 from lab.lessons.lesson_file import lesson_of
-from lab.toml_file import read_toml
+from lab.parameters.toml_file import read_toml
 
 SUMMARY = "Something is wrong in this run. Find it from errors, innovations, NEES and verdict."
 

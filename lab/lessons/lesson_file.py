@@ -20,8 +20,8 @@ from lab.lessons.fields import (
 )
 from lab.lessons.lesson import PAGES, Lesson, Step
 from lab.lessons.place import line_of
-from lab.setting_kinds import AxisQuantity, QuantityOrNone
-from lab.toml_file import TomlError, parse_toml, read_text
+from lab.parameters.setting_kinds import AxisQuantity, QuantityOrNone
+from lab.parameters.toml_file import TomlError, parse_toml, read_text
 
 LARGEST = 100_000
 """Largest file of a lesson [bytes]; the largest that ships has 6 kB."""

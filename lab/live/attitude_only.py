@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
 from lab.live.anchor import Anchor, with_heading
 from lab.live.rolling import Rolling
 from lab.live.stream_settings import without
@@ -34,10 +35,9 @@ from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import SHORTEST, SPAN, still_seconds
-from lab.rotation import euler_from_quaternion, quaternion_from_euler, wrap
+from lab.parameters.units import si
 from lab.sensors.imu import misalignment
 from lab.sensors.suite import SensorSuite
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.frames import earth
 from lab.live.axis_map import AXES, AxisMap
 from lab.live.held import AxisCheckError, Held, held, turned
 from lab.live.six_positions import GRAVITY_SIGMA, AccelerometerErrors, accelerometer_errors

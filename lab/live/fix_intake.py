@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.counted import counted, were
 from lab.live.live_log import gnss_of, usable_fixes
 from lab.live.live_stream import Stream
 from lab.live.timed import TIMED_FIX
@@ -15,6 +14,7 @@ from lab.logs.sensor_log import GnssLog
 from lab.navigation.recorded import used_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
+from lab.parameters.counted import counted, were
 
 EARLY: Final = 100
 """Fixes that wait for the first sample of the IMU."""

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.analysis import allan
 from lab.analysis.rest import Record
-from lab.counted import counted, were
+from lab.frames import earth
 from lab.live.held import OFF_GRAVITY
 from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
+from lab.parameters.counted import counted, were
 from lab.sensors.suite import TRIADS
 
 FloatArray = NDArray[np.float64]

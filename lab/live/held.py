@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
-from lab.counted import counted
+from lab.frames import earth
 from lab.live.live_log import usable_imu
+from lab.parameters.counted import counted
 
 FloatArray = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.counted import counted, were
 from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
 from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
 from lab.logs.stream_spikes import StreamSpikes
 from lab.logs.usual_interval import FIRST_INTERVALS, UsualInterval
+from lab.parameters.counted import counted, were
 
 FloatArray = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.magnetic_field import magnetic_declination
 from lab.live.live_log import magnetometer_of
 from lab.live.rolling import Rolling
-from lab.magnetic_field import magnetic_declination
 from lab.navigation import aids
 from lab.navigation.aiding import (
     CONDITION_PERIOD,
@@ -26,10 +26,10 @@ from lab.navigation.aiding import (
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
+from lab.parameters.settings import SettingError
+from lab.parameters.units import si
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
-from lab.settings import SettingError
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

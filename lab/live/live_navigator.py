@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.counted import counted
+from lab.frames.rotation import wrap
 from lab.live.anchor import Anchor
 from lab.live.attitude_only import AttitudeOnly
 from lab.live.fix_intake import FixIntake
@@ -54,9 +54,9 @@ from lab.navigation.navigator import load
 from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import wrap
+from lab.parameters.counted import counted
+from lab.parameters.settings import SettingError
 from lab.sensors.suite import SensorSuite
-from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

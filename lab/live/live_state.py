@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import euler_from_quaternion, euler_jacobian
 from lab.live.intake import Counts
-from lab.rotation import euler_from_quaternion, euler_jacobian
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, COASTING, NAVIGATING, WAITING, LiveState
 from lab.live.live_stream import POSITION_LIMIT, Sample, Stream

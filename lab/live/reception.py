@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.counted import counted
 from lab.live.axis_map import AxisMap
 from lab.live.clock_watch import COMPARED, ClockWatch, sent_again
 from lab.live.decoders.catalogue import decoder_of
@@ -27,6 +26,7 @@ from lab.live.reading_times import LATENCY, NO_READINGS, STALE, ReadingTimes
 from lab.live.samples import NO_FIX, Samples
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import Chunk, TransportError
+from lab.parameters.counted import counted
 
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.void]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lab.counted import counted
 from lab.live.reception import Reception
+from lab.parameters.counted import counted
 
 FRUITLESS = 2.0
 """Time with bytes and without a sample after which a source is stale [s]: it holds two fixes of a receiver,

@@ -19,13 +19,13 @@ from lab.live.transport import TransportError
 from lab.logs.pressure_height import pressure_at
 from lab.missions import mission
 from lab.missions.log_mission import LogMission
+from lab.parameters.units import si
 from lab.recordings.flight_csv import write_flight_csv
 from lab.recordings.recording import Recording
 from lab.result import Result
 from lab.sensors.cards import card
 from lab.sensors.gps import GpsErrors, GpsFixes
 from lab.sensors.readings import read, slow_error
-from lab.units import si
 
 REST = "rest"
 """Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.growing_truth import Kinematics, interpolated
-from lab.trajectory import Truth
+from lab.truth.growing_truth import Kinematics, interpolated
+from lab.truth.trajectory import Truth
 
 __all__ = ["Kinematics", "TrueFlight", "TrueMotion"]
 

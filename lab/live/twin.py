@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.allan import AllanDeviation
 from lab.analysis.rest import Record
+from lab.frames.rotation import euler_from_quaternion
 from lab.live.live_log import log_of
 from lab.live.live_verdict import batch_of
 from lab.live.simulated_flight import REST, SimulatedFlight
@@ -31,7 +32,6 @@ from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.flight_csv import write_flight_csv
 from lab.recordings.recording import Recording
-from lab.rotation import euler_from_quaternion
 from lab.sensors.suite import TRIADS, SensorSuite
 
 FloatArray = NDArray[np.float64]

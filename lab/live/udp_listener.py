@@ -5,9 +5,9 @@ from __future__ import annotations
 import socket
 import time
 
-from lab.counted import counted
 from lab.live.address import Address, computer_and_port
 from lab.live.transport import Chunk
+from lab.parameters.counted import counted
 
 HERE = "127.0.0.1"
 """Address listened at if none is given: datagrams of this computer only."""

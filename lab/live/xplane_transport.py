@@ -6,8 +6,6 @@ import contextlib
 import socket
 import time
 
-from lab.counted import counted, were
-from lab.growing_truth import GrowingTruth
 from lab.importing import xplane_packets
 from lab.importing.xplane_live import SILENCE
 from lab.live.axis_map import AxisMap
@@ -15,7 +13,9 @@ from lab.live.decoders.decoder import Encoder
 from lab.live.samples import Samples, joined
 from lab.live.simulated_flight import fix_rows, imu_rows
 from lab.live.transport import Chunk
+from lab.parameters.counted import counted, were
 from lab.sensors.sensor_stream import Sensed
+from lab.truth.growing_truth import GrowingTruth
 from lab.xplane.flight import XPlaneFlight
 from lab.xplane.frames import BrokenFlightError
 

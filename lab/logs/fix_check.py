@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
+from lab.frames.rotation import wrap
 from lab.logs.sensor_log import GnssLog
+from lab.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.recordings.mission_error import MissionError
-from lab.rotation import wrap
-from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

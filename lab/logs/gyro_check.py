@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.logs.window_matches import WindowMatches
 from lab.recordings.mission_error import MissionError

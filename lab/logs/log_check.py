@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.displacement import metres_per_radian
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.rotation import wrap
 from lab.logs.fix_check import check_fixes
 from lab.logs.gyro_check import are_explained, check_gyros
 from lab.logs.log_section import piece
@@ -24,9 +25,8 @@ from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.logs.velocity_matching import Match, Window, liveliest, turned
 from lab.logs.window_matches import WindowMatches
+from lab.parameters.units import LEAP_SECONDS
 from lab.recordings.mission_error import MissionError
-from lab.rotation import wrap
-from lab.units import LEAP_SECONDS
 
 FloatArray = NDArray[np.float64]
 

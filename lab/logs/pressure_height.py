@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 

@@ -49,7 +49,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.rotation import C_nb_from_euler
 from lab.logs.auxiliary_data import (
     AuxiliaryData,
     Comparison,
@@ -83,7 +84,6 @@ from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES, Column, read_columns, read_duration
 from lab.recordings.text_blocks import TextBlocks
-from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 

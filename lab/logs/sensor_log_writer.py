@@ -21,8 +21,8 @@ from lab.logs.log_toml import DESCRIPTION_FILE
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.logs.vehicle import vehicle_of
+from lab.parameters.toml_file import toml_text
 from lab.recordings.mission_error import MissionError
-from lab.toml_file import toml_text
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 Quaternions = NDArray[np.complex128]

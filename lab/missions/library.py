@@ -25,6 +25,7 @@ from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.toml_edit import changed_text
+from lab.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 from lab.recordings.atomic_file import atomic_file
 from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
@@ -32,7 +33,6 @@ from lab.recordings.folder_lock import folder_lock
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.recordings.temporary_files import sweep, temporary_folder, unfinished
-from lab.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 
 _LOG_FILES = (
     *("imu.csv", "gnss.csv", "ref.csv", "mag.csv"),

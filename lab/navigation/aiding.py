@@ -15,9 +15,9 @@ from lab.navigation import aids
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
+from lab.parameters.units import si
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

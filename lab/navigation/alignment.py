@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import quaternion_from_euler, wrap
 from lab.navigation.initial_heading import (
     UNKNOWN,
     Found,
@@ -28,7 +29,6 @@ from lab.navigation.initial_heading import (
     surest,
 )
 from lab.navigation.solution import Fixes, Imu, Start
-from lab.rotation import quaternion_from_euler, wrap
 
 FloatArray = NDArray[np.float64]
 

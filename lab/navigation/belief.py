@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from lab.east_north_up import east_north_up_sizes
+from lab.frames.east_north_up import east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
@@ -17,11 +17,11 @@ from lab.navigation.own_states import declared_states, of_blocks
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
+from lab.parameters.settings import SettingError
+from lab.parameters.units import si
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
-from lab.settings import SettingError
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.ecef import near_pole
+from lab.frames.ecef import near_pole
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

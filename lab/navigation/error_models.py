@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.frames import earth
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.compilation import inline_kernel
 from lab.navigation.generation import Slot, Variant, Written, generated, interpreted

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.frames.magnetic_field import magnetic_declination
+from lab.frames.rotation import wrap
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.vehicle import Vehicle, vehicle_of
 from lab.logs.velocity_matching import GYRO_BIAS_SIGMA, WINDOW, Match, lively, match, steps, turned, window_of
-from lab.magnetic_field import magnetic_declination
 from lab.navigation.solution import Fixes, Imu
-from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.frames import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import kernel
 from lab.navigation.solution import Imu

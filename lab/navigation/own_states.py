@@ -29,7 +29,7 @@ from lab.navigation.compilation import ALLOCATING, inline_kernel
 from lab.navigation.generation import Slot, Written
 from lab.navigation.propagation import NAV, OWN, OWN_SIZE, PLACES
 from lab.navigation.strapdown import Vector, get, plus, without_own_errors
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 Effect = Callable[[Vector, Vector, FloatArray], None]

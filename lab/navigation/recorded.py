@@ -13,10 +13,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.magnetic_field import magnetic_declination
 from lab.logs.auxiliary_data import Magnetometer, Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
-from lab.magnetic_field import magnetic_declination
 from lab.navigation import navigator as linear
 from lab.navigation import smoother, unscented
 from lab.navigation.aiding import aids_of, needs_rest
@@ -50,12 +50,12 @@ from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
 from lab.navigation.start_fixes import start_fixes, velocity_of_positions
 from lab.navigation.wander_models import linear_model
+from lab.parameters.settings import SettingError
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
-from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes)

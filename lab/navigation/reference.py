@@ -18,7 +18,8 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
@@ -40,9 +41,8 @@ from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.navigation.strapdown import Vector
-from lab.rotation import skew, wrap
+from lab.parameters.settings import SettingError
 from lab.sensors.imu_errors import OFF_DIAGONAL
-from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
-from lab.rotation import skew, wrap
 
 FloatArray = NDArray[np.float64]
 

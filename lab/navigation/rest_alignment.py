@@ -20,19 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import left_jacobian, skew
 from lab.navigation.belief import constant_errors
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Start
-from lab.rotation import left_jacobian, skew
+from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import SensorSuite
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

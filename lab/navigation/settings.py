@@ -5,8 +5,8 @@ from __future__ import annotations
 import param
 
 from lab.logs.vehicle import VEHICLES
-from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
-from lab.settings import Settings
+from lab.parameters.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
+from lab.parameters.settings import Settings
 
 _AXES_NED = ("north", "east", "down")
 _FIX_ROWS = [(f"position {axis}", "m") for axis in _AXES_NED] + [

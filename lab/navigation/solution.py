@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.displacement import displaced
+from lab.frames.displacement import displaced
 from lab.navigation import blocks
 from lab.navigation.aids import Aids
 from lab.navigation.kalman import MEASUREMENTS
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.navigation.solution import Fixes
 
 FloatArray = NDArray[np.float64]

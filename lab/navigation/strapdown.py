@@ -18,8 +18,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
-from lab.ecef import NEAR_POLE
+from lab.frames import earth
+from lab.frames.ecef import NEAR_POLE
 from lab.navigation.compilation import inline_kernel, kernel
 
 FloatArray = NDArray[np.float64]

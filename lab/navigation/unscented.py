@@ -61,7 +61,7 @@ from lab.navigation.unscented_filter import (
 )
 from lab.navigation.unscented_noise import decay_errors, drive
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

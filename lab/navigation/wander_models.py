@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.frames import earth
 from lab.navigation import error_models, strapdown
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.error_models import (
@@ -48,7 +48,7 @@ from lab.navigation.strapdown import (
 )
 from lab.navigation.wander import AXIS, BEND, quaternion, to_fix, to_north, turn_of
 from lab.navigation.wander import frame_rate as _earth_rate
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

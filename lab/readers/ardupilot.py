@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import quaternion_from_euler
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
@@ -44,7 +45,6 @@ from lab.readers.track import refuse_units, slope
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
-from lab.rotation import quaternion_from_euler
 
 FloatArray = NDArray[np.float64]
 

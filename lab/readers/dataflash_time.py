@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY
 from lab.readers.dataflash_file import Log
-from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

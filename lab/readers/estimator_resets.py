@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
+from lab.frames import ecef
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.parameters.units import DAY
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.fixes import UNKNOWN, Fixes
 from lab.readers.streams import MAX_LOG_BYTES
@@ -26,7 +27,6 @@ from lab.readers.track import refuse_units
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, RawFlight
-from lab.units import DAY
 
 NAME = "FIT"
 

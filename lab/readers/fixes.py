@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY
 from lab.readers.track import Track
 from lab.repair.raw_flight import ColumnUnit, Dropped
-from lab.units import DAY
 
 UNKNOWN = float("nan")
 """What stands for a number that a point does not have."""

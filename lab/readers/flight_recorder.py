@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import C_nb_from_euler
 from lab.readers.fields import (
     SEA_LEVEL,
     Columns,
@@ -25,7 +26,6 @@ from lab.readers.fields import (
     recognised,
 )
 from lab.repair.raw_flight import RawFlight
-from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 

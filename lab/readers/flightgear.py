@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import euler_from_C_nb
 from lab.readers.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.readers.inertial_attitude import inertial_attitude
 from lab.readers.table import Header, head_lines, plain
@@ -27,7 +28,6 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import Dropped, RawFlight
-from lab.rotation import euler_from_C_nb
 
 FloatArray = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab import ecef
+from lab.frames import ecef
 from lab.readers import jsbsim_csv
 from lab.readers.fields import (
     NAMED,

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
+from lab.frames.rotation import wrap
 from lab.readers.fields import (
     NAMED,
     SEA_LEVEL,
@@ -38,7 +39,6 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import Dropped, RawFlight
-from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -20,7 +20,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
+from lab.frames import ecef
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.pressure_tracks import pressure_copies
 from lab.readers.track import Track, refuse_units

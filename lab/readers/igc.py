@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.fixes import UNKNOWN, Fixes, after
 from lab.readers.track import refuse_units
@@ -27,7 +28,6 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.units import DAY
 
 NAME = "IGC"
 

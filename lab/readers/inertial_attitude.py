@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth, ecef
+from lab.frames import earth, ecef
 
 FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from lab.logs.log_check import is_explained
 from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.parameters.units import LEAP_SECONDS
 from lab.recordings.mission_error import MissionError
-from lab.units import LEAP_SECONDS
 
 FloatArray = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import quaternion_from_euler
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import SensorLog, repaired
@@ -43,7 +44,6 @@ from lab.readers.track import Track, refuse_units
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.rotation import quaternion_from_euler
 
 FloatArray = NDArray[np.float64]
 

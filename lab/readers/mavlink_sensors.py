@@ -12,11 +12,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log import GnssLog, believed_sigma
+from lab.parameters.units import TO_SI
 from lab.readers.streams import FIX_3D, Stream, believed_lever_arm, geoid_height, gps_delay, is_position
 from lab.readers.tlog_file import Vehicle
-from lab.units import TO_SI
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

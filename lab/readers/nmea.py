@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY, KNOT
 from lab.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.stamps import over_leap_second
@@ -31,7 +32,6 @@ from lab.recordings.decompression import content
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.units import DAY, KNOT
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.frames.rotation import quaternion_from_euler
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
@@ -38,7 +39,6 @@ from lab.readers.ulog import on_map
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, RawFlight
-from lab.rotation import quaternion_from_euler
 
 FloatArray = NDArray[np.float64]
 

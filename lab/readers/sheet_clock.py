@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY
 from lab.readers.column_names import Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_stamps import spread
@@ -21,7 +22,6 @@ from lab.readers.stamps import (
     seconds_of_digits,
 )
 from lab.readers.unit_names import UNITS
-from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 

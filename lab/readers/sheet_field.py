@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.magnetic_field import magnetic_field
 from lab.logs.auxiliary_data import Magnetometer
 from lab.logs.sensor_log import SensorLog
-from lab.magnetic_field import magnetic_field
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_imu import NAMED, Triad, is_of_another_device, triads
 from lab.readers.streams import Stream

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
+from lab.frames.rotation import wrap
 from lab.logs.sensor_log import GnssLog, believed_sigma
+from lab.parameters.units import DEGREE
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
 from lab.readers.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of
@@ -19,8 +21,6 @@ from lab.readers.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit
-from lab.rotation import wrap
-from lab.units import DEGREE
 
 FloatArray = NDArray[np.float64]
 

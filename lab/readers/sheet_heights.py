@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import FOOT
 from lab.readers.column_names import SCALARS
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.sheet import Sheet
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
-from lab.units import FOOT
 
 FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.coverage import span_text
+from lab.parameters.units import DEGREE
 from lab.readers.column_names import GIVEN, VECTORS, Heading
 from lab.readers.sheet import Sheet
 from lab.readers.sheet_clock import Clock, clock_of
@@ -23,7 +24,6 @@ from lab.readers.sheet_stamps import is_regular, smooth
 from lab.readers.stamps import ACCEPTED, ZONES
 from lab.readers.unit_names import UNITS
 from lab.recordings.mission_error import MissionError
-from lab.units import DEGREE
 
 FloatArray = NDArray[np.float64]
 

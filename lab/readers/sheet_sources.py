@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.parameters.units import DAY, LEAP_SECONDS
 from lab.readers.gnss_logger import is_gnss_logger, tables_of
-from lab.units import DAY, LEAP_SECONDS
 
 _VBO = b"[column names]"
 _VBO_UNITS = {

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.units import DAY
 from lab.readers.time_zones import PATTERN, offset_of
-from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 

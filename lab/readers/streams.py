@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from lab.frames.rotation import euler_from_quaternion
 from lab.logs.sensor_log import MAX_LEVER_ARM
 from lab.readers import estimator_resets
 from lab.recordings.bounds import LATITUDES, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
-from lab.rotation import euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

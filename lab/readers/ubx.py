@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
+from lab.frames import ecef
+from lab.parameters.units import DAY, WEEK
 from lab.readers import nmea
 from lab.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.readers.fields import OF_THE_FORMAT, one_file
@@ -29,7 +30,6 @@ from lab.readers.ulog_file import MAGIC as ULOG
 from lab.recordings.decompression import whole
 from lab.recordings.named_columns import MAX_BYTES
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.units import DAY, WEEK
 
 FloatArray = NDArray[np.float64]
 

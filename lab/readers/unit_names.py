@@ -6,9 +6,9 @@ import difflib
 import math
 from collections.abc import Collection, Mapping
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.parameters.units import DAY, DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.recordings.mission_error import MissionError
-from lab.units import DAY, DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
+from lab.frames import ecef
 from lab.readers.fields import (
     NAMED,
     SEA_LEVEL,

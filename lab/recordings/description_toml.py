@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab import toml_file
+from lab.parameters import toml_file
 from lab.recordings.mission_error import MissionError
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, as `lab.toml_file.read_toml`.
+    """Return the tables of a TOML file, as `lab.parameters.toml_file.read_toml`.
 
     Raises
     ------

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
-from lab.ecef import axes, near_pole, position
+from lab.frames.displacement import metres_per_radian
+from lab.frames.ecef import axes, near_pole, position
+from lab.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.recordings.mission_error import MissionError
-from lab.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.repair.raw_flight import JUDGED_SAMPLES, RawFlight
 
 FloatArray = NDArray[np.float64]

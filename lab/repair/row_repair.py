@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
+from lab.frames import ecef
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import Dropped, RawFlight

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef, rotation
+from lab.frames import ecef, rotation
 
 FloatArray = NDArray[np.float64]
 

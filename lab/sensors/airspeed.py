@@ -15,13 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.parameters.setting_kinds import Quantity
+from lab.parameters.settings import Settings
+from lab.parameters.units import si
 from lab.sensors import processes, readings
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings, read, reading_times
-from lab.setting_kinds import Quantity
-from lab.settings import Settings
-from lab.trajectory import Trajectory
-from lab.units import si
+from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lab.notebook_card import NotebookCard
+from lab.parameters.settings import SettingError, Settings
+from lab.parameters.toml_file import TomlError, read_toml, toml_text
 from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.sensors.typical import typical
-from lab.settings import SettingError, Settings
-from lab.toml_file import TomlError, read_toml, toml_text
 
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""

@@ -20,15 +20,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lab import earth, ecef, rotation
-from lab.displacement import displaced, displacement
-from lab.east_north_up import east_north_up
+from lab.frames import earth, ecef, rotation
+from lab.frames.displacement import displaced, displacement
+from lab.frames.east_north_up import east_north_up
+from lab.parameters.setting_kinds import AxisQuantity, Intervals, Quantity
+from lab.parameters.settings import Settings
+from lab.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
-from lab.setting_kinds import AxisQuantity, Intervals, Quantity
-from lab.settings import Settings
-from lab.trajectory import Trajectory, Truth
-from lab.units import si
+from lab.truth.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 

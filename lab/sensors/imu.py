@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import kept
+from lab.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.imu_draws import ImuDraws
 from lab.sensors.imu_errors import OFF_DIAGONAL, AccelerometerErrors, GyroErrors
 from lab.sensors.temperature import REFERENCE
-from lab.units import si
 
 __all__ = [
     "REFERENCE_ENVIRONMENT",

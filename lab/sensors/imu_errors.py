@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from lab.setting_kinds import AxisQuantity, Quantity
-from lab.settings import Settings
+from lab.parameters.setting_kinds import AxisQuantity, Quantity
+from lab.parameters.settings import Settings
 
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 

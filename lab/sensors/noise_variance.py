@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from lab.parameters.setting_kinds import AxisQuantity
+from lab.parameters.settings import Derived, Settings
+from lab.parameters.units import TO_SI
 from lab.sensors.imu_errors import GyroErrors
-from lab.setting_kinds import AxisQuantity
-from lab.settings import Derived, Settings
-from lab.units import TO_SI
 
 NOISE_VARIANCES = ("sensors.gyro.noise_variance", "sensors.accelerometer.noise_variance")
 """Dotted paths of the variances in an experiment."""

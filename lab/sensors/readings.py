@@ -12,10 +12,10 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
+from lab.parameters.setting_kinds import Intervals, Quantity
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within
-from lab.setting_kinds import Intervals, Quantity
 
 FloatArray = NDArray[np.float64]
 

@@ -6,6 +6,8 @@ import numpy as np
 import param
 
 from lab.importing.sensor_noise import SensorNoise
+from lab.parameters.settings import Settings, group
+from lab.parameters.units import si
 from lab.sensors.airspeed import AirspeedErrors
 from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
@@ -13,8 +15,6 @@ from lab.sensors.heading_sensor import HeadingErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.odometer import OdometerErrors
 from lab.sensors.temperature import TemperatureSettings
-from lab.settings import Settings, group
-from lab.units import si
 
 TRIADS = ("gyro", "accelerometer")
 """Groups of the settings of an IMU."""

@@ -9,10 +9,10 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
+from lab.parameters.setting_kinds import Quantity
+from lab.parameters.settings import Settings
+from lab.parameters.units import si
 from lab.sensors.draws import Seed, unit_draws
-from lab.setting_kinds import Quantity
-from lab.settings import Settings
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import functools
 from collections.abc import Mapping
 from pathlib import Path
 
+from lab.parameters.settings import Settings
+from lab.parameters.toml_file import read_toml
 from lab.sensors.datum import Datum, read_sources, read_terms
 from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
-from lab.settings import Settings
-from lab.toml_file import read_toml
 
 TABLE = Path(__file__).with_name("assumed.toml")
 """The table of typical values."""

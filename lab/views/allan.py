@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan import FLOOR, AllanDeviation
+from lab.parameters.units import TO_SI, si
 from lab.sensors.suite import SensorSuite
-from lab.units import TO_SI, si
 from lab.views.paired_curves import PairedCurves
 
 FloatArray = NDArray[np.float64]

@@ -17,7 +17,7 @@ from lab.notebook_card import NotebookCard
 from lab.result_plots import ResultPlots
 
 if TYPE_CHECKING:
-    from lab.settings import Settings
+    from lab.parameters.settings import Settings
 
 _ATTRIBUTE = re.compile(r"(\w+(?:\.\w+)*)\.(\w*)")
 _PATH = re.compile(r"(\w+(?:\.\w+)*)\.(?:get|set|sweep)\([^)]*[\"']([\w.]*)$")
@@ -82,7 +82,7 @@ def in_one_line(kind: str) -> str:
 
 
 def _is_settings(found: object) -> bool:
-    from lab.settings import Settings  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.parameters.settings import Settings  # noqa: PLC0415 - importing the lab loads no settings
 
     return isinstance(found, Settings)
 
@@ -119,7 +119,7 @@ def _members(owner: object, *, private: bool) -> list[tuple[str, str]]:
 
 def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
     """Return settings and groups first, then the methods."""
-    from lab.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     groups, values, methods = settings.groups(), [], []
     for name in listed:
@@ -145,6 +145,6 @@ def _about(owner: object, name: str) -> str:
 
 
 def _paths(settings: Settings) -> list[tuple[str, str]]:
-    from lab.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     return [(path, brief(owner.param[name], getattr(owner, name))) for path, owner, name in settings.leaves()]

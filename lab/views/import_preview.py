@@ -20,8 +20,8 @@ from bokeh.plotting import figure
 from bokeh.resources import INLINE
 from numpy.typing import NDArray
 
-from lab import ecef
-from lab.east_north_up import east_north_up
+from lab.frames import ecef
+from lab.frames.east_north_up import east_north_up
 from lab.missions.flight_import import FlightImport
 from lab.recordings.atomic_file import atomic_file
 from lab.views.envelope import envelope, limits, thin_path

@@ -11,9 +11,9 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
+from lab.frames.rotation import wrap
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
-from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
 from lab.views.equal_scale import keep_equal

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
-from lab.east_north_up import east_north_up_sizes
+from lab.frames.east_north_up import east_north_up_sizes
 from lab.navigation.aids import NAMES, SHOWN
 from lab.navigation.blocks import SCALES
 from lab.navigation.blocks import block as find_block

@@ -10,7 +10,7 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.east_north_up import NED_TO_ENU
+from lab.frames.east_north_up import NED_TO_ENU
 from lab.views.aircraft import LENGTH, aircraft
 from lab.views.envelope import thin_path
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from lab.setting_help import is_changed, value_text
-from lab.setting_kinds import describe
-from lab.settings import Settings
+from lab.parameters.setting_help import is_changed, value_text
+from lab.parameters.setting_kinds import describe
+from lab.parameters.settings import Settings
 
 _LEFT = "text-align:left"
 _CHANGED = f"{_LEFT};font-weight:bold"

@@ -7,8 +7,8 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.displacement import metres_per_radian
-from lab.ecef import displacement, near_pole
+from lab.frames.displacement import metres_per_radian
+from lab.frames.ecef import displacement, near_pole
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 

@@ -6,7 +6,7 @@ import numpy as np
 from bokeh.plotting import figure
 
 from lab.live.twin import TwinComparison
-from lab.units import TO_SI
+from lab.parameters.units import TO_SI
 from lab.views.allan import TITLES, AllanFigures
 from lab.views.paired_curves import PairedCurves
 

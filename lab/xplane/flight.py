@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from lab.growing_trajectory import FlownPiece, GrowingTrajectory
-from lab.growing_truth import GrowingTruth
 from lab.logs.sensor_log import MAX_GAP
 from lab.recordings.frame import Frame
 from lab.sensors.sensor_stream import Sensed, SensorStream
 from lab.sensors.suite import SensorSuite
+from lab.truth.growing_trajectory import FlownPiece, GrowingTrajectory
+from lab.truth.growing_truth import GrowingTruth
 from lab.xplane.frames import BrokenFlightError, XPlaneFrames
 
 AWAY = MAX_GAP + 1.0

@@ -12,11 +12,11 @@ from collections import deque
 
 import numpy as np
 
-from lab.counted import counted, were
-from lab.displacement import displacement
+from lab.frames.displacement import displacement
+from lab.frames.rotation import C_nb_from_euler
 from lab.importing import xplane_packets
+from lab.parameters.counted import counted, were
 from lab.recordings.frame import Frame
-from lab.rotation import C_nb_from_euler
 
 LOOKED_AT = 12
 """Positions whose packets show which of the two comes first: 0.24 s at 50 Hz."""

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab import earth
 from lab.analysis import budget
 from lab.analysis.budget import QUANTITIES, UNITS, error_budget
 from lab.analysis.error_sources import (
@@ -26,15 +25,16 @@ from lab.analysis.error_sources import (
 )
 from lab.analysis.error_sources import initial as initial_columns
 from lab.analysis.errors import error_state
-from lab.east_north_up import east_north_up
 from lab.experiment import Experiment
+from lab.frames import earth
+from lab.frames.east_north_up import east_north_up
+from lab.frames.rotation import wrap
 from lab.navigation.error_models import POS, VEL
+from lab.parameters.settings import SettingError
+from lab.parameters.units import TO_SI
 from lab.result import Result
-from lab.rotation import wrap
 from lab.sensors.gps import GpsErrors
-from lab.settings import SettingError
 from lab.stages import CACHE
-from lab.units import TO_SI
 
 LATITUDE = 0.7
 STEP = 0.01

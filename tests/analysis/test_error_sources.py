@@ -12,10 +12,10 @@ import pytest
 from lab.analysis.budget import error_budget
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
+from lab.parameters.settings import Settings
+from lab.parameters.units import TO_SI
 from lab.sensors.suite import OTHER_SENSORS, TRIADS
-from lab.settings import Settings
 from lab.stages import CACHE
-from lab.units import TO_SI
 
 RATE = 50.0
 """Rate of the IMU [Hz]: the effects of errors on a flight are those at 200 Hz, in a quarter of the time."""

@@ -13,7 +13,7 @@ from lab.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.navigation.error_models import VEL
 from lab.navigation.solution import Solution
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 STEP = 0.5
 

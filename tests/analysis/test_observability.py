@@ -9,7 +9,7 @@ from lab.analysis import observability as file
 from lab.analysis.observability import SMOOTHING, manoeuvres, observability, observability_table
 from lab.experiment import Experiment
 from lab.result import Result
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 DT = 0.05
 

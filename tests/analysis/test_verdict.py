@@ -18,7 +18,6 @@ from scipy import stats
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from lab import earth
 from lab.analysis import fix_causes
 from lab.analysis import fix_evidence as module
 from lab.analysis.evidence import Evidence, Reference, Squares, evidence
@@ -27,6 +26,7 @@ from lab.analysis.innovation_evidence import offered
 from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
 from lab.experiment import Experiment
+from lab.frames import earth
 from lab.navigation.navigator import navigate
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution

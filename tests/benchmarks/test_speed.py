@@ -34,9 +34,9 @@ from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS
 from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
+from lab.parameters.units import si
 from lab.result import Result
 from lab.stages import CACHE, start
-from lab.units import si
 from lab.variants import compile_lanes
 
 pytestmark = pytest.mark.benchmark

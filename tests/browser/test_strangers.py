@@ -19,7 +19,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.missions import add_mission, mission
-from lab.toml_file import MAX_BYTES
+from lab.parameters.toml_file import MAX_BYTES
 from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, wait_for
 from tests.browser.test_page_walk import walk
 

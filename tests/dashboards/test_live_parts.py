@@ -19,8 +19,8 @@ from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, SLOWEST, TWIN
 from lab.live.axis_map import AxisMap
 from lab.live.live_errors import joined
 from lab.live.source_status import LOST
+from lab.parameters.toml_file import parse_toml
 from lab.sensors.cards import read_cards
-from lab.toml_file import parse_toml
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
 
 

@@ -10,7 +10,7 @@ from bokeh.document import Document
 from dashboards.session import Session
 from lab.experiment import Experiment
 from lab.missions import missions
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 
 @pytest.fixture

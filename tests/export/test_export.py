@@ -15,9 +15,9 @@ from lab import Experiment, Result, export_track
 from lab.export import tracks_of
 from lab.export.kml import MAX_FIXES, MAX_POINTS
 from lab.export.tracks import HEIGHTS, Track, Tracks
+from lab.frames.rotation import wrap
 from lab.missions import MissionError, mission, read_flight_csv
 from lab.readers import read_raw
-from lab.rotation import wrap
 
 KML = "{http://www.opengis.net/kml/2.2}"
 HOSTILE = "]]></name><script>alert('&amp;')</script>\x00\x0b\ud800 \"quoted\" <b> &lt; Zürich 東京"

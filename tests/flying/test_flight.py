@@ -29,8 +29,8 @@ from lab.missions import (
     shipped_folder,
     write_flight_csv,
 )
+from lab.parameters.toml_file import toml_text
 from lab.recordings.folder_lock import LOCK_FILE
-from lab.toml_file import toml_text
 
 pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
 

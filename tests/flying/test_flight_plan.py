@@ -17,7 +17,7 @@ from lab.flying.manoeuvres import MANOEUVRES, Climb, Descend, Hold, TakeOff, Tur
 from lab.flying.plan_table import entries
 from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan, MissionError
-from lab.toml_file import toml_text
+from lab.parameters.toml_file import toml_text
 
 PLAN = {
     "duration_s": 60,

@@ -14,8 +14,8 @@ from lab.experiment import Experiment
 from lab.gallery import faults
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import NOTE, FaultyExperiment
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.settings import SettingError
 from tests.benchmarks.gallery_matrix import MATCHED, Signature, run, shared, signature
 
 EARTH_RATE = 2 * np.pi / 86164.0905

@@ -27,8 +27,8 @@ from lab.homework.hand_in import (
 from lab.homework.homework_file import Keyed, homework_text, make_homework, read_homework, read_key, write_key
 from lab.homework.sealing import TeacherKey, cover, seal_for_teacher
 from lab.lessons.fields import LessonError
-from lab.settings import SettingError
-from lab.toml_file import toml_text
+from lab.parameters.settings import SettingError
+from lab.parameters.toml_file import toml_text
 
 SOURCE = """title = "Find <it>"
 text = "Something is *wrong*."

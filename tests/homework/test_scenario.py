@@ -19,7 +19,7 @@ from lab.homework.hidden_experiment import HiddenExperiment
 from lab.homework.homework import Homework
 from lab.homework.scenario import Hidden, Scenario
 from lab.notebook_card import NotebookCard
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import SENSOR_ERRORS
 

@@ -9,15 +9,15 @@ import pytest
 from raw_flights import position, raw_of, rounded_positions, weave, without
 from scipy.interpolate import CubicSpline
 
-from lab import ecef
+from lab.frames import ecef
+from lab.frames.rotation import quaternion_from_euler
 from lab.importing.air_data import fit_wind, flown
 from lab.importing.reconstruction import Reconstruction, reconstruct
 from lab.missions import ImportSettings, MissionError, Recording, mission
 from lab.missions.flight_import import prepare_flight
 from lab.repair.raw_flight import RawFlight
 from lab.repair.time_repair import repair
-from lab.rotation import quaternion_from_euler
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 EVEN = np.arange(2000) * 0.05
 UNEVEN = np.cumsum(np.random.default_rng(3).uniform(0.02, 0.08, 2000)) - 0.02
@@ -81,7 +81,7 @@ def test_a_flight_over_the_pole(curve):
 
 
 def speed_along_meridian(latitude: np.ndarray) -> np.ndarray:
-    from lab.earth import radii
+    from lab.frames.earth import radii
 
     return 80 / 6.4e6 * (radii(np.sin(latitude))[0] + 1000)
 
@@ -157,7 +157,7 @@ def test_an_integral_over_the_ellipsoid_follows_a_parallel_round_the_earth():
     time = np.linspace(0, 7200, 7201)
     latitude, height = np.radians(60.0), 9000.0
     rate = np.radians(90.0) / 7200
-    from lab.earth import radii
+    from lab.frames.earth import radii
 
     speed = rate * (radii(np.sin(latitude))[1] + height) * np.cos(latitude)
     east = np.stack((0 * time, np.full(time.size, speed), 0 * time), axis=-1)

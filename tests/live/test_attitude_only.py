@@ -9,9 +9,9 @@ import pytest
 from live_batch import NO_FIXES, navigator
 from live_rows import HOST, driven, feed, handled, standing
 
+from lab.frames.rotation import wrap
 from lab.live.live_navigator import LiveNavigator
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import wrap
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite
 

@@ -9,13 +9,13 @@ import pytest
 
 import lab.live
 from lab import Experiment
-from lab.earth import radii
+from lab.frames.earth import radii
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor, LiveHistory
 from lab.live.simulated_flight import SimulatedFlight
 from lab.live.true_motion import TrueFlight
-from lab.trajectory import Truth
+from lab.truth.trajectory import Truth
 
 
 def circling(seconds: float = 10.0) -> Truth:

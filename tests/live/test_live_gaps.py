@@ -10,7 +10,7 @@ from live_batch import NO_FIXES, TOLERANCE, assert_equal, navigator, random_piec
 from live_rows import HOST, driven, feed
 
 import lab.live
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
 from lab.live.live_log import log_of
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.logs.log_section import piece

@@ -9,6 +9,7 @@ import pytest
 from live_batch import NO_FIXES, TOLERANCE, navigator, suite
 from live_rows import HOST, RATE, driven, feed
 
+from lab.frames.rotation import wrap
 from lab.live import live_navigator
 from lab.live.axis_map import AxisMap
 from lab.live.live_navigator import LiveNavigator
@@ -18,8 +19,7 @@ from lab.live.live_view import COASTS_AFTER
 from lab.live.simulated_flight import SimulatedFlight
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import wrap
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 
 def test_fixes_that_stop_let_it_coast_until_the_position_means_nothing():

@@ -208,7 +208,7 @@ def test_the_navigator_aligns_again_after_a_jump() -> None:
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    from lab.growing_truth import GrowingTruth
+    from lab.truth.growing_truth import GrowingTruth
 
     monkeypatch.setattr(GrowingTruth, "KEPT", 500)
     _, flight = turning(15.0, SensorSuite())

@@ -7,7 +7,7 @@ import pytest
 from copter_logs import copter
 from sensor_logs import IMU, INCREMENTS, POSITION, VELOCITY, described, tables, write, write_csv
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions import MissionError
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, IMU, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import log_files, read_sensor_log
 from lab.logs.spikes import spikes
 from lab.missions import MissionError

@@ -9,14 +9,15 @@ import pytest
 from sensor_logs import tables, write
 from writers import ardupilot, autopilot, ulog
 
-from lab import Experiment, ecef
+from lab import Experiment
+from lab.frames import ecef
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer, Series
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import LogMission, MissionError, add_log, mission, missions, read_sensor_log
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.readers import reader_of
-from lab.rotation import euler_from_quaternion, wrap
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from raw_flights import raw_of, weave, without
 from scipy.interpolate import CubicSpline
 
+from lab.frames.rotation import C_nb_from_euler
 from lab.importing import import_report
 from lab.importing.import_report import ImportReport
 from lab.importing.plausibility import motion, rate_agreement
@@ -20,7 +21,6 @@ from lab.importing.sensor_noise import SensorNoise
 from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.flight_import import prepare_flight
 from lab.repair.raw_flight import RawFlight
-from lab.rotation import C_nb_from_euler
 
 EVEN = np.arange(2000) * 0.05
 

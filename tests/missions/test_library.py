@@ -37,8 +37,8 @@ from lab.missions.library import (
 )
 from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name, without_archive
+from lab.parameters.toml_file import MAX_BYTES
 from lab.recordings.folder_lock import LOCK_FILE
-from lab.toml_file import MAX_BYTES
 
 PLAN = tomllib.loads((shipped_folder() / "montreal.toml").read_text(encoding="utf-8"))["flight"]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lab.missions import mission
 from lab.navigation.navigator import Imu
-from lab.trajectory import Trajectory, Truth
+from lab.truth.trajectory import Trajectory, Truth
 
 
 class Flown(NamedTuple):

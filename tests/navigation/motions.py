@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import wrap
 from lab.navigation.navigator import Belief, Fixes, Imu, Solution, Start, navigate
-from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 Vectors = Callable[[FloatArray], FloatArray]

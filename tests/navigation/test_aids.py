@@ -14,6 +14,7 @@ from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
 from lab.ensembles.seeds import run_ensemble
+from lab.frames.rotation import wrap
 from lab.memory import bytes_per_aid
 from lab.navigation import aids, blocks, navigator, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
@@ -27,7 +28,6 @@ from lab.navigation.generation import interpreted
 from lab.navigation.observation import north_axes
 from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI
-from lab.rotation import wrap
 from lab.run import ResultError
 from lab.sensors.readings import Readings
 

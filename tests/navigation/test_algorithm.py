@@ -13,7 +13,7 @@ from lab.analysis.errors import attitude_error, position_error
 from lab.navigation.algorithm import AlgorithmError
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Belief, Fixes, Imu, Start
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 MISSION = "los_angeles"
 

@@ -10,12 +10,12 @@ from motions import NO_FILTER, NO_FIXES
 from numpy.typing import NDArray
 
 import lab.missions
-from lab import earth, rotation
 from lab.analysis.errors import attitude_error, position_error
 from lab.flying.plan_kinds import read_plan
+from lab.frames import earth, rotation
 from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
 from lab.recordings.recording import Recording
-from lab.trajectory import Trajectory, Truth
+from lab.truth.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
 from lab.navigation import reference, strapdown
 from lab.navigation.error_models import (
     ACCEL_BIAS,

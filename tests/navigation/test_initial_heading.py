@@ -11,15 +11,15 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, Tables, tables, write
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.magnetic_field import magnetic_declination
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.velocity_matching import match, turned, window_of
-from lab.magnetic_field import magnetic_declination
 from lab.missions import read_sensor_log
 from lab.navigation.initial_heading import Found, Hints, surest
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
 
 

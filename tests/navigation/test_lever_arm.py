@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
+from lab.frames import earth
 from lab.navigation import strapdown, wander
 from lab.navigation.blocks import SCALES, places
 from lab.navigation.generation import Variant, interpreted

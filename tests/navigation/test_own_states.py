@@ -19,7 +19,7 @@ from lab.navigation.error_models import ATT, MODELS, VEL
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.generation import interpreted
 from lab.navigation.own_states import declared_states
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 STEP = 1e-30

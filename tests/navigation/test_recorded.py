@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sensor_logs import LATENCY, POSITION, described, tables, write, write_csv
 
-from lab import earth
 from lab.analysis.evidence import evidence
 from lab.analysis.fix_causes import CAUSES
+from lab.frames import earth
+from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.missions import read_sensor_log
 from lab.navigation.alignment import align, level
@@ -18,7 +19,6 @@ from lab.navigation.navigator import navigate
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Fixes, Imu
-from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
 
 

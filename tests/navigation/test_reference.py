@@ -17,15 +17,15 @@ from flown import fly
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
 from lab.experiment import Experiment
+from lab.frames import earth
+from lab.frames.rotation import wrap
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS
 from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import wrap
 from lab.sensors import gps, imu
 from lab.sensors.suite import SensorSuite
 from lab.stages import start

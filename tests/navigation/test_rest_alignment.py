@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lab import Experiment, earth
+from lab.frames.rotation import quaternion_from_euler
 from lab.navigation.belief import belief
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
 from lab.navigation.rest_alignment import Means, align, begin, usual
 from lab.navigation.solution import Start
-from lab.rotation import quaternion_from_euler
+from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors.cards import card
-from lab.units import si
 
 FloatArray = NDArray[np.float64]
 

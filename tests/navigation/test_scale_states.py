@@ -17,8 +17,8 @@ from lab.experiment import Experiment
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
 from lab.navigation.error_models import ACCEL_SCALE, GYRO_SCALE
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.settings import SettingError
 from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]

@@ -11,19 +11,19 @@ from flown import fly
 from motions import NO_FIXES
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
 from lab.experiment import Experiment
+from lab.frames import earth
+from lab.frames.rotation import wrap
 from lab.navigation import smoother, strapdown
 from lab.navigation.error_models import PHI
 from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import navigate
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.rotation import wrap
-from lab.settings import SettingError
 from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]

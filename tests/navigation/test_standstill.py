@@ -10,9 +10,9 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from lab import earth
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
+from lab.frames import earth
 from lab.navigation import standstill, strapdown
 from lab.navigation.generation import interpreted
 from lab.navigation.solution import Belief, Fixes, Imu

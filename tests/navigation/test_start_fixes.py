@@ -10,13 +10,13 @@ from copter_logs import copter
 from phone_drive import RATE, trajectory
 from sensor_logs import write
 
-from lab.displacement import metres_per_radian
+from lab.frames.displacement import metres_per_radian
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.missions import read_sensor_log
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
 
 ARM = np.zeros(3)

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import j1
 
-from lab import earth
+from lab.frames import earth
+from lab.frames.rotation import euler_from_quaternion
 from lab.navigation import strapdown
 from lab.navigation.generation import interpreted
 from lab.navigation.navigator import Imu
-from lab.rotation import euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
 

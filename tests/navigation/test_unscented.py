@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from polar_flights import over_the_pole
 from scipy.spatial.transform import Rotation
 
-from lab import earth, ecef
 from lab.analysis.errors import attitude_error, position_error
 from lab.experiment import Experiment
+from lab.frames import earth, ecef
 from lab.navigation import navigator, sigma_points, unscented
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
+from lab.parameters.settings import SettingError
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
-from lab.settings import SettingError
 from lab.stages import CACHE, start
 
 FloatArray = NDArray[np.float64]

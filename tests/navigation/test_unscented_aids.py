@@ -11,7 +11,8 @@ from motions import NO_FILTER
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
+from lab.frames import ecef
+from lab.frames.rotation import wrap
 from lab.navigation import aids, blocks, strapdown, wander
 from lab.navigation.aids import Aids, north_axes, north_variance
 from lab.navigation.blocks import in_order
@@ -23,9 +24,8 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
 from lab.navigation.unscented_aids import observe_aid
 from lab.navigation.unscented_filter import UnscentedFilter
+from lab.parameters.settings import SettingError
 from lab.result import Result
-from lab.rotation import wrap
-from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from polar_flights import FLIGHTS, over_the_pole
 from scipy.spatial.transform import Rotation
 
-from lab import ecef
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
 from lab.experiment import Experiment
+from lab.frames import ecef
 from lab.navigation import wander_models
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
+from lab.parameters.settings import SettingError
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
-from lab.settings import SettingError
 from lab.stages import start
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab.frames import earth
 from lab.navigation import error_models, strapdown, wander
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
 from lab.navigation.generation import Variant, interpreted
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import MODELS, linear_model
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

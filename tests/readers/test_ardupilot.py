@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from writers import ardupilot as writer
 from writers import autopilot
 
-from lab import ecef
+from lab.frames import ecef
 from lab.logs.vehicle import vehicle_of
 from lab.missions import MissionError, mission
 from lab.readers import ardupilot, reader_of

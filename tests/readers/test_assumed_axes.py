@@ -10,13 +10,13 @@ from foreign_tables import table
 from phone_drive import Drive, drive, trajectory
 from scipy.spatial.transform import Rotation
 
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import LogMission, read_sensor_log
 from lab.missions.flight_import import read_log
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
 
 ROLL, PITCH = 8.0, -15.0

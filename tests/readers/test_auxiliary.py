@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from writers import WRITERS
 
+from lab.frames.rotation import wrap
 from lab.logs.vehicle import vehicle_of
 from lab.missions import mission
 from lab.missions.flight_import import read_log
 from lab.readers.ardupilot_auxiliary import headings_of, magnetometer_of
 from lab.readers.dataflash_time import TIME
-from lab.rotation import wrap
 
 
 @pytest.mark.parametrize("name", ["PX4 ULog", "ArduPilot DataFlash"])

@@ -20,7 +20,7 @@ from fit_tool.profile.profile_type import FileType, Sport
 from writers import fit as writer
 from writers.resampled import resampled
 
-from lab import ecef
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import fit, reader_of
 

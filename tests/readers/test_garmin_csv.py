@@ -11,10 +11,10 @@ import pytest
 from writers import garmin_csv as writer
 from writers.resampled import resampled
 
-from lab import ecef
+from lab.frames import ecef
+from lab.frames.rotation import wrap
 from lab.missions import MissionError, Recording, mission, prepare_import
 from lab.readers import garmin_csv, reader_of
-from lab.rotation import wrap
 
 FOOT, KNOT = 0.3048, 1852 / 3600
 

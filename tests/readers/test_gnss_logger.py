@@ -10,7 +10,7 @@ from foreign_tables import UNIX, phone
 from phone_drive import LATITUDE, LONGITUDE, drive, trajectory
 from scipy.spatial.transform import Rotation
 
-from lab.magnetic_field import magnetic_field
+from lab.frames.magnetic_field import magnetic_field
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 from lab.readers.gnss_logger import tables_of

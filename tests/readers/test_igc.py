@@ -11,7 +11,7 @@ from aerofiles.igc import Reader
 from writers import igc as writer
 from writers.resampled import resampled
 
-from lab import ecef
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import igc, reader_of
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from flights import circle
 
+from lab.frames.rotation import euler_from_C_nb
 from lab.missions import Recording, mission
 from lab.readers.inertial_attitude import InertialAttitude, inertial_attitude
-from lab.rotation import euler_from_C_nb
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 ARM = np.array([1.0, -0.3, -0.5])
 """From the centre of gravity to a pilot's head [m]."""

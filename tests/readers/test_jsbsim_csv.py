@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.frames.rotation import C_nb_from_euler
 from lab.missions import MissionError, mission, prepare_import
 from lab.readers import jsbsim_csv, read_raw, reader_of
 from lab.repair.raw_flight import RawFlight
-from lab.rotation import C_nb_from_euler
 
 jsbsim = pytest.importorskip("jsbsim")
 

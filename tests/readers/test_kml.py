@@ -11,9 +11,9 @@ import pytest
 from writers import kml as writer
 from writers.resampled import resampled
 
-from lab import ecef
 from lab.export import kml as export
 from lab.export.tracks import Track, Tracks
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import kml, reader_of
 

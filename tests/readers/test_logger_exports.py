@@ -8,9 +8,9 @@ from foreign_tables import UNIX, motion, table
 
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.parameters.units import FOOT, KNOT
 from lab.readers import read_raw
 from lab.readers.fields import SEA_LEVEL
-from lab.units import FOOT, KNOT
 
 FLU = np.array((1, -1, -1))
 KMH = 1 / 3.6

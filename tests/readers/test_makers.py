@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 from foreign_tables import UNIX, motion, phone, same, table
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.parameters.units import FOOT, KNOT
 from lab.readers import read_raw
 from lab.readers.column_names import heading_of
 from lab.readers.sheet_cells import numbers_of_cells
-from lab.units import FOOT, KNOT
 
 FLU = np.array((1, -1, -1))
 MPH = 0.44704

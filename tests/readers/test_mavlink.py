@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from writers import autopilot
 from writers import mavlink as writer
 
-from lab import ecef
+from lab.frames import ecef
 from lab.logs.vehicle import vehicle_of
 from lab.missions import MissionError, mission
 from lab.readers import mavlink, reader_of

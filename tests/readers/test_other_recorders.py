@@ -10,12 +10,12 @@ from foreign_tables import motion, same, table
 
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
+from lab.parameters.units import FOOT
 from lab.readers import read_raw
 from lab.readers.fields import SEA_LEVEL
 from lab.readers.sheet import read_sheet
 from lab.readers.sheet_cells import angles_of_cells
 from lab.readers.sheet_clock import clock_of
-from lab.units import FOOT
 
 IMU = "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
 PLACE = "latitude,longitude,altitude,vel_n,vel_e"

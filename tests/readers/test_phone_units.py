@@ -8,7 +8,7 @@ from foreign_tables import phone, table
 from phone_drive import drive
 from test_sensor_logger import export, metadata
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions import MissionError

@@ -10,7 +10,7 @@ from writers import ardupilot as dataflash
 from writers import autopilot
 from writers import sdlog2 as writer
 
-from lab import ecef
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import ardupilot, reader_of, sdlog2
 from lab.readers.dataflash_file import DataFlashFile

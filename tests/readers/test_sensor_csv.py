@@ -9,7 +9,7 @@ import pytest
 from foreign_tables import UNIX, motion, phone, same, table
 
 from lab.analysis import rest
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.missions import MissionError
 from lab.missions.flight_import import prepare_import, read_log
 from lab.missions.log_mission import LogMission

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from foreign_tables import UNIX, motion, phone, same, table
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions.flight_import import read_log
 

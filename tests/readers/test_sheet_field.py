@@ -11,10 +11,11 @@ import pytest
 from foreign_tables import UNIX, table
 from scipy.spatial.transform import Rotation
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.magnetic_field import magnetic_field
+from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.pressure_height import pressure_at
 from lab.logs.sensor_log_writer import write_sensor_log
-from lab.magnetic_field import magnetic_field
 from lab.missions import read_sensor_log
 from lab.missions.flight_import import read_log
 from lab.navigation.recorded import navigate_log
@@ -22,9 +23,8 @@ from lab.navigation.settings import NavigatorSettings
 from lab.readers.column_names import heading_of
 from lab.readers.sheet_field import _is_of_the_earth
 from lab.recordings.recording import Recording
-from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.suite import SensorSuite
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 RATE, DURATION = 50.0, 60.0
 PLACE = np.array([np.radians(48.2), np.radians(11.6), 520.0])

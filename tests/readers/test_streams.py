@@ -10,10 +10,10 @@ import pytest
 from raw_flights import weave
 from scipy.spatial.transform import Rotation
 
+from lab.frames.rotation import quaternion_from_euler
 from lab.importing.derived_motion import body_rates
 from lab.missions.flight_import import prepare_flight
 from lab.readers.streams import Stream, flight_of
-from lab.rotation import quaternion_from_euler
 
 SECONDS, RESET = 60.0, 10.04
 

@@ -10,7 +10,7 @@ import pytest
 from writers import tcx as writer
 from writers.resampled import resampled
 
-from lab import ecef
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import reader_of, tcx
 

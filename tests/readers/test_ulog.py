@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from writers import autopilot
 from writers import ulog as writer
 
-from lab import ecef
+from lab.frames import ecef
 from lab.missions import MissionError, mission
 from lab.readers import reader_of, ulog
 from lab.readers.ulog_file import ULogFile

@@ -10,7 +10,7 @@ from lab.missions import MissionError, mission
 from lab.readers import read_raw
 from lab.readers.table import OTHER_RECORDING
 from lab.repair.raw_flight import RawFlight
-from lab.trajectory import Trajectory
+from lab.truth.trajectory import Trajectory
 
 MONTREAL = mission("montreal").recording
 

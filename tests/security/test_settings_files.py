@@ -17,8 +17,8 @@ from lab.cli import app
 from lab.flying.motion_file import read_motion_file
 from lab.logs.sensor_log_csv import log_files
 from lab.missions import mission
+from lab.parameters.toml_file import MAX_BYTES, MAX_PARTS, TomlError, parse_toml, toml_text
 from lab.sensors.cards import read_cards
-from lab.toml_file import MAX_BYTES, MAX_PARTS, TomlError, parse_toml, toml_text
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 1.0
@@ -180,4 +180,4 @@ def test_one_reader_is_used_everywhere() -> None:
         for path in sorted((ROOT / folder).rglob("*.py"))
         if "import tomllib" in path.read_text(encoding="utf-8")
     ]
-    assert named == ["lab/toml_file.py"]
+    assert named == ["lab/parameters/toml_file.py"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.parameters.settings import SettingError
 from lab.sensors.heading_sensor import check_field
-from lab.settings import SettingError
 
 
 def along(first: tuple[float, float], last: tuple[float, float]) -> np.ndarray:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiment import Experiment
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 UNITS = {"gyro": np.radians(1) ** 2, "accelerometer": 1.0}
 """(°/s)² and (m/s²)² in SI units."""

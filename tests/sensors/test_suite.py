@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lab.experiment import Experiment
+from lab.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.result import Result
 from lab.sensors.draws import unit_draws
-from lab.setting_kinds import AxisQuantity, Quantity
 from lab.stages import CACHE
 
 DEGREE = np.pi / 180

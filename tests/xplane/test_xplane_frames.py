@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from turning_flight import Turning
 from xplane_simulator import STEP, packets
 
-from lab.displacement import displaced, displacement
+from lab.frames.displacement import displaced, displacement
 from lab.importing.xplane_packets import POSITION, REFERENCES
 from lab.recordings.frame import Frame
 from lab.xplane.frames import BRIDGED, LOOKED_AT, BrokenFlightError, XPlaneFrames

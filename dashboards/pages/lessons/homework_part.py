@@ -25,7 +25,7 @@ from lab.homework.hand_in import HandInError, hand_in, hand_in_text
 from lab.homework.homework import Homework
 from lab.homework.homework_file import LARGEST, read_homework
 from lab.homework.shelf import Shelved
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 IS_OFF = (
     "The settings at the left are not those of the homework, because they were reset or loaded. Choose “Run "

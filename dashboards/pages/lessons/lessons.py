@@ -20,9 +20,9 @@ from dashboards.style import WHOLE
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.lessons.lesson import Answer, Lesson, Step
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
-from lab.settings import SettingError
 from lab.views.figures import TimeAxis
 
 LOOK = 2000

@@ -12,7 +12,7 @@ import panel_material_ui as pmui
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
-from lab import earth
+from lab.frames import earth
 from lab.live.axis_check import (
     LAST,
     TURN_TIME,

@@ -27,7 +27,7 @@ from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
 from lab.live.simulated_link import local_link
 from lab.live.simulated_transport import SimulatedTransport
 from lab.live.station import Station
-from lab.settings import SettingError
+from lab.parameters.settings import SettingError
 
 SIMULATED = "simulated"
 """Choice of the simulated device."""

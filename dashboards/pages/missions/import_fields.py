@@ -12,9 +12,9 @@ from dashboards.style import WHOLE
 from dashboards.titled import Card
 from dashboards.widgets import Field, field
 from lab.importing.import_settings import ImportSettings
+from lab.parameters.settings import SettingError
 from lab.readers.unit_names import UNITS
 from lab.repair.raw_flight import ColumnUnit
-from lab.settings import SettingError
 
 
 class SettingFields:

@@ -20,15 +20,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.live.decoders.checks import crc16_mcrf4xx
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.rows import Rows
 from lab.live.samples import FIX_2D, FIX_3D, FIX_RTK, NAN, NO_FIX, UNKNOWN
 from lab.logs.sensor_log import SIGMAS
+from lab.parameters.units import GAUSS, TO_SI
 from lab.readers.mavlink_sensors import ONE_G, SINCE_1970, UNKNOWN_SPEED
 from lab.readers.tlog_file import MAGICS, SHORTEST, SIGNATURE, SIGNED
-from lab.units import GAUSS, TO_SI
 
 MISSING = "MAVLink needs pymavlink, which is not installed: pip install 'ins-lab[mavlink]'"
 

@@ -11,7 +11,7 @@ from lab.live.decoders.mavlink import MISSING
 from lab.live.decoders.merging import merged
 from lab.live.decoders.sending import known, microseconds, sent_fix, vector
 from lab.live.samples import NO_FIX
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 _ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT

@@ -20,14 +20,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.live.decoders.checks import sum8
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.merging import merged
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.sending import vector
 from lab.live.decoders.wrapping import WrappingCounter
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples

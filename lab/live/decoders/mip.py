@@ -13,7 +13,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.live.decoders.checks import passes_fletcher16
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.rows import Rows
@@ -28,7 +28,7 @@ from lab.live.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 SYNC = b"\x75\x65"
 SENSOR = 0x80  # set of the inertial data

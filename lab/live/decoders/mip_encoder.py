@@ -8,7 +8,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.live.decoders.checks import fletcher16
 from lab.live.decoders.merging import merged
 from lab.live.decoders.mip import (
@@ -29,7 +29,7 @@ from lab.live.decoders.mip import (
 from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import nanoseconds, sent_fix, vector
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 # Kinds of fixes of FIX_INFO.
 _FIX_TYPES = {FIX_3D: 0, FIX_2D: 1, FIX_RTK_FLOAT: 5, FIX_RTK: 6, FIX_DIFFERENTIAL: 7}

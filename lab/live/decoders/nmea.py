@@ -24,8 +24,8 @@ from lab.live.decoders.checks import xor8
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.rows import Rows
 from lab.live.samples import FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
+from lab.parameters.units import KNOT
 from lab.readers.nmea import FIELDS
-from lab.units import KNOT
 
 _SENTENCE = re.compile(rb"\$([A-Z]{2})([A-Z]{3}),([ -)+-~]*)\*([0-9A-Fa-f]{2})")
 _STOP = re.compile(rb"[^ -)+-~]")

@@ -12,7 +12,7 @@ from lab.live.decoders.checks import xor8
 from lab.live.decoders.merging import merged
 from lab.live.decoders.sending import sent_fix
 from lab.live.samples import FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
-from lab.units import KNOT
+from lab.parameters.units import KNOT
 
 _QUALITIES = {FIX_DIFFERENTIAL: 2, FIX_RTK: 4, FIX_RTK_FLOAT: 5}  # quality of GGA; 1 is any other fix
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # zero of the time of a fix

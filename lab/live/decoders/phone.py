@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from lab.earth import STANDARD_GRAVITY
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.live.decoders import phone_line
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.limits import Limits

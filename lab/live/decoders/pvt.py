@@ -18,7 +18,7 @@ from lab.live.decoders.calendar import utc_seconds
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.sending import sent_fix
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
-from lab.units import WEEK
+from lab.parameters.units import WEEK
 
 _FIELDS = "IHBBBBBBIiBBBBiiiiIIiiiiiI"
 """Up to the accuracy of the speed."""

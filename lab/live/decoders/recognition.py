@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lab.counted import counted
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.stream_decoder import StreamDecoder
 from lab.live.decoders.text_lines import TextLines
+from lab.parameters.counted import counted
 
 _STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink", "phone"))
 """Protocols with a check of 16 bits or more: two frames that pass by chance would be one in 2**32."""

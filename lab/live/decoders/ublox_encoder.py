@@ -37,7 +37,7 @@ from lab.live.decoders.ublox import (
     Z_FORCE,
     Z_GYRO,
 )
-from lab.units import WEEK
+from lab.parameters.units import WEEK
 
 _LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
 _WEEK = round(1e3 * WEEK)

@@ -19,7 +19,7 @@ from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.vectornav_binary import FIX_TYPES, KILOPASCAL
 from lab.live.samples import NAN, NO_FIX
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 _START = b"$VN"
 _NUMBERS = re.compile(rb"VN([A-Z]{3})((?:,[+-]?\d{1,12}(?:\.\d{0,12})?)+)")

@@ -45,7 +45,7 @@ from lab.live.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 SYNC = 0xFA  # first byte of a message
 KILOPASCAL = 1e3

@@ -14,7 +14,7 @@ from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import known, nanoseconds, sent_fix, vector
 from lab.live.decoders.vectornav_binary import KILOPASCAL, SYNC
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
-from lab.units import GAUSS
+from lab.parameters.units import GAUSS
 
 # Kinds of fixes of the device.
 _FIX_TYPES = {FIX_2D: 2, FIX_3D: 3, FIX_DIFFERENTIAL: 4, FIX_RTK_FLOAT: 7, FIX_RTK: 8}

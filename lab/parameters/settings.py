@@ -15,9 +15,9 @@ import numpy as np
 import param
 
 from lab.notebook_card import NotebookCard
-from lab.setting_help import listing, paragraph
-from lab.setting_kinds import AxisQuantity, Intervals, describe
-from lab.setting_text import MAX_PATH, value_of
+from lab.parameters.setting_help import listing, paragraph
+from lab.parameters.setting_kinds import AxisQuantity, Intervals, describe
+from lab.parameters.setting_text import MAX_PATH, value_of
 
 _MAX_SHOWN = 60
 """Most characters of a value that a message shows."""
@@ -158,7 +158,7 @@ class Settings(NotebookCard, param.Parameterized):
             raise _refused(path, value, owner.param[name], error) from error
 
     def set_text(self, path: str, text: str) -> None:
-        """Set the value at a dotted path from a text, read by its declaration (`lab.setting_text`).
+        """Set the value at a dotted path from a text, which its declaration reads (`setting_text`).
 
         Raises
         ------

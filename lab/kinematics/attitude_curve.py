@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from lab import rotation
-from lab.spline_windows import CubicCurve, SplineWindows
+from lab.frames import rotation
+from lab.kinematics.spline_windows import CubicCurve, SplineWindows
 
 FloatArray = NDArray[np.float64]
 AttitudeKind = Literal["rotation", "euler"]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ideal_imu, rotation
-from lab.anchoring import anchored_offsets
-from lab.attitude_curve import AttitudeCurve, AttitudeKind, attitude_curve
+from lab.frames import rotation
+from lab.kinematics import ideal_imu
+from lab.kinematics.anchoring import anchored_offsets
+from lab.kinematics.attitude_curve import AttitudeCurve, AttitudeKind, attitude_curve
+from lab.kinematics.spline_windows import CubicCurve
 from lab.recordings.recording import Recording
-from lab.spline_windows import CubicCurve
 
 FloatArray = NDArray[np.float64]
 
@@ -61,14 +62,14 @@ class GeodeticPath:
         return self._position.nbytes + self._attitude.nbytes
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
-        """Return position, velocity and attitude at the times; see `lab.trajectory.FlightPath`."""
+        """Return position, velocity and attitude at the times; see `lab.truth.trajectory.FlightPath`."""
         position = self._position(times) + self._origin
         velocity_n = ideal_imu.velocity(position, self._position(times, 1))
         q_nb = self._attitude.attitude(times).as_quat(scalar_first=True)
         return position[:, 0], rotation.wrap(position[:, 1]), position[:, 2], velocity_n, q_nb
 
     def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ω_ib,b and f_b at the times; see `lab.trajectory.FlightPath`."""
+        """Return ω_ib,b and f_b at the times; see `lab.truth.trajectory.FlightPath`."""
         return ideal_imu.inputs(
             self._position(times) + self._origin,
             self._position(times, 1),

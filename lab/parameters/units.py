@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.frames import earth
 
 if TYPE_CHECKING:
-    from lab.settings import Settings
+    from lab.parameters.settings import Settings
 
 DEGREE = math.radians(1)
 """[rad]."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, radii
+from lab.frames.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, radii
 
 FloatArray = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
-from lab.displacement import metres_per_radian
+from lab.frames import earth
+from lab.frames.displacement import metres_per_radian
 from lab.histories import kept
 
 FloatArray = NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.rotation import wrap
-from lab.trajectory import Truth
+from lab.frames.rotation import wrap
+from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.rotation import wrap
+from lab.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import param
 
-from lab.setting_kinds import describe, range_text
+from lab.parameters.setting_kinds import describe, range_text
 
 
 def value_text(declaration: param.Parameter, value: Any) -> str:

@@ -1,7 +1,7 @@
 """Displacement: from latitude, longitude and height to metres north, east, down, and back.
 
 The conversion is of first order: over 1 km to the east at 45°, the error is 8 cm. Close to a pole, where this
-fails within metres, the computation uses Earth-fixed axes (`lab.ecef`).
+fails within metres, the computation uses Earth-fixed axes (`lab.frames.ecef`).
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
-from lab.earth import radii
-from lab.rotation import wrap
+from lab.frames import ecef
+from lab.frames.earth import radii
+from lab.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 

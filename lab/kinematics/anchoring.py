@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 
-from lab import ecef
-from lab.displacement import metres_per_radian
+from lab.frames import ecef
+from lab.frames.displacement import metres_per_radian
 
 FloatArray = NDArray[np.float64]
 

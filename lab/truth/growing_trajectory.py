@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from lab import ecef, rotation
-from lab.attitude_curve import RotationCurve
-from lab.displacement import metres_per_radian
-from lab.geodetic_path import GeodeticPath
+from lab.frames import ecef, rotation
+from lab.frames.displacement import metres_per_radian
+from lab.kinematics.attitude_curve import RotationCurve
 from lab.recordings.frame import Frame
-from lab.trajectory import Trajectory
+from lab.truth.geodetic_path import GeodeticPath
+from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

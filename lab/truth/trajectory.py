@@ -22,13 +22,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lab import ecef, ideal_imu, rotation
-from lab.attitude_curve import ATTITUDE_CURVES, AttitudeKind
-from lab.geodetic_path import GeodeticPath
+from lab.frames import ecef, rotation
 from lab.histories import LONG
-from lab.ideal_imu import IdealImu
-from lab.polar_path import PolarPath
+from lab.kinematics import ideal_imu
+from lab.kinematics.attitude_curve import ATTITUDE_CURVES, AttitudeKind
+from lab.kinematics.ideal_imu import IdealImu
 from lab.recordings.recording import Recording
+from lab.truth.geodetic_path import GeodeticPath
+from lab.truth.polar_path import PolarPath
 
 FloatArray = NDArray[np.float64]
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth, ecef, rotation
-from lab.anchoring import anchored_cartesian
-from lab.attitude_curve import AttitudeCurve, RotationCurve
+from lab.frames import earth, ecef, rotation
+from lab.kinematics.anchoring import anchored_cartesian
+from lab.kinematics.attitude_curve import AttitudeCurve, RotationCurve
+from lab.kinematics.spline_windows import CubicCurve
 from lab.recordings.recording import Recording
-from lab.spline_windows import CubicCurve
 
 FloatArray = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class PolarPath:
         return self._position.nbytes + self._attitude.nbytes
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
-        """Return position, velocity and attitude at the times; see `lab.trajectory.FlightPath`."""
+        """Return position, velocity and attitude at the times; see `lab.truth.trajectory.FlightPath`."""
         position = ecef.geodetic(self._position(times) + self._origin)
         C_en = ecef.axes(position[:, 0], position[:, 1])
         velocity_n = np.einsum("nji,nj->ni", C_en, self._position(times, 1))
@@ -80,7 +80,7 @@ class PolarPath:
         return *position.T, velocity_n, C_nb.as_quat(scalar_first=True)
 
     def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ω_ib,b and f_b at the times; see `lab.trajectory.FlightPath`.
+        """Return ω_ib,b and f_b at the times; see `lab.truth.trajectory.FlightPath`.
 
         f = r̈ + 2 ω_ie × ṙ − g in e, with the one gravity (Groves 5.18, 5.29).
         """

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.rotation import wrap
+from lab.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 
