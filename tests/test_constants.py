@@ -38,19 +38,13 @@ JUDGES = (
         "flying/pilot.py",
         "flying/waypoints.py",
     ),
-    *("live/axis_check.py", "live/axis_map.py", "live/clock_watch.py", "live/device_clock.py"),
-    *("live/fix_intake.py", "live/held.py", "live/intake.py", "live/live_start.py", "live/live_verdict.py"),
-    *("live/nominal_rate.py", "live/pressure.py", "live/reading_intake.py", "live/six_positions.py"),
-    *("live/stream_statistics.py", "live/decoders/column_guess.py", "live/decoders/limits.py"),
-    *("live/decoders/rows.py", "phone/posted.py", "phone/pushed.py", "xplane"),
+    *("live", "phone", "xplane"),
     *(
         "log_run.py",
         "navigation/driver.py",
         "navigation/observation.py",
         "navigation/reference.py",
-        "setting_kinds.py",
-        "settings.py",
-        "toml_file.py",
+        "parameters",
     ),
 )
 """Rooms and files that refuse, repair or judge what a user brings."""

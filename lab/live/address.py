@@ -28,6 +28,9 @@ KINDS = tuple(form.partition(":")[0] for form in FORMS)
 COMMON = ("protocol", "columns", "axes", "rate", "name")
 """Options that every kind has: how the bytes are decoded, mapped to the vehicle and timed."""
 
+LAST_PORT = 2**16 - 1
+"""Largest number of a port of TCP and UDP."""
+
 _PORT = re.compile(r"/dev/|COM\d+$")
 """Names of serial ports."""
 _KIND = re.compile(r"([a-z]+):(.*)", re.DOTALL)
@@ -162,7 +165,7 @@ def computer_and_port(address: Address, usual: str | None = None) -> tuple[str, 
     computer = computer.removeprefix("[").removesuffix("]")
     if not colon and usual is not None:
         computer = usual
-    if not computer or not re.fullmatch(r"[0-9]{1,5}", port) or not 1 <= int(port) <= 65535:
+    if not computer or not re.fullmatch(r"[0-9]{1,5}", port) or not 1 <= int(port) <= LAST_PORT:
         raise TransportError(f"{address}: names no port from 1 to 65535; accepted is {_form(address.kind)}")
     return computer, int(port)
 

@@ -19,6 +19,12 @@ from lab.sensors.suite import TRIADS
 
 FloatArray = NDArray[np.float64]
 
+_FIRST_ROOM: Final = 2**10
+"""Samples for which there is room at first; the room doubles."""
+LEAST_BLOCK: Final = 4
+"""Fewest samples of a block of which a mean and a spread are compared."""
+LEAST_CLUSTERS: Final = 3
+"""Averaging times in a record from which on the deviation may reach one; in four, it does."""
 ROOM: Final = 2**18
 """Samples that are kept: 22 minutes at 200 Hz, in 13 MB. Then pairs are averaged."""
 FIRST: Final = 64
@@ -125,7 +131,7 @@ class GrowingAllan:
         if math.isnan(self.dt):
             return math.nan
         length = max(round(tau / self.dt), 1)
-        low, high = max(3 * length, allan.MIN_SAMPLES), 4 * length + allan.MIN_SAMPLES
+        low, high = max(LEAST_CLUSTERS * length, allan.MIN_SAMPLES), 4 * length + allan.MIN_SAMPLES
         while not _reaches(high, length):
             high *= 2
         while high - low > 1:
@@ -216,7 +222,7 @@ class GrowingAllan:
     def _append(self, values: FloatArray) -> None:
         end = self._count + len(values)
         if end > len(self._values):
-            larger = np.empty((min(max(2 * len(self._values), end, 1024), self._room), 6))
+            larger = np.empty((min(max(2 * len(self._values), end, _FIRST_ROOM), self._room), 6))
             larger[: self._count] = self._values[: self._count]
             self._values = larger
         self._values[self._count : end] = values
@@ -225,7 +231,7 @@ class GrowingAllan:
     def _moved(self, rows: NDArray[np.void]) -> str | None:
         """Return how the device moved in the seconds that these rows end; None if it did not."""
         values = np.concatenate((self._block, np.concatenate((rows["rate"], rows["force"]), axis=1)))
-        size = max(round(SECOND / self._step), 4)
+        size = max(round(SECOND / self._step), LEAST_BLOCK)
         whole = len(values) // size
         self._block = values[whole * size :]
         if not whole:

@@ -15,10 +15,13 @@ import time
 from typing import Any, Final
 from urllib.parse import quote
 
+from lab.live.address import LAST_PORT
 from lab.live.decoders.json_rows import number, parsed
 from lab.live.decoders.phone_line import MOST_SAMPLES, RADIANS, PhoneLine, Row
 from lab.live.transport import Chunk, TransportError
 
+AXES: Final = 3
+"""Numbers of a sample; what follows them are the sensor's own corrections."""
 KINDS: Final = {
     "android.sensor.accelerometer": "force",
     "android.sensor.gyroscope": "rate",
@@ -28,6 +31,8 @@ KINDS: Final = {
 _PREFIX: Final = "sensorserver:"
 _LARGEST: Final = 2**14
 """Largest message [bytes]; a reading has about 150."""
+_LARGEST_STAMP: Final = 2**63
+"""Largest time stamp [ns]: the app writes a signed number of 64 bits."""
 _OPENING: Final = 5.0
 """Longest time for connecting [s]."""
 _TOGETHER: Final = 0.02
@@ -51,7 +56,8 @@ class SensorServerTransport:
 
     def __init__(self, address: str) -> None:
         host, _, port = address.removeprefix(_PREFIX).rpartition(":")
-        if not address.startswith(_PREFIX) or not host or not (port.isdecimal() and 0 < int(port) < 2**16):
+        known = port.isdecimal() and 0 < int(port) <= LAST_PORT
+        if not address.startswith(_PREFIX) or not host or not known:
             raise TransportError(
                 f"{address!r} is no address of SensorServer; accepted is {_PREFIX}HOST:PORT, such as "
                 f"{_PREFIX}192.168.0.5:8080"
@@ -128,7 +134,7 @@ def _add(message: str | bytes, line: PhoneLine) -> None:
         return
     kind, values, stamp = said.get("type"), said.get("values"), said["timestamp"]
     field = KINDS.get(kind) if isinstance(kind, str) else None
-    if field is None or not isinstance(values, list) or len(values) < 3 or abs(stamp) > 2**63:
+    if field is None or not isinstance(values, list) or len(values) < AXES or abs(stamp) > _LARGEST_STAMP:
         return
     unit = _MICRO if field == "magnetic" else 1.0
     row: Row = [stamp / 1e9, *(unit * number(one) for one in values[:3])]

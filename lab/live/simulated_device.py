@@ -20,6 +20,10 @@ from lab.live.transport import TransportError
 
 TICK = 1e-3
 """Shortest time between two sendings [s]: one sample of a device with 1 kHz."""
+_LOOKS = 4
+"""Looks at the clock in a step of the flight: a sample is late by a quarter of a step at most."""
+LONGEST_SLEEP = 0.1
+"""Longest time between two looks whether the device is to end [s]: nobody notices it."""
 PATIENCE = 10.0
 """Time without room on the line after which nobody reads it [s]: a busy computer delays a reader for less."""
 FIX_DELAY = 0.1
@@ -239,10 +243,10 @@ class SimulatedDevice:
                         jitter = self.misbehaviour.jitter
                         held = now + self._rng.exponential(jitter) if jitter else 0.0
                 self._deliver(now)
-            ahead = max((self.sent + 1) / self.flight.rate, held, now + step / 4) - now
+            ahead = max((self.sent + 1) / self.flight.rate, held, now + step / _LOOKS) - now
             if self._waiting:
                 ahead = min(ahead, TICK)
-            self._ending.wait(min(max(ahead, 0.0), 0.1))
+            self._ending.wait(min(max(ahead, 0.0), LONGEST_SLEEP))
 
     def _queue(self, due: float, imu: np.ndarray, fix: np.ndarray, reading: np.ndarray) -> None:
         """Put what is due at a time of the flight [s] behind what waits for room."""

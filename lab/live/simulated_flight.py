@@ -35,6 +35,8 @@ _STANDS = 0.5
 """Speed below which a flight begins at rest, so that a rest can go before it [m/s]."""
 _STEP = 0.1
 """Interval of the samples of a rest in a recording [s]."""
+_LEAST_REST = 1.0
+"""Shortest flight recording of a device that rests [s]: a curve needs a few samples."""
 _WEEK_TIME = 432_018.0
 """Time of the week of GPS at the start [s]: Friday, 0:00:18, since GPS is 18 s ahead of UTC."""
 _UTC = 1_767_312_000.0
@@ -217,7 +219,7 @@ def fix_rows(fixes: GpsFixes, errors: GpsErrors) -> NDArray[np.void]:
 def _mission(name: str, rest: float, folder: Path) -> str:
     """Return the mission with a rest before it: its name, or the path of a recording made for it."""
     if name == REST:
-        return _written(_standing(max(rest, 10 * _STEP)), folder)
+        return _written(_standing(max(rest, _LEAST_REST)), folder)
     found = mission(name)
     if isinstance(found, LogMission):
         raise TransportError(

@@ -8,6 +8,7 @@ import socket
 from importlib.util import find_spec
 from typing import Protocol
 
+from lab.live.address import LAST_PORT
 from lab.live.transport import TransportError
 
 _BACKLOG = 4
@@ -216,7 +217,7 @@ def link_of(text: str) -> Link:
     host, _, port = place.rpartition(":")
     if kind == "pty" and not place and os.name == "posix":
         return PseudoTerminal()
-    if kind in ("tcp", "udp") and port.isascii() and port.isdigit() and 0 <= int(port) <= 65535:
+    if kind in ("tcp", "udp") and port.isascii() and port.isdigit() and 0 <= int(port) <= LAST_PORT:
         if kind == "tcp":
             return TcpServer(host or "127.0.0.1", int(port))
         if int(port):

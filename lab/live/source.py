@@ -36,6 +36,8 @@ FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
 """Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
 MEASURED = 2.0
 """Time over which rate, jitter and latency are measured [s]."""
+LEAST_SAMPLES = 3
+"""Fewest samples of which a delay and its spread are told."""
 MEASURED_FIXES = 10.0
 """Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
 _LOOKED_AT = 4096, 256
@@ -240,7 +242,7 @@ class Source:
         fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
         rate = _rate(imu["time"])
         fix_rate = _rate(fix["time"])
-        if len(imu) < 3:
+        if len(imu) < LEAST_SAMPLES:
             return rate, fix_rate, float("nan"), float("nan")
         delay = imu["arrival"] - imu["time"]
         steps = np.diff(imu["arrival"])

@@ -47,6 +47,8 @@ WORTH: Final = 0.1
 """Smallest difference of a size that is reported, as a part: settings are rarely known better."""
 LINE_WORTH: Final = 1.5
 """Smallest growth of the highest peak that is reported: the largest of many values is skewed."""
+_TWO_DIGITS: Final = 0.1
+"""Factor below which two decimals are fewer than two digits."""
 CORRELATION: Final = "innovation correlation"
 """The only quantity that is not a size."""
 _START: Final = {
@@ -285,4 +287,4 @@ def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: f
 
 def _spoken(factor: float) -> str:
     """Return a factor with two decimals, or two digits where these would be few."""
-    return f"{factor:.2f}" if factor >= 0.1 else f"{factor:.2g}"
+    return f"{factor:.2f}" if factor >= _TWO_DIGITS else f"{factor:.2g}"

@@ -22,6 +22,7 @@ from lab.phone.pushed import pushed_of
 PAGE: Final = Path(__file__).with_name("page.html")
 _INLINE: Final = re.compile(r"<(script|style)>(.*?)</\1>", re.DOTALL)
 _TOO_LARGE: Final = 413  # of HTTP: content too large
+_TOO_MANY: Final = 429  # of HTTP: too many requests; the server's own errors are above it
 _WRONG_TYPE: Final = 415  # of HTTP: unsupported media type
 _BACK_OFF: Final = "1"
 """Seconds after which a refused phone may try again."""
@@ -143,7 +144,7 @@ class BodyHandler(PhoneHandler):
     def answer(self, phone: Phone, given: Answer) -> None:
         """Write an answer as JSON."""
         self.set_status(given.status)
-        if given.status >= 429:
+        if given.status >= _TOO_MANY:
             self.set_header("Retry-After", _BACK_OFF)
         self.set_header("Content-Type", "application/json")
         said = {"received": given.received, "read": given.read, "name": phone.name}

@@ -38,6 +38,10 @@ _HECTOPASCAL = 100.0
 """[Pa]."""
 _RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")
 """Messages of receivers; fixes are those of the first."""
+_HEAD, _SHORT_HEAD = 10, 6
+"""Bytes of a frame before its data, of version 2 and 1."""
+_UNKNOWN_COUNT = 255
+"""The number of satellites that says that it is not known."""
 _NO_YAW = (0, 65_535)
 """Yaw of a receiver that has none, and of one that cannot say it now; 36 000 stands for north."""
 _HEADING_SIGMA = math.radians(1e-5)
@@ -79,8 +83,8 @@ class Mavlink(Framing):
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the frame that begins at a place, `MORE` or `NONE`."""
-        head = data[at : at + 10]
-        if len(head) < 8 or (head[0] == MAGICS[0] and len(head) < 10):
+        head = data[at : at + _HEAD]
+        if len(head) < SHORTEST[MAGICS[1]] or (head[0] == MAGICS[0] and len(head) < _HEAD):
             return MORE
         if _number(head) not in self._known:
             return NONE
@@ -105,7 +109,7 @@ class Mavlink(Framing):
             self._system = system
         if system != self._system:
             return False
-        begin = 10 if frame[0] == MAGICS[0] else 6
+        begin = _HEAD if frame[0] == MAGICS[0] else _SHORT_HEAD
         form = message.unpacker
         # Zeros at the end of a payload are not sent.
         payload = frame[begin : begin + frame[1]][: form.size].ljust(form.size, b"\0")
@@ -189,7 +193,7 @@ def _add_fix(fields: dict[str, Any], end: int, rows: Rows) -> None:
         level,
         vertical,
         speed_sigma,
-        fields["satellites_visible"] if fields["satellites_visible"] < 255 else -1,
+        fields["satellites_visible"] if fields["satellites_visible"] < _UNKNOWN_COUNT else -1,
         kind if FIX_2D <= kind <= FIX_RTK else FIX_3D if kind > FIX_RTK else NO_FIX,
         not fields["alt_ellipsoid"],
     )
@@ -203,4 +207,5 @@ def _clock(fields: dict[str, Any]) -> tuple[float, float]:
 
 def _sigma(value: int) -> float:
     """Return σ of one in thousandths; NaN for one that says that it is not known."""
-    return 1e-3 * value if SIGMAS[0] < 1e-3 * value < SIGMAS[1] else NAN
+    sigma = 1e-3 * value
+    return sigma if SIGMAS[0] < sigma < SIGMAS[1] else NAN

@@ -36,6 +36,7 @@ TICK = 2.1701e-6
 
 _SYNC = b"\xff" * 4  # four bytes begin a frame
 _START = _SYNC + bytes((SIZE,))
+_HEAD = 7  # bytes up to the kind of message
 _TIMER = struct.Struct(">H")
 _NUMBERS = struct.Struct(">12h")
 _AT = 13
@@ -90,12 +91,12 @@ class Memsense(Framing):
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the frame that begins at a place, `MORE` or `NONE`."""
-        head = data[at : at + 7]
+        head = data[at : at + _HEAD]
         if not head.startswith(_START):
             return MORE if _START.startswith(head) else NONE
-        if len(head) < 7:
+        if len(head) < _HEAD:
             return MORE
-        return SIZE if head[6] == MESSAGE else NONE
+        return SIZE if head[-1] == MESSAGE else NONE
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the last byte is the sum of those before, or of the numbers."""

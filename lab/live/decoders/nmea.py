@@ -31,6 +31,10 @@ _SENTENCE = re.compile(rb"\$([A-Z]{2})([A-Z]{3}),([ -)+-~]*)\*([0-9A-Fa-f]{2})")
 _STOP = re.compile(rb"[^ -)+-~]")
 """What no sentence has before its check: what is no text, a star."""
 _NUMBER = re.compile(rb"[+-]?\d{1,10}(?:\.\d{0,12})?")
+_HEADING_CELLS = 3  # name, heading, true north or status
+_TURN = 360  # [°]
+_DEGREE = 60  # minutes of arc
+_CLOCK = 6  # digits of hhmmss
 _CHECK = 3
 """Bytes of the check with its star."""
 _SATELLITES = {"GGA": 7, "GNS": 7}  # cell with the number of satellites
@@ -183,10 +187,10 @@ class Nmea(Framing):
 def _add_heading(kind: str, frame: bytes, end: int, rows: Rows) -> bool:
     """Add the heading of a sentence, if it is valid; return whether it has the cells of one."""
     cells = frame[:-_CHECK].split(b",")
-    if len(cells) < 3:
+    if len(cells) < _HEADING_CELLS:
         return False
     heading = _number(cells[1])
-    if 0 <= heading <= 360 and len(cells[2]) == 1 and cells[2] in _HEADINGS[kind]:
+    if 0 <= heading <= _TURN and len(cells[2]) == 1 and cells[2] in _HEADINGS[kind]:
         rows.add_reading(end, heading=math.radians(heading))
     return True
 
@@ -212,7 +216,7 @@ def _number(cell: bytes) -> float:
 
 def _time(cell: bytes) -> tuple[int, int, float] | None:
     """Return hour, minute and second of a time of day, hhmmss.ss."""
-    if _NUMBER.fullmatch(cell) is None or not cell[:6].isdigit() or len(cell) < 6:
+    if _NUMBER.fullmatch(cell) is None or not cell[:_CLOCK].isdigit() or len(cell) < _CLOCK:
         return None
     return int(cell[:2]), int(cell[2:4]), float(cell[4:])
 
@@ -223,6 +227,6 @@ def _angle(cell: bytes, side: bytes, sides: bytes) -> float:
     if math.isnan(value) or len(side) != 1 or side not in sides:
         return NAN
     degrees, minutes = divmod(value, 100.0)
-    if minutes >= 60:
+    if minutes >= _DEGREE:
         return NAN
-    return math.radians(degrees + minutes / 60) * (1 if side == sides[:1] else -1)
+    return math.radians(degrees + minutes / _DEGREE) * (1 if side == sides[:1] else -1)

@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+MOST_SATELLITES = 254
+"""Largest number of satellites that is sent: MAVLink has 255 for an unknown one."""
+
 
 class SentFix(NamedTuple):
     """A fix to be sent: 0 for what is not known, but for the time of day.
@@ -61,7 +64,7 @@ def sent_fix(row: np.void) -> SentFix:
         speed_sigma=speed,
         week_time=known(row, "week_time")[0],
         utc=float(row["utc"]),
-        satellites=min(max(int(row["satellites"]), 0), 254),
+        satellites=min(max(int(row["satellites"]), 0), MOST_SATELLITES),
         kind=int(row["fix_type"]),
     )
 

@@ -53,7 +53,9 @@ TEMPERATURE_UNIT = 1e-2
 """[°C]."""
 
 _HEADER, _CHECK = 6, 2  # bytes before and after the payload
-_MOVING_BASE = 1 << 5
+COUNT_FROM = 11
+"""First bit of the number of measurements in the flags of ESF-MEAS."""
+_MOVING_BASE = 1 << 5  # a bit of the flags of NAV-RELPOSNED
 _MEAS = struct.Struct("<IHH")
 _PAIR = struct.Struct("<II")
 _WORD = struct.Struct("<I")
@@ -137,7 +139,7 @@ class Ublox(Framing):
 
     def _add_measured(self, payload: bytes, end: int, rows: Rows) -> bool:
         tag, flags, _ = _MEAS.unpack_from(payload)
-        count = min(flags >> 11, (len(payload) - _MEAS.size) // _WORD.size)
+        count = min(flags >> COUNT_FROM, (len(payload) - _MEAS.size) // _WORD.size)
         words = [_WORD.unpack_from(payload, _MEAS.size + _WORD.size * number)[0] for number in range(count)]
         values = {word >> 24 & 0x3F: word & 0xFFFFFF for word in words}
         time = self._times.continued(tag) * MEAS_TICK

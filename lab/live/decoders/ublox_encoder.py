@@ -13,6 +13,7 @@ from lab.live.decoders.checks import fletcher16
 from lab.live.decoders.merging import merged
 from lab.live.decoders.sending import known, vector
 from lab.live.decoders.ublox import (
+    COUNT_FROM,
     ESF_MEAS,
     ESF_RAW,
     FORCE_UNIT,
@@ -42,6 +43,7 @@ from lab.parameters.units import WEEK
 _LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
 _WEEK = round(1e3 * WEEK)
 """[ms]."""
+_AXES = 3  # a message without a whole triad is no sample
 _PVT_SIZE = 92
 """Bytes of NAV-PVT from protocol 15 on."""
 
@@ -102,9 +104,9 @@ def _measured(row: np.void) -> bytes:
     messages = []
     for kinds in ((X_FORCE, Y_FORCE, Z_FORCE), (X_GYRO, Y_GYRO, Z_GYRO, TEMPERATURE)):
         words = [struct.pack("<I", kind << 24 | counts[kind]) for kind in kinds if kind in counts]
-        if len(words) >= 3:
+        if len(words) >= _AXES:
             messages.append(
-                _message(ESF_MEAS, struct.pack("<IHH", tag, len(words) << 11, 0) + b"".join(words))
+                _message(ESF_MEAS, struct.pack("<IHH", tag, len(words) << COUNT_FROM, 0) + b"".join(words))
             )
     return b"".join(messages)
 
@@ -119,7 +121,7 @@ def _reading(row: np.void) -> bytes:
     if math.isfinite(row["speed"]):
         word = SPEED << 24 | round(float(row["speed"]) / SPEED_UNIT) & 0xFFFFFF
         tag = _ticks(row["time"], MEAS_TICK, 2**32)
-        messages += _message(ESF_MEAS, struct.pack("<IHHI", tag, 1 << 11, 0, word))
+        messages += _message(ESF_MEAS, struct.pack("<IHHI", tag, 1 << COUNT_FROM, 0, word))
     return messages
 
 

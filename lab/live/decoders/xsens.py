@@ -37,8 +37,10 @@ DELTA_VELOCITY, ACCELERATION, ACCELERATION_HR = 0x4010, 0x4020, 0x4040  # of acc
 RATE_OF_TURN, DELTA_QUATERNION, RATE_OF_TURN_HR, MAGNETIC = 0x8020, 0x8030, 0x8040, 0xC020
 STATUS_WORD, GNSS_PVT = 0xE020, 0x7010  # of the device and its receiver
 
-_EXTENDED = 0xFF
+EXTENDED = 0xFF
 """Length that says that two bytes of length follow."""
+_HEAD, _LONG_HEAD, _CHECKSUM = 4, 6, 1  # bytes before the items, of a long message, and after them
+_ITEM_HEAD = 3  # bytes of an item before its data: kind and size
 _PRECISIONS = 0x3
 """Bits of an identifier with the kind of number; the next two are of axes that none of those read depends
 on."""
@@ -78,14 +80,14 @@ class Xsens(Framing):
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the message that begins at a place, `MORE` or `NONE`."""
-        head = data[at : at + 6]
+        head = data[at : at + _LONG_HEAD]
         if not head.startswith(START):
             return MORE if START.startswith(head) else NONE
-        if len(head) < 4:
+        if len(head) < _HEAD:
             return MORE
-        if head[3] != _EXTENDED:
-            return head[3] + 5
-        if len(head) < 6:
+        if head[3] != EXTENDED:
+            return head[3] + _HEAD + _CHECKSUM
+        if len(head) < _LONG_HEAD:
             return MORE
         size = (head[4] << 8 | head[5]) + 7
         return size if size <= self.longest else NONE
@@ -138,12 +140,12 @@ Items = dict[int, tuple[int, bytes]]
 
 def _items(frame: bytes) -> Items | None:
     """Return precision and bytes of the items of a message, by kind; None if they do not fill it."""
-    at = 6 if frame[3] == _EXTENDED else 4
+    at = _LONG_HEAD if frame[3] == EXTENDED else _HEAD
     last = len(frame) - 1
     items: Items = {}
-    while at + 3 <= last:
+    while at + _ITEM_HEAD <= last:
         kind, size = frame[at] << 8 | frame[at + 1], frame[at + 2]
-        at += 3 + size
+        at += _ITEM_HEAD + size
         if at > last:
             return None
         items[kind & _KINDS] = kind & _PRECISIONS, frame[at - size : at]

@@ -14,6 +14,7 @@ from lab.live.decoders.nmea_encoder import headings
 from lab.live.decoders.sending import microseconds
 from lab.live.decoders.xsens import (
     ACCELERATION,
+    EXTENDED,
     GNSS_PVT,
     MAGNETIC,
     NOMINAL_FIELD,
@@ -32,6 +33,10 @@ from lab.live.decoders.xsens import (
 Precision = Literal["single", "fp12.20", "fp16.32", "double"]
 # The kind of number, as bits of an identifier.
 _BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double": 3}
+
+
+_FIXED = (-(2.0**15), 2.0**15 - 1)
+"""Least and largest whole part of a number of 16 and 32 bits."""
 
 
 class XsensEncoder:
@@ -90,12 +95,12 @@ class XsensEncoder:
             return struct.pack(">d", value)
         if self._bits == _BITS["fp12.20"]:
             return struct.pack(">i", round(min(max(value * 2**20, -(2.0**31)), 2.0**31 - 1)))
-        fixed = round(min(max(value, -32768.0), 32767.0) * 2**32)
+        fixed = round(min(max(value, _FIXED[0]), _FIXED[1]) * 2**32)
         return struct.pack(">Ih", fixed & 0xFFFFFFFF, fixed >> 32)
 
 
 def _message(items: list[tuple[int, bytes]]) -> bytes:
     payload = b"".join(kind.to_bytes(2, "big") + bytes((len(data),)) + data for kind, data in items)
-    size = bytes((len(payload),)) if len(payload) < 255 else b"\xff" + len(payload).to_bytes(2, "big")
+    size = bytes((len(payload),)) if len(payload) < EXTENDED else b"\xff" + len(payload).to_bytes(2, "big")
     message = START + size + payload
     return message + bytes(((START[0] - sum(message)) & 0xFF,))
