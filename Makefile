@@ -9,7 +9,7 @@ NAME ?=
 WORKERS ?= 4
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
+INSTALL := .ci/install $(BIN)/python
 
 .PHONY: help lab notebooks test style types pytest docs pictures bench fuzz browser clean
 .DEFAULT_GOAL := help
@@ -39,7 +39,9 @@ notebooks: $(VENV)/.notebooks
 	@PANEL_INLINE=True $(BIN)/jupyter lab '$(NOTEBOOKS)'
 
 # mypy has one process, and the tests begin with one that compiles while the others wait: they run side by side.
-test: $(VENV)/.test browser style
+test:
+	@$(MAKE) --no-print-directory --jobs=2 $(VENV)/.test browser
+	@$(MAKE) --no-print-directory style
 	@$(MAKE) --no-print-directory --jobs=2 types pytest
 
 style: $(VENV)/.test
@@ -80,24 +82,24 @@ $(BIN)/pip:
 	  echo 'No virtual environment could be made. On Debian and Ubuntu: sudo apt-get install python3-venv' >&2; exit 1; }
 
 $(VENV)/.lab: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink]'
+	$(INSTALL) --compile --editable '.[fit,fly,live,mavlink]'
 	@touch $@
 
 $(VENV)/.notebooks: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink,notebook]'
+	$(INSTALL) --compile --editable '.[fit,fly,live,mavlink,notebook]'
 	@touch $@ $(VENV)/.lab
 
 # The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.
 $(VENV)/.test: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --no-compile --editable '.[test]'
+	$(INSTALL) --no-compile --editable '.[test]'
 	@touch $@ $(VENV)/.lab $(VENV)/.docs
 
 $(VENV)/.docs: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[docs]'
+	$(INSTALL) --compile --editable '.[docs]'
 	@touch $@
 
 $(VENV)/.fuzz: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[test,fuzz]'
+	$(INSTALL) --compile --editable '.[test,fuzz]'
 	@touch $@ $(VENV)/.test $(VENV)/.lab
 
 clean:
