@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
 FILES = sorted(path.relative_to(ROOT) for path in (ROOT / "lab").rglob("*.py"))
+EXISTING = set(FILES)
 PLACES = [
     place
     for row in re.findall(r"^\|(.*?)\|", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
@@ -26,6 +28,7 @@ def room(file: Path) -> str:
     return f"lab/{file.parts[1]}/" if len(file.parts) > 2 else str(file.as_posix())
 
 
+@cache
 def imported(file: Path) -> set[Path]:
     """Return the files that a file imports anywhere: at its top, in functions, and for type hints."""
     names = set()
@@ -36,13 +39,9 @@ def imported(file: Path) -> set[Path]:
         elif isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
     assert not any(name.split(".")[0] == "dashboards" for name in names), f"{file} imports dashboards"
-    return {
-        path for name in names for path in (Path(*name.split(".")).with_suffix(".py"),) if path in FILES
-    } | {
-        Path(*name.split("."), "__init__.py")
-        for name in names
-        if Path(*name.split("."), "__init__.py") in FILES
-    }
+    places = [Path(*name.split(".")) for name in names]
+    wanted = {place.with_suffix(".py") for place in places} | {place / "__init__.py" for place in places}
+    return wanted & EXISTING
 
 
 @pytest.mark.parametrize("file", [file for file in FILES if len(file.parts) > 1 and file != TOP], ids=str)
