@@ -16,7 +16,6 @@ from lab.progress import Progress
 from lab.result import Result
 from lab.views.budget import BudgetFigures
 
-_WORDS = "p { margin: 0; font: 14px/1.45 Roboto, sans-serif; }"
 _ROWS = f":host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}"
 """Two rows that share the height of the window below the selection and the sentence."""
 

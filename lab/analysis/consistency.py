@@ -156,11 +156,6 @@ def coverage(errors: FloatArray, sigma: FloatArray, factor: float = 3.0) -> Floa
     return np.asarray(np.mean(np.abs(errors) <= factor * sigma, axis=0))
 
 
-def normal_coverage(factor: float = 3.0) -> float:
-    """Return the probability that a normal variable lies within ± `factor` σ."""
-    return float(special.erf(factor / np.sqrt(2)))
-
-
 def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArray:
     """Return the normalised autocorrelation (lags + 1, channels) for lags from 0 on (5.4.2-15).
 

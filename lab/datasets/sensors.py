@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.datasets.labelled import DEGREE, labelled
 from lab.frames.east_north_up import east_north_up
@@ -16,9 +15,6 @@ from lab.sensors import temperature as thermal
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-FloatArray = NDArray[np.float64]
 
 
 def imu(run: Run) -> xr.Dataset:

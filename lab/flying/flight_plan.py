@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 from lab.flying import airports
 from lab.flying.aircraft import AIRCRAFT, Aircraft
@@ -31,8 +31,6 @@ from lab.flying.plan_table import (
 )
 from lab.flying.weather import CALM, Air, Gust
 from lab.recordings.mission_error import MissionError
-
-Part = TypeVar("Part")
 
 MAX_GUSTS = 1000
 """Most gusts in one plan."""

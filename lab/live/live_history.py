@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.live.live_state import HistoryCursor, LiveHistory, euler_with_sigma
 from lab.live.rolling import Rolling
-
-FloatArray = NDArray[np.float64]
 
 RATE: Final = 20.0
 """Rows of the history per second [Hz]: more than a plot shows."""

@@ -174,8 +174,3 @@ def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
         yield drift_columns_in_body if in_body else drift_columns
     if any(name in blocks.OWN for name in names):
         yield own_columns_in_body if in_body else own_columns
-
-
-def with_states(model: ErrorModel, states: int) -> ErrorModel:
-    """Return a model of 15 states as one of 15 or 21 states: the scale factors are random constants."""
-    return with_blocks(model, blocks.SCALES if states > blocks.CORE else ())

@@ -151,11 +151,6 @@ class Phone:
         """Whether the invitation is over."""
         return self._withdrawn or self._left() <= 0
 
-    @property
-    def claimed(self) -> bool:
-        """Whether a phone uses the invitation."""
-        return bool(self._device)
-
     def state(self) -> PhoneState:
         """Return what is known now."""
         with self._changed:

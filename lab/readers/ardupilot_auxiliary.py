@@ -14,8 +14,6 @@ from lab.logs.auxiliary_data import Headings, Magnetometer
 from lab.readers.dataflash_time import TIME, Messages
 from lab.readers.streams import Stream
 
-FloatArray = NDArray[np.float64]
-
 _MICROTESLA = 0.1
 """Microteslas in a milligauss."""
 _NORTH = 360.0

@@ -122,8 +122,21 @@ def random_walk(draws: FloatArray, before: FloatArray | None = None) -> FloatArr
     return np.asarray(np.cumsum(np.concatenate((before[None], draws)), axis=0)[1:])
 
 
-def first_order_lag(inputs: FloatArray, start: float, cutoff: float) -> FloatArray:
-    """Return the means of a signal over each sample interval after a first-order lag.
+def settled_lag(start: float, cutoff: float) -> float:
+    """Return the state of a first-order lag, for `lagged`, in steady state.
+
+    Parameters
+    ----------
+    start
+        Constant input before the first interval, in units of the input.
+    cutoff
+        As of `lagged`.
+    """
+    return float(-np.expm1(-cutoff) / cutoff * start)
+
+
+def lagged(inputs: FloatArray, state: float, cutoff: float) -> tuple[FloatArray, float]:
+    """Return the means of a signal over each sample interval after a first-order lag, and its next state.
 
     Exact for a signal that is constant within the intervals, and unity for constants. A cutoff far above the
     rate of the samples changes nothing.
@@ -132,21 +145,11 @@ def first_order_lag(inputs: FloatArray, start: float, cutoff: float) -> FloatArr
     ----------
     inputs : (n,) array
         Means of the input over each interval.
-    start
-        Constant input before the first interval, at which the lag is in steady state, in units of the input.
+    state
+        State before the first interval: that of `settled_lag`, or that after the piece of the signal before.
     cutoff
         Angular frequency at which the gain is 1/√2, times the length of the interval [rad].
     """
-    return lagged(inputs, settled_lag(start, cutoff), cutoff)[0]
-
-
-def settled_lag(start: float, cutoff: float) -> float:
-    """Return the state of a first-order lag, for `lagged`, after a constant input; see `first_order_lag`."""
-    return float(-np.expm1(-cutoff) / cutoff * start)
-
-
-def lagged(inputs: FloatArray, state: float, cutoff: float) -> tuple[FloatArray, float]:
-    """Return the output of `first_order_lag` for a piece of a signal, and the state for the next piece."""
     decay = np.exp(-cutoff)
     # The output runs from its last value y towards x: its mean is x + (y − x) (1 − exp(−ωΔt)) / (ωΔt).
     held = -np.expm1(-cutoff) / cutoff

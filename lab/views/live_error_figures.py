@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 from bokeh.models.ranges import Range1d
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
 from lab.live.live_errors import LiveErrors
 from lab.views.parcel import Parcel
 from lab.views.quantities import ESTIMATE, TRUTH
 from lab.views.rolling_plot import RollingPlot
-
-FloatArray = NDArray[np.float64]
 
 _ERROR, _UPPER, _LOWER = "error", "3σ", "-3σ"
 _LEGEND = {"error": (_ERROR,), "±3σ": (_UPPER, _LOWER)}

@@ -23,6 +23,7 @@ import pyins.util
 import pyins_reference
 import pytest
 from numpy.typing import NDArray
+from sized_models import with_states
 
 from lab.analysis.errors import position_error
 from lab.ensembles import seeds as many_seeds
@@ -32,7 +33,6 @@ from lab.missions import fly, mission
 from lab.navigation import unscented
 from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS
-from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.parameters.units import si
 from lab.result import Result

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
+from sized_models import with_states
 
 from lab.frames import earth
 from lab.navigation import reference, strapdown
@@ -27,7 +28,6 @@ from lab.navigation.error_models import (
     VEL,
     ErrorModel,
 )
-from lab.navigation.further_columns import with_states
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from sized_models import with_states
 
 from lab.navigation import kalman
 from lab.navigation.belief import belief
 from lab.navigation.error_models import ATT, PHI, VEL
 from lab.navigation.filter import Filter
-from lab.navigation.further_columns import with_states
 from lab.navigation.generation import Variant, generated
 from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.prediction import second_order

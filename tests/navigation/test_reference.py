@@ -16,6 +16,7 @@ import pytest
 from flown import fly
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from sized_models import with_states
 
 from lab.experiment import Experiment
 from lab.frames import earth
@@ -23,7 +24,6 @@ from lab.frames.rotation import wrap
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS
-from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps, imu

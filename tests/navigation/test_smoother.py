@@ -10,6 +10,7 @@ import pytest
 from flown import fly
 from motions import NO_FIXES
 from numpy.typing import NDArray
+from sized_models import with_states
 
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
@@ -18,7 +19,6 @@ from lab.frames import earth
 from lab.frames.rotation import wrap
 from lab.navigation import smoother, strapdown
 from lab.navigation.error_models import PHI
-from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import navigate
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
