@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 
-from lab.navigation.choice import is_missing
+from lab.navigation.model_choice import is_missing
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -20,9 +20,9 @@ from lab.missions import LogMission, SensorLog
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
-from lab.navigation.choice import is_ready
 from lab.navigation.error_models import POS
-from lab.navigation.recorded import RecordedRun, navigate_log, readings_of
+from lab.navigation.log_navigation import RecordedRun, navigate_log, readings_of
+from lab.navigation.model_choice import is_ready
 from lab.navigation.solution import Solution
 from lab.result import Runnable
 from lab.run import Recorded

@@ -44,7 +44,7 @@ from lab.navigation.checks import (
     check_smoother,
     diverged,
 )
-from lab.navigation.choice import chosen_model, is_ready
+from lab.navigation.model_choice import chosen_model, is_ready
 from lab.navigation.navigator import navigate
 from lab.navigation.own_states import declared_states
 from lab.navigation.rest_alignment import Aligned

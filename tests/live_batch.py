@@ -12,9 +12,9 @@ from lab.live.decoders.catalogue import ENCODERS
 from lab.live.live_navigator import LiveNavigator
 from lab.live.raw_recording import RawWriter
 from lab.live.simulated_flight import SimulatedFlight
-from lab.live.timed import TIMED_FIX
+from lab.live.timed_samples import TIMED_FIX
 from lab.live.transport import Chunk
-from lab.navigation.recorded import RecordedRun
+from lab.navigation.log_navigation import RecordedRun
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

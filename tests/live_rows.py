@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from lab.frames import earth
 from lab.frames.rotation import C_nb_from_euler
 from lab.live.reading_times import NO_READINGS
-from lab.live.timed import TIMED_FIX, TIMED_IMU, TIMED_READING
+from lab.live.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
 from lab.missions import Recording
 from lab.sensors.imu import Environment, ImuDraws, measure
 from lab.sensors.suite import SensorSuite

@@ -13,9 +13,9 @@ import pytest
 from lab import Experiment, variants
 from lab.compiling.compiled_cache import CachedKernel
 from lab.compiling_apart import compile_apart
-from lab.navigation import choice, smoother, unscented
-from lab.navigation.choice import chosen_model
+from lab.navigation import model_choice, smoother, unscented
 from lab.navigation.driver import driver
+from lab.navigation.model_choice import chosen_model
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def test_a_filter_that_is_not_on_the_disk_is_compiled_with_the_same_settings(
 ) -> None:
     experiment = Experiment(mission="los_angeles")
     experiment.update({"navigator": {"states": 21, "smoother": True}, "trajectory": {"imu_rate": 100}})
-    monkeypatch.setattr(choice.compiled_cache, "is_missing", lambda _kernel: True)
+    monkeypatch.setattr(model_choice.compiled_cache, "is_missing", lambda _kernel: True)
     compile_apart(experiment.navigator, experiment.sensors, 100.0)
     (settings,) = asked
     runs: list[Experiment] = []
@@ -59,8 +59,8 @@ def test_each_part_of_a_filter_is_looked_for(
     experiment = Experiment()
     experiment.update({"navigator": {"filter_rate": filter_rate, "smoother": smoother_on}})
     model, looked = chosen_model(experiment.navigator, experiment.sensors), list[object]()
-    monkeypatch.setattr(choice.compiled_cache, "is_missing", looked.append)
-    assert not choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
+    monkeypatch.setattr(model_choice.compiled_cache, "is_missing", looked.append)
+    assert not model_choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
     parts = [driver(model, summed=filter_rate > 0)]
     assert looked == ([*parts, smoother.backward_pass(model, aided=False)] if smoother_on else parts)
 
@@ -68,8 +68,8 @@ def test_each_part_of_a_filter_is_looked_for(
 def test_the_nonlinear_filter_is_looked_for_too(monkeypatch: pytest.MonkeyPatch) -> None:
     experiment, looked = Experiment(), list[object]()
     experiment.set("navigator.model", "nonlinear")
-    monkeypatch.setattr(choice.compiled_cache, "is_missing", looked.append)
-    choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
+    monkeypatch.setattr(model_choice.compiled_cache, "is_missing", looked.append)
+    model_choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
     assert looked == [unscented.driver(aided=False)]
 
 
@@ -82,10 +82,10 @@ def test_a_filter_that_is_on_the_disk_is_not_compiled_again(
     (kernel,) = [driver(chosen_model(experiment.navigator, experiment.sensors), summed=False)]
     assert isinstance(kernel, CachedKernel)
     other = CachedKernel(kernel.py_func, targetoptions=kernel.targetoptions)  # as in a new process
-    assert not choice.compiled_cache.is_missing(other)
+    assert not model_choice.compiled_cache.is_missing(other)
     compile_apart(experiment.navigator, experiment.sensors, 50.0)
     assert asked == []
     files = other._files()
     assert files is not None
     monkeypatch.setattr(files, "_index_path", str(Path(files._index_path).with_name("none.nbi")))
-    assert choice.compiled_cache.is_missing(other)
+    assert model_choice.compiled_cache.is_missing(other)

@@ -29,7 +29,7 @@ JUDGES = (
         "identification",
     ),
     *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
-    *("navigation/initial_heading.py", "navigation/recorded.py", "navigation/rest_alignment.py"),
+    *("navigation/initial_heading.py", "navigation/log_navigation.py", "navigation/rest_alignment.py"),
     *("navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
     *(
         "flying/coordinated_turn.py",

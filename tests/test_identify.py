@@ -10,7 +10,7 @@ from lab import Experiment, ResultError
 from lab.identification.renavigation import subject
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.parameters.settings import SettingError
 from lab.sensors.cards import read_cards
 

@@ -15,7 +15,7 @@ from lab.log_run import has_effect
 from lab.logs.auxiliary_data import Reference
 from lab.missions import MissionError, mission, read_sensor_log
 from lab.navigation.algorithm import Estimate
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.parameters.settings import SettingError
 from lab.result import DATASETS
 from lab.stages import CACHE

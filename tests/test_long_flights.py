@@ -22,8 +22,8 @@ from lab.datasets import flight, tables
 from lab.kinematics import spline_windows
 from lab.missions import mission
 from lab.navigation import navigator, smoother, unscented
-from lab.navigation.choice import chosen_model
 from lab.navigation.lever_arm import turns
+from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.result import Result
 from lab.sensors.imu import Measured

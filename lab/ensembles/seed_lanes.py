@@ -43,10 +43,10 @@ from lab.navigation.belief import (
     schedule_of,
 )
 from lab.navigation.blocks import SCALES
-from lab.navigation.choice import chosen_model
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_step import LANES
 from lab.navigation.lanes import Lane, LaneSolution, fits, is_compiled, navigate_lanes
+from lab.navigation.model_choice import chosen_model
 from lab.navigation.schedule import SLACK
 from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest

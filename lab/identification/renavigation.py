@@ -20,10 +20,10 @@ from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, belief, schedule_of
-from lab.navigation.choice import chosen_model
+from lab.navigation.flight_piece import Piece
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.piece import Piece
-from lab.navigation.recorded import WITHHELD, navigate_log
+from lab.navigation.log_navigation import WITHHELD, navigate_log
+from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import at_rest
 from lab.run import Recorded, Run

@@ -9,6 +9,6 @@
 
 from __future__ import annotations
 
-from lab.live.opening import open_source as open
+from lab.live.source_opening import open_source as open
 
 __all__ = ["open"]

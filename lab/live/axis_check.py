@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from lab.frames import earth
 from lab.live.axis_map import AXES, AxisMap
-from lab.live.held import AxisCheckError, Held, held, turned
 from lab.live.six_positions import GRAVITY_SIGMA, AccelerometerErrors, accelerometer_errors
+from lab.live.static_interval import AxisCheckError, Held, held, turned
 
 FloatArray = NDArray[np.float64]
 Axis = tuple[int, int, int]
@@ -56,7 +56,7 @@ def in_device_axes(rows: NDArray[np.void], axes: AxisMap) -> NDArray[np.void]:
 
     Parameters
     ----------
-    rows : (n,) array of `lab.live.timed.TIMED_IMU`
+    rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Samples.
     axes
         The map in force when they came.
@@ -133,7 +133,7 @@ class AxisCheck:
         ----------
         name
             Of `POSITIONS` or `TURNS`.
-        rows : (n,) array of `lab.live.timed.TIMED_IMU`
+        rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
             The last samples in the axes of the device: `LAST` seconds of a position, `TURN_TIME` of a turn.
 
         Raises

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from lab.live.live_log import gnss_of, usable_fixes
 from lab.live.live_stream import Stream
-from lab.live.timed import TIMED_FIX
+from lab.live.timed_samples import TIMED_FIX
 from lab.logs.sensor_log import GnssLog
-from lab.navigation.recorded import used_fixes
+from lab.navigation.log_navigation import used_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.parameters.counted import counted, were

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from lab.analysis import allan
 from lab.analysis.rest import Record
 from lab.frames import earth
-from lab.live.held import OFF_GRAVITY
 from lab.live.live_log import usable_imu
-from lab.live.timed import TIMED_IMU
+from lab.live.static_interval import OFF_GRAVITY
+from lab.live.timed_samples import TIMED_IMU
 from lab.parameters.counted import counted, were
 from lab.sensors.suite import TRIADS
 
@@ -98,7 +98,7 @@ class GrowingAllan:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.timed.TIMED_IMU`
+        rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
             Samples in the order of their times, each after those before.
         """
         rows = rows[usable_imu(rows)]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.live_log import usable_imu
-from lab.live.timed import TIMED_IMU
+from lab.live.timed_samples import TIMED_IMU
 from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
 from lab.logs.stream_spikes import StreamSpikes
 from lab.logs.usual_interval import FIRST_INTERVALS, UsualInterval

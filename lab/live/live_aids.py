@@ -221,7 +221,7 @@ class LiveAids:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.timed.TIMED_READING`
+        rows : (n,) array of `lab.live.timed_samples.TIMED_READING`
             Readings; the times of each quantity increase.
         epoch
             Time of the host at the first sample of the stream [s].

@@ -36,9 +36,9 @@ def log_of(
     ----------
     name
         The source, for messages.
-    imu : (n,) array of `lab.live.timed.TIMED_IMU`
+    imu : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Rows of the IMU, in b.
-    fixes : (m,) array of `lab.live.timed.TIMED_FIX`
+    fixes : (m,) array of `lab.live.timed_samples.TIMED_FIX`
         Fixes of the antenna.
     lever_arm : (3,) array
         From the IMU to the antenna, in b; zero if it is left out [m].
@@ -46,7 +46,7 @@ def log_of(
         How much later than the fixes their times are [s].
     vehicle
         Name of the vehicle, as in `lab.logs.vehicle.VEHICLES`; empty if unknown.
-    readings : (k,) array of `lab.live.timed.TIMED_READING`
+    readings : (k,) array of `lab.live.timed_samples.TIMED_READING`
         Headings and speeds.
 
     Raises

@@ -1,7 +1,7 @@
 """Live navigator: the solution of a stream of an IMU and, if there is one, a GPS receiver, as it arrives.
 
 The compiled step is that of a batch run (`lab.navigation.navigator.advance`), with the same rules about
-rests, R, gates and gaps, so the solution equals that of `lab.navigation.recorded.navigate_log` on the
+rests, R, gates and gaps, so the solution equals that of `lab.navigation.log_navigation.navigate_log` on the
 recorded log from the same start. What the batch takes from the future differs:
 
 - the start: the batch looks for the heading in the whole log, the live navigator in the data so far. If the
@@ -48,10 +48,10 @@ from lab.logs.sensor_log import SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
-from lab.navigation.choice import chosen_model
 from lab.navigation.initial_heading import FORWARD_SPEED, contradict
+from lab.navigation.log_navigation import start_covariance
+from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import load
-from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.parameters.counted import counted
@@ -159,7 +159,7 @@ class LiveNavigator:
             Rows of the IMU, in the order of arrival.
         fixes : (m,) array of `TIMED_FIX`
             Fixes; they may be older than the rows of the IMU so far, by up to `live_filter.BACK`.
-        readings : (k,) array of `lab.live.timed.TIMED_READING`
+        readings : (k,) array of `lab.live.timed_samples.TIMED_READING`
             Headings and speeds; they may be as old.
         """
         if readings.size:

@@ -28,7 +28,7 @@ class Heights:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.timed.TIMED_IMU`
+        rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
             Rows in the order of arrival that have a time, a rate and a force; those that are not later than
             all before are left out.
         """

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.device_clock import DeviceClock
-from lab.live.timed import TIMED_READING
+from lab.live.timed_samples import TIMED_READING
 
 Rows = NDArray[np.void]
 
@@ -53,7 +53,7 @@ class ReadingTimes:
             Readings in the order of their frames.
         arrival
             When they were there [s].
-        imu : (m,) array of `lab.live.timed.TIMED_IMU`
+        imu : (m,) array of `lab.live.timed_samples.TIMED_IMU`
             Samples that came with them.
         clock, fix_clock
             Clocks of the IMU and of the receiver.

@@ -24,7 +24,7 @@ from lab.live.device_clock import DeviceClock
 from lab.live.nominal_rate import NEAR, nominal_rate
 from lab.live.reading_times import LATENCY, NO_READINGS, STALE, ReadingTimes
 from lab.live.samples import NO_FIX, Samples
-from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.live.transport import Chunk, TransportError
 from lab.parameters.counted import counted
 

@@ -38,15 +38,15 @@ class RecordedSamples(NamedTuple):
 
     Attributes
     ----------
-    imu : (n,) array of `lab.live.timed.TIMED_IMU`
+    imu : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Samples of the IMU.
-    fix : (m,) array of `lab.live.timed.TIMED_FIX`
+    fix : (m,) array of `lab.live.timed_samples.TIMED_FIX`
         Fixes.
     reception : Reception
         Which received them: protocol, timing, statistics and losses.
     header : dict
         What the recording says of its source.
-    reading : (k,) array of `lab.live.timed.TIMED_READING`
+    reading : (k,) array of `lab.live.timed_samples.TIMED_READING`
         Headings and speeds.
     """
 

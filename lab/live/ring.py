@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.reading_times import NO_READINGS
-from lab.live.timed import TIMED_FIX, TIMED_IMU, TIMED_READING
+from lab.live.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
 
 ROOM = 2**17, 2**13
 """Samples of the IMU and fixes that are kept: two minutes at 1 kHz, and 13 minutes at 10 Hz; 20 MB."""
@@ -33,13 +33,13 @@ class Read(NamedTuple):
     ----------
     cursor : Cursor
         Where to go on.
-    imu : (n,) array of `lab.live.timed.TIMED_IMU`
+    imu : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Samples of the IMU, a copy.
-    fix : (m,) array of `lab.live.timed.TIMED_FIX`
+    fix : (m,) array of `lab.live.timed_samples.TIMED_FIX`
         Fixes, a copy.
     lost : int
         Samples, fixes and readings that were overwritten before they were read.
-    reading : (k,) array of `lab.live.timed.TIMED_READING`
+    reading : (k,) array of `lab.live.timed_samples.TIMED_READING`
         Headings and speeds, a copy.
     """
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.experiment import Experiment
 from lab.live.axis_map import AxisMap
 from lab.live.samples import FIX, FIX_3D, IMU, NO_READINGS, READING
-from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.live.transport import TransportError
 from lab.logs.pressure_height import pressure_at
 from lab.missions import mission

@@ -14,6 +14,7 @@ import numpy as np
 from lab.live.axis_map import AxisMap
 from lab.live.cause import cause_of
 from lab.live.decoders.decoder_error import DecoderError
+from lab.live.first_bytes import Unheard
 from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.live.reception import Reception
 from lab.live.ring import Cursor, Read, Ring
@@ -21,7 +22,6 @@ from lab.live.sample_watch import SampleWatch
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
 from lab.live.true_motion import TrueMotion
-from lab.live.unheard import Unheard
 
 if TYPE_CHECKING:
     from lab.live.simulated_device import SimulatedDevice

@@ -23,10 +23,10 @@ from lab.navigation.compilation import is_ready
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.flight_piece import Piece
 from lab.navigation.frames import change, model_at
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
-from lab.navigation.piece import Piece
 from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 

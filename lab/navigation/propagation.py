@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import blocks
-from lab.navigation.access import number, put_number
 from lab.navigation.compilation import kernel
+from lab.navigation.element_access import number, put_number
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.generation import Slot, Written
 

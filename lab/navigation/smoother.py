@@ -32,10 +32,10 @@ from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.driver import PENDING, SETTLED, aid_due, loop, take_measurements
 from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
+from lab.navigation.flight_piece import Piece
 from lab.navigation.frames import change, model_at
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import go_through, takes_aids, within_frame, within_frame_in_piece
-from lab.navigation.piece import Piece
 from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch

@@ -28,6 +28,7 @@ from lab.navigation import blocks, strapdown, wander, wander_models
 from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
+from lab.navigation.flight_piece import Piece
 from lab.navigation.generation import Variant, generated
 from lab.navigation.kalman import (
     MEASUREMENTS,
@@ -42,7 +43,6 @@ from lab.navigation.kalman import (
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
 from lab.navigation.observation import see_latency
-from lab.navigation.piece import Piece
 from lab.navigation.propagation import NAV
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import displace, gather, spread, transport

@@ -13,11 +13,11 @@ from urllib.parse import urlsplit
 
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
+from lab.phone.app_request import pushed_of
 from lab.phone.hub import PhoneHub
 from lab.phone.limits import BODY
+from lab.phone.page_request import posted_of
 from lab.phone.phone import BAD, FOREIGN, Answer, Phone
-from lab.phone.posted import posted_of
-from lab.phone.pushed import pushed_of
 
 PAGE: Final = Path(__file__).with_name("page.html")
 _INLINE: Final = re.compile(r"<(script|style)>(.*?)</\1>", re.DOTALL)

@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 
 from lab.live.decoders.phone_line import PhoneLine
 from lab.live.transport import Chunk
+from lab.phone.app_request import Pushed
 from lab.phone.limits import QUEUE, REQUEST_BURST, REQUESTS, SAMPLE_BURST, SAMPLES, Pace
-from lab.phone.posted import Posted
-from lab.phone.pushed import Pushed
+from lab.phone.page_request import Posted
 
 INVITED: Final = "invited"
 CONNECTED: Final = "connected"

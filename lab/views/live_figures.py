@@ -261,7 +261,7 @@ class LiveFigures:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.thinned.THINNED`
+        rows : (n,) array of `lab.live.thinned_samples.THINNED`
             Samples.
         zero
             Time that the plots call zero [s].
@@ -291,7 +291,7 @@ class LiveFigures:
         self._track.add(history.position[drawn][-_TRACK_POINTS:], np.empty((0, 3)))
 
     def add_fixes(self, fix: NDArray[np.void]) -> None:
-        """Append fixes to the ground track, rows of `lab.live.timed.TIMED_FIX`."""
+        """Append fixes to the ground track, rows of `lab.live.timed_samples.TIMED_FIX`."""
         self._track.add(np.empty((0, 3)), np.column_stack((fix["latitude"], fix["longitude"])))
 
     def show(self, state: Any, now: float, *, whole: bool = True, words: bool = True) -> None:

@@ -33,7 +33,7 @@ NOTHING = ": none yet"
 _LEGEND = 0.25
 """Part of an ordinate that is left free at the top for the legend."""
 _ROWS_PER_SECOND = 60
-"""Rows of a source per second at most: those of `lab.live.thinned` and marks of gaps."""
+"""Rows of a source per second at most: those of `lab.live.thinned_samples` and marks of gaps."""
 _STANDS_STILL = 0.6
 """Part of an ordinate below which what is shown is drawn larger."""
 

@@ -29,10 +29,10 @@ from played_phone import Played, batch, request, untrusting
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.phone_line import LONGEST
 from lab.live.sensor_server import KINDS, SensorServerTransport
+from lab.phone.app_request import pushed_of
 from lab.phone.hub import PhoneHub
+from lab.phone.page_request import posted_of
 from lab.phone.phone import Phone
-from lab.phone.posted import posted_of
-from lab.phone.pushed import pushed_of
 from lab.phone.server import PhoneServer
 
 START = 1698501144401773000  # ns since 1970

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.live.address import KINDS, Address, computer_and_port
-from lab.live.opening import open_source
+from lab.live.source_opening import open_source
 from lab.live.transport import TransportError
 
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from lab.live.axis_check import POSITIONS, TURNS, AxisCheck
 from lab.live.axis_map import AxisMap
-from lab.live.held import AxisCheckError, held
-from lab.live.timed import TIMED_IMU
+from lab.live.static_interval import AxisCheckError, held
+from lab.live.timed_samples import TIMED_IMU
 from tests.live.test_axis_map import MAPS
 
 FloatArray = NDArray[np.float64]

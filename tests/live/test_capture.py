@@ -9,9 +9,9 @@ from writers import WRITERS
 
 from lab.live.capture import holds_samples, records_of
 from lab.live.decoders.catalogue import ENCODERS
-from lab.live.opening import open_source
 from lab.live.raw_recording import DATA, RecordingError
 from lab.live.recorded_log import device_log, log_of_recording, recorded_samples
+from lab.live.source_opening import open_source
 from lab.live.transport import TransportError
 from lab.missions import Recording, mission
 

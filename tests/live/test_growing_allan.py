@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import allan, rest
 from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
-from lab.live.timed import TIMED_IMU
+from lab.live.timed_samples import TIMED_IMU
 
 HZ = 100.0
 GYRO, FORCE = np.radians(0.01), 2e-3  # rad/s/√Hz, m/s²/√Hz

@@ -17,7 +17,7 @@ from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor
 from lab.missions import Recording
 from lab.navigation.initial_heading import FORWARD_SPEED
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.truth.trajectory import Trajectory
 

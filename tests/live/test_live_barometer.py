@@ -11,11 +11,11 @@ import lab.live
 from lab.live.live_log import log_of
 from lab.live.pressure import Heights
 from lab.live.recorded_log import log_of_recording
-from lab.live.timed import TIMED_IMU
+from lab.live.timed_samples import TIMED_IMU
 from lab.logs.pressure_height import height_of, pressure_at
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.logs.sensor_log_writer import write_sensor_log
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -12,7 +12,7 @@ from live_rows import HOST, driven, feed
 import lab.live
 from lab.live.live_log import log_of
 from lab.live.recorded_log import log_of_recording
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
 

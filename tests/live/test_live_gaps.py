@@ -14,7 +14,7 @@ from lab.frames.displacement import metres_per_radian
 from lab.live.live_log import log_of
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.logs.log_section import piece
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite

@@ -12,7 +12,7 @@ from lab.frames.magnetic_field import magnetic_field
 from lab.live.live_log import log_of
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.logs.sensor_log_writer import write_sensor_log
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -17,7 +17,7 @@ from lab.live.live_state import HistoryCursor
 from lab.live.live_stream import POSITION_LIMIT
 from lab.live.live_view import COASTS_AFTER
 from lab.live.simulated_flight import SimulatedFlight
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.parameters.settings import SettingError
 

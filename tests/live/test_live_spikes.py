@@ -8,7 +8,7 @@ from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import driven, feed
 
 from lab.live.live_log import log_of
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
 SPIKED = (47, 1500, 1501, 1502, 3000, 4200, 7000, -1)

@@ -11,7 +11,7 @@ from live_rows import HOST, driven, feed
 
 from lab.live.live_log import log_of
 from lab.logs.pressure_height import pressure_at
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
 

@@ -16,7 +16,7 @@ from lab.live.simulated_flight import SimulatedFlight
 from lab.live.transport import Chunk
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions.library import add_log
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.live.ring import Cursor, Ring
-from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.timed_samples import TIMED_FIX, TIMED_IMU
 
 
 def rows(first: int, count: int, kind: np.dtype) -> np.ndarray:

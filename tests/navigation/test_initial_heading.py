@@ -18,7 +18,7 @@ from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.velocity_matching import match, turned, window_of
 from lab.missions import read_sensor_log
 from lab.navigation.initial_heading import Found, Hints, surest
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

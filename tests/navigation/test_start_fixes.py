@@ -15,7 +15,7 @@ from lab.frames.rotation import euler_from_quaternion, wrap
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.missions import read_sensor_log
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -15,7 +15,7 @@ from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import LogMission, read_sensor_log
 from lab.missions.flight_import import read_log
-from lab.navigation.recorded import RecordedRun, navigate_log
+from lab.navigation.log_navigation import RecordedRun, navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 

@@ -18,7 +18,7 @@ from lab.logs.pressure_height import pressure_at
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import read_sensor_log
 from lab.missions.flight_import import read_log
-from lab.navigation.recorded import navigate_log
+from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.readers.column_names import heading_of
 from lab.readers.sheet_field import _is_of_the_earth

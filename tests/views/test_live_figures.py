@@ -9,7 +9,7 @@ import pytest
 from bokeh.models.sources import ColumnDataSource
 
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, NAVIGATING, WAITING, LiveHistory, LiveState
-from lab.live.thinned import THINNED
+from lab.live.thinned_samples import THINNED
 from lab.views.live_figures import LiveFigures
 
 

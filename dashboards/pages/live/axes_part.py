@@ -23,8 +23,8 @@ from lab.live.axis_check import (
     in_device_axes,
 )
 from lab.live.axis_map import AxisMap
-from lab.live.held import AxisCheckError
 from lab.live.source_status import STREAMING
+from lab.live.static_interval import AxisCheckError
 from lab.live.station import Station
 from lab.views.axis_picture import axis_picture
 

@@ -8,7 +8,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.phones import phone_server
-from lab.live.opening import open_source
+from lab.live.source_opening import open_source
 from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
 from lab.phone.phone import INVITED

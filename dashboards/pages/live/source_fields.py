@@ -21,11 +21,11 @@ from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import DECODERS, ENCODERS
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.text_lines import TextLines
-from lab.live.opening import open_source, xplane_transport
 from lab.live.simulated_device import Misbehaviour, SimulatedDevice
 from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
 from lab.live.simulated_link import local_link
 from lab.live.simulated_transport import SimulatedTransport
+from lab.live.source_opening import open_source, xplane_transport
 from lab.live.station import Station
 from lab.parameters.settings import SettingError
 

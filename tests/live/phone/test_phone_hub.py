@@ -16,8 +16,8 @@ from lab.live.decoders.phone import PhoneDecoder
 from lab.live.sensor_server import SensorServerTransport
 from lab.live.transport import Transport, TransportError
 from lab.phone.hub import MOST, PhoneHub
+from lab.phone.page_request import posted_of
 from lab.phone.phone import Phone
-from lab.phone.posted import posted_of
 
 
 def invited(hub: PhoneHub) -> tuple[int, Phone]:

@@ -1,4 +1,4 @@
-"""Pushed: what the app Sensor Logger sends in one request, checked.
+"""App request: what the app Sensor Logger sends in one request, checked.
 
 References
 ----------
@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from lab.live.decoders.json_rows import LARGEST, number, parsed
 from lab.live.decoders.phone_line import MOST_FIXES, MOST_SAMPLES, RADIANS, PhoneLine, Row
 from lab.live.samples import NAN
-from lab.phone.posted import is_device, velocity
+from lab.phone.page_request import is_device, velocity
 
 MOST_READINGS: Final = 4000
 """Most readings of one request: 2 s of four sensors at 500 Hz, or 10 s at 100 Hz."""

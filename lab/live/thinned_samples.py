@@ -1,4 +1,4 @@
-"""Thinned: samples as few rows as a plot has room for, least and largest values kept."""
+"""Thinned samples: as few rows as a plot has room for, least and largest values kept."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Thinned:
         self._lock = threading.Lock()
 
     def add(self, imu: NDArray[np.void]) -> None:
-        """Take samples, rows of `lab.live.timed.TIMED_IMU` in the order of their times."""
+        """Take samples, rows of `lab.live.timed_samples.TIMED_IMU` in the order of their times."""
         if not len(imu):
             return
         buckets = np.floor(imu["time"] * (RATE / 2))

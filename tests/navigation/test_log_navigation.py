@@ -15,8 +15,8 @@ from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.missions import read_sensor_log
 from lab.navigation.alignment import align, level
+from lab.navigation.log_navigation import RecordedRun, navigate_log
 from lab.navigation.navigator import navigate
-from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Fixes, Imu
 from lab.sensors.suite import SensorSuite

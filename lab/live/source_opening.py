@@ -1,4 +1,4 @@
-"""Opening: an address becomes a source."""
+"""Source opening: an address becomes a source."""
 
 from __future__ import annotations
 

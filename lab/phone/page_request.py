@@ -1,4 +1,4 @@
-"""Posted: what the page on a phone sends in one request, checked."""
+"""Page request: what the page on a phone sends in one request, checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unheard bytes: the first of a stream, before a sample or fix came, for a recording that begins later.
+"""First bytes: those of a stream before a sample or fix came, for a recording that begins later.
 
 A replay finds protocol, rate and clock from the first bytes, as the source did. Without them, a recording
 that began within the first second had other times than the stream.

@@ -1,4 +1,4 @@
-"""Access: single numbers of an array, by their place in memory, for generated code with hundreds of them.
+"""Element access: single numbers of an array, by their place in memory, for generated code with hundreds.
 
 Numba's own access allows for negative indices and for any strides. It takes thirty instructions for each
 number, which disappear from the code, but take most of the time of its compilation.

@@ -1,4 +1,4 @@
-"""Piece: some samples of a long flight, for the compiled code, which writes float64 histories only.
+"""Flight piece: some samples of a long flight, for the compiled code, which writes float64 histories only.
 
 A long flight keeps many of its histories in float32, or does not keep them (`lab.histories`). The compiled
 code writes such a history into a buffer that is as long as the piece, and the buffer is copied into the

@@ -1,4 +1,4 @@
-"""Held: mean rate and specific force of a device that was held still, and the net angle of a turn by hand."""
+"""Static interval: mean rate and specific force of a device at rest, and the net angle of a turn by hand."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def held(rows: NDArray[np.void]) -> Held:
 
     Parameters
     ----------
-    rows : (n,) array of `lab.live.timed.TIMED_IMU`
+    rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Samples in the axes of the device.
 
     Raises
@@ -149,7 +149,7 @@ def turned(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray
 
     Parameters
     ----------
-    rows : (n,) array of `lab.live.timed.TIMED_IMU`
+    rows : (n,) array of `lab.live.timed_samples.TIMED_IMU`
         Samples of the whole turn, in the axes of the device.
     bias : (3,) array
         Gyro biases in the axes of the device, from a stretch at rest; zero if they are left out [rad/s].

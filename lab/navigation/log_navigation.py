@@ -1,4 +1,4 @@
-"""Recorded: the navigator on a sensor log, with a σ and a time for each fix.
+"""Log navigation: the navigator on a sensor log, with a σ and a time for each fix.
 
 The filter is the same as for simulated flights, with the lever arm and the latency of the log. It processes
 the log in stretches: gaps of the IMU are separate, and so are fixes with different numbers of measurements.

@@ -1,4 +1,4 @@
-"""Choice: the linear error model that a navigator's settings name, and whether its filter is ready."""
+"""Model choice: the linear error model that a navigator's settings name, and whether its filter is ready."""
 
 from __future__ import annotations
 
