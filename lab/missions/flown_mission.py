@@ -15,13 +15,11 @@ from lab.missions.library import (
     file_errors_reported,
     named_by_others,
     new_recording,
-    recordings_named,
-    remove_unused,
+    replace_toml,
 )
 from lab.missions.mission import Mission
 from lab.missions.mission_name import suggested_name
 from lab.missions.toml_edit import flown_text
-from lab.recordings.atomic_file import atomic_file
 from lab.recordings.description_toml import read_toml
 from lab.recordings.folder_lock import folder_lock
 from lab.recordings.mission_error import MissionError
@@ -161,14 +159,10 @@ def add_flown(
             _check_flown(flown, seed, folder, overwrite, written=path)  # again: flying took a while
             if read_toml(source).get("flight") != flown.flight:
                 raise MissionError(f"{source}: the plan was changed while it was flown; fly it again")
-            replaced = recordings_named(toml)
             if _holds(toml, _flown_content(flown, old.name, seed, ending)) and not named_by_others(old, toml):
                 path.replace(old)
             else:
-                content = _flown_content(flown, path.name, seed, ending)
-                with atomic_file(toml) as file:
-                    file.write(content)
-                remove_unused(replaced)
+                replace_toml(toml, _flown_content(flown, path.name, seed, ending))
     return mission(toml)
 
 

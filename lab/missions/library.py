@@ -110,10 +110,9 @@ def add_mission(
         with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
             _check_free(where, name, overwrite)  # again: writing took a while
             sweep(where, named_by_others)
-            replaced = recordings_named(toml)
             values["recording"] = path.name
-            _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
-            remove_unused(replaced)
+            content = toml_text(values | ({} if flight is None else {"flight": flight}))
+            replace_toml(toml, encoded(content, toml))
     return mission(toml)
 
 
@@ -271,15 +270,15 @@ def delete_mission(name: str) -> None:
         if path.is_symlink():
             path.unlink()
         elif not path.is_dir():
-            recordings = recordings_named(path)
+            recordings = _recordings_named(path)
             path.unlink()
-            remove_unused(recordings)
+            _remove_unused(recordings)
         else:
             _delete_log(path)
 
 
 def _delete_log(folder: Path) -> None:
-    for file in {*recordings_named(folder), *(folder / name for name in _LOG_FILES)}:
+    for file in {*_recordings_named(folder), *(folder / name for name in _LOG_FILES)}:
         file.unlink(missing_ok=True)
     (folder / DESCRIPTION_FILE).unlink(missing_ok=True)
     if not any(folder.iterdir()):
@@ -331,10 +330,12 @@ def _numbered(wanted: Path) -> Iterator[Path]:
         yield wanted.with_name(f"{plain}.{number}{ending}")
 
 
-def _write_toml(toml: Path, values: Mapping[str, Any]) -> None:
-    content = encoded(toml_text(values), toml)
+def replace_toml(toml: Path, content: bytes) -> None:
+    """Write the TOML file of a mission; recordings that only the old file of this name named are removed."""
+    replaced = _recordings_named(toml)
     with atomic_file(toml) as file:
         file.write(content)
+    _remove_unused(replaced)
 
 
 def encoded(text: str, toml: Path) -> bytes:
@@ -360,7 +361,7 @@ def encoded(text: str, toml: Path) -> bytes:
     return content
 
 
-def recordings_named(place: Path) -> list[Path]:
+def _recordings_named(place: Path) -> list[Path]:
     """Return the csv files in its folder that a mission names; none if the mission cannot be read."""
     if not place.exists() or place.is_symlink():
         return []
@@ -374,7 +375,7 @@ def recordings_named(place: Path) -> list[Path]:
     return [path for path in named if path.name.lower().endswith((".csv", ".csv.gz"))]
 
 
-def remove_unused(recordings: Sequence[Path]) -> None:
+def _remove_unused(recordings: Sequence[Path]) -> None:
     """Remove recordings that no TOML file in their folder names."""
     for path in set(recordings):
         if not named_by_others(path):
@@ -383,7 +384,7 @@ def remove_unused(recordings: Sequence[Path]) -> None:
 
 def named_by_others(recording: Path, toml: Path | None = None) -> bool:
     """Return whether a TOML file of the folder, another than that given, names a recording."""
-    return any(recording in recordings_named(one) for one in recording.parent.glob("*.toml") if one != toml)
+    return any(recording in _recordings_named(one) for one in recording.parent.glob("*.toml") if one != toml)
 
 
 def _title(name: str, title: str) -> str:

@@ -217,7 +217,7 @@ def test_a_crash_leaves_no_half_mission(own, monkeypatch):
     def crash(*_arguments: object, **_options: object) -> None:
         raise Crash
 
-    for step in ("write_flight_csv", "_write_toml"):
+    for step in ("write_flight_csv", "replace_toml"):
         for overwrite in (False, True):
             with monkeypatch.context() as patch:
                 patch.setattr(shelf, step, crash)
