@@ -133,38 +133,17 @@ class Stages:
             gyro, accelerometer = in_one(gyro, accelerometer)
             self._retiring = Retiring(gyro.increments), Retiring(accelerometer.increments)
             give_back()
-        ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
-        self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
-        if self.algorithm is None and truth.time.size > SINGLE:
-            compile_apart(self.navigator, self.sensors, 1 / ideal.dt)
+        self._prepare_navigator(truth.time.size, ideal.dt)
         assumed = self.belief(aligned)
-        names = chosen_blocks(self.navigator, self.sensors)
-        own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
-        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
-        key = digest(self.flight_key, self.experiment.seed, *parts, self.hidden)
-        (solution, aids), seconds = (
-            timed(
-                lambda: self.own_solution(
-                    truth, gyro.increments, accelerometer.increments, fixes, aligned.start
-                )
-            )
-            if self.algorithm is not None
-            else CACHE.get(
-                "navigation",
-                key,
-                lambda: timed(
-                    lambda: self.solution(
-                        truth,
-                        ideal.dt,
-                        gyro.increments,
-                        accelerometer.increments,
-                        fixes,
-                        aligned.start,
-                        assumed,
-                        readings,
-                    )
-                ),
-            )
+        (solution, aids), seconds = self._navigated(
+            truth,
+            ideal.dt,
+            gyro.increments,
+            accelerometer.increments,
+            fixes,
+            aligned.start,
+            assumed,
+            readings,
         )
         if is_long:
             # The navigator is done with the exact increments, and a smoother with copies of its filter.
@@ -189,9 +168,45 @@ class Stages:
             aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
-            blocks=() if self.algorithm is not None else names,
+            blocks=() if self.algorithm is not None else chosen_blocks(self.navigator, self.sensors),
             aids=aids,
             readings=readings,
+        )
+
+    def _prepare_navigator(self, samples: int, dt: float) -> None:
+        """Report the navigation, and compile the filter of a long flight in a process of its own."""
+        ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
+        self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
+        if self.algorithm is None and samples > SINGLE:
+            compile_apart(self.navigator, self.sensors, 1 / dt)
+
+    def _navigated(
+        self,
+        truth: Truth,
+        dt: float,
+        dtheta: FloatArray,
+        dvelocity: FloatArray,
+        fixes: gps.GpsFixes,
+        start: Start,
+        assumed: Belief,
+        readings: Mapping[str, Readings],
+    ) -> tuple[tuple[Solution, Aids], float]:
+        """Return the solution with the measurements besides GPS, and its computing time [s].
+
+        It is computed once for all experiments with the same settings; a user's algorithm runs every time.
+        """
+        if self.algorithm is not None:
+            return timed(lambda: self.own_solution(truth, dtheta, dvelocity, fixes, start))
+        names = chosen_blocks(self.navigator, self.sensors)
+        own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
+        key = digest(self.flight_key, self.experiment.seed, *parts, self.hidden)
+        return CACHE.get(
+            "navigation",
+            key,
+            lambda: timed(
+                lambda: self.solution(truth, dt, dtheta, dvelocity, fixes, start, assumed, readings)
+            ),
         )
 
     def begin(self, truth: Truth) -> Aligned:
