@@ -6,6 +6,7 @@ import errno
 import os
 import socket
 import sys
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -127,35 +128,16 @@ def serve(
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
-    if lessons is not None and not lessons.is_dir():
-        raise CommandError(
-            f"--lessons {lessons}: is not a folder; accepted is one with lessons as .toml files"
-        )
-    if homework is not None and not homework.is_dir():
-        raise CommandError(
-            f"--homework {homework}: is not a folder; accepted is one with the keys of homework as .key files"
-        )
+    _check_folder("--lessons", lessons, "lessons as .toml files")
+    _check_folder("--homework", homework, "the keys of homework as .key files")
     algorithms(own)  # a failure to load is reported now, not to visitors
     if phone:
-        from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
-        from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
-
-        take_phones("0.0.0.0" if is_loopback(address) else address, phone_port)
-        print(
-            f"ins-lab: phones: choose the source “A phone” on the page Live; port {phone_port}",
-            file=sys.stderr,
-        )
+        _take_phones(address, phone_port)
     password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
-    from dashboards.devices import allow_devices  # noqa: PLC0415 - takes a second
     from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
-    from lab.live.transport import TransportError  # noqa: PLC0415 - takes a second
 
-    try:
-        allow_devices(devices or ())
-    except TransportError as error:
-        raise CommandError(f"--allow-device: {error}") from error
-
+    _allow_devices(devices or ())
     try:
         server.serve(
             port=port,
@@ -172,6 +154,31 @@ def serve(
         )
     except OriginError as error:
         raise CommandError(f"--origin: {error}") from error
+
+
+def _check_folder(option: str, folder: Path | None, files: str) -> None:
+    if folder is not None and not folder.is_dir():
+        raise CommandError(f"{option} {folder}: is not a folder; accepted is one with {files}")
+
+
+def _take_phones(address: str, port: int) -> None:
+    """Open the page for phones, on all addresses if only this computer reaches the laboratory."""
+    from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
+    from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
+
+    take_phones("0.0.0.0" if is_loopback(address) else address, port)
+    print(f"ins-lab: phones: choose the source “A phone” on the page Live; port {port}", file=sys.stderr)
+
+
+def _allow_devices(sources: Sequence[str]) -> None:
+    """Allow the sources that --allow-device names."""
+    from dashboards.devices import allow_devices  # noqa: PLC0415 - takes a second
+    from lab.live.transport import TransportError  # noqa: PLC0415 - takes a second
+
+    try:
+        allow_devices(sources)
+    except TransportError as error:
+        raise CommandError(f"--allow-device: {error}") from error
 
 
 def read_password(path: Path) -> str:

@@ -64,38 +64,19 @@ def serve(
     from tornado.ioloop import IOLoop  # noqa: PLC0415
 
     import dashboards.page  # noqa: F401, PLC0415
-    from dashboards.algorithms import use_algorithms  # noqa: PLC0415
-    from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
-    from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
-    from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
-    from dashboards.password import Password  # noqa: PLC0415
-    from dashboards.teaching.class_link import listen_on  # noqa: PLC0415
+    from dashboards.origins import is_loopback  # noqa: PLC0415
     from dashboards.teaching.teacher import PATH, TeachHandler  # noqa: PLC0415
-    from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
-    from dashboards.visitors import allow  # noqa: PLC0415
+    from dashboards.upload import remove_all_here  # noqa: PLC0415
     from dashboards.warming import Warming  # noqa: PLC0415
-    from lab.missions import missions  # noqa: PLC0415
-    from lab.missions.library import sweep_own_folder  # noqa: PLC0415
 
-    use_algorithms(algorithms)
-    use_lessons(lessons)
-    use_homework(homework)
-    sweep_own_folder()
-    with warnings.catch_warnings(action="ignore"):
-        missions()  # read here once, so that no page reads it again
+    _offer(algorithms, lessons, homework)
     loopback = is_loopback(address)
-    allow(visitors or ("edit" if loopback else "run"))
-    listen_on(address)
-    limit_log()
-    remove_abandoned()
-    check_origins_of_pages()
+    _protect(address, visitors or ("edit" if loopback else "run"))
     warming = Warming() if warm else None
     _on_end(remove_all_here, *([warming.end] if warming else ()))
-    door: dict[str, Any] = {SETTING: accepted_hosts(address, port, origins)}
-    if password is not None:
-        door |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
+    admission = _admission(address, port, origins, password)
     where = "localhost" if loopback else address
     # The loop of events runs once the server listens: a browser that is opened before is refused.
     IOLoop.current().add_callback(print, _greeting(where, address, port, teacher=teacher), flush=True)
@@ -113,11 +94,52 @@ def serve(
             sign_sessions=True,
             websocket_max_message_size=MAX_MESSAGE,
             http_server_kwargs={"max_body_size": MAX_BODY},
-            **door,
+            **admission,
         )
     finally:
         if warming:
             warming.end()
+
+
+def _offer(algorithms: Sequence[str], lessons: Path | None, homework: Path | None) -> None:
+    """Make the operator's algorithms, lessons and homework known to all sessions, and read the missions."""
+    from dashboards.algorithms import use_algorithms  # noqa: PLC0415
+    from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
+    from lab.missions import missions  # noqa: PLC0415
+    from lab.missions.library import sweep_own_folder  # noqa: PLC0415
+
+    use_algorithms(algorithms)
+    use_lessons(lessons)
+    use_homework(homework)
+    sweep_own_folder()
+    with warnings.catch_warnings(action="ignore"):
+        missions()  # read here once, so that no page reads it again
+
+
+def _protect(address: str, visitors: str) -> None:
+    """Set what visitors may do, and limit what they can fill: the log, and the folder of uploads."""
+    from dashboards.log_limit import limit_log  # noqa: PLC0415
+    from dashboards.origins import check_origins_of_pages  # noqa: PLC0415
+    from dashboards.teaching.class_link import listen_on  # noqa: PLC0415
+    from dashboards.upload import remove_abandoned  # noqa: PLC0415
+    from dashboards.visitors import allow  # noqa: PLC0415
+
+    allow(visitors)
+    listen_on(address)
+    limit_log()
+    remove_abandoned()
+    check_origins_of_pages()
+
+
+def _admission(address: str, port: int, origins: Sequence[str], password: str | None) -> dict[str, Any]:
+    """Return the settings of the web application that admit hosts, and visitors with the password."""
+    from dashboards.origins import SETTING, accepted_hosts  # noqa: PLC0415
+    from dashboards.password import Password  # noqa: PLC0415
+
+    admission: dict[str, Any] = {SETTING: accepted_hosts(address, port, origins)}
+    if password is not None:
+        admission |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
+    return admission
 
 
 def _greeting(where: str, address: str, port: int, *, teacher: bool) -> str:
