@@ -162,7 +162,7 @@ def _check_folder(option: str, folder: Path | None, files: str) -> None:
 
 
 def _take_phones(address: str, port: int) -> None:
-    """Open the page for phones, on all addresses if only this computer reaches the laboratory."""
+    """Let visitors invite phones; no phone reaches a loopback address, so all others are used then."""
     from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
     from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
 

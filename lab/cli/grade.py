@@ -5,13 +5,17 @@ from __future__ import annotations
 import codecs
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lab.cli.app import CommandError, working
 from lab.cli.options import Force, check_out
 from lab.parameters.counted import counted
+
+if TYPE_CHECKING:
+    from lab.homework.grading import Handed
+    from lab.homework.homework_file import Keyed
 
 EXAMPLES = """\b
 Examples:
@@ -47,21 +51,34 @@ def grade(
 ) -> None:
     """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
     from lab.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
-    from lab.homework.grading import (  # noqa: PLC0415 - slow
-        GRADED,
-        GradingError,
-        check_folder,
-        columns,
-        csv_text,
-        files_of,
-    )
+    from lab.homework.grading import GRADED, columns, csv_text  # noqa: PLC0415 - slow
     from lab.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
+
+    check_out(out, force, ".csv", "a table", "--out")
+    keyed, files = _read(key, folder, out)
+    try:
+        with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
+            rows = rows_of(files, keyed, progress, examining)
+    except StartError as error:
+        raise CommandError(str(error)) from error
+    _write(csv_text(columns(keyed.judge), rows), out)
+    done = sum(row["status"] == GRADED for row in rows)
+    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded", file=sys.stderr)
+
+
+def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed]]:
+    """Return the homework with its key, and the files in the folder that may be hand-ins.
+
+    Raises
+    ------
+    CommandError
+        If the key or the folder is not accepted, or the folder has no files.
+    """
+    from lab.homework.grading import GradingError, check_folder, files_of  # noqa: PLC0415 - slow
     from lab.homework.homework_file import read_key  # noqa: PLC0415 - slow
     from lab.homework.sealing import SealError  # noqa: PLC0415 - slow
     from lab.lessons.fields import LessonError  # noqa: PLC0415 - slow
-    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
 
-    check_out(out, force, ".csv", "a table", "--out")
     try:
         keyed = read_key(key)
         check_folder(folder)
@@ -70,22 +87,21 @@ def grade(
         raise CommandError(str(error)) from error
     if not files:
         raise CommandError(f"{folder}: is empty; accepted is a folder with hand-ins")
-    try:
-        with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
-            rows = rows_of(files, keyed, progress, examining)
-    except StartError as error:
-        raise CommandError(str(error)) from error
-    text = csv_text(columns(keyed.judge), rows)
+    return keyed, files
+
+
+def _write(text: str, out: Path | None) -> None:
+    """Write the table to a file or to standard output, there too if the file cannot be written."""
+    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
+
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")
-    else:
-        try:
-            with atomic_file(out) as file:
-                file.write(codecs.BOM_UTF8 + text.encode())  # without the mark, Excel expects no UTF-8
-        except OSError as error:  # the runs took long: the table must not be lost
-            print(text, end="")
-            raise CommandError(
-                f"{out}: {error.strerror or error}; the table is on standard output instead"
-            ) from error
-    done = sum(row["status"] == GRADED for row in rows)
-    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded", file=sys.stderr)
+        return
+    try:
+        with atomic_file(out) as file:
+            file.write(codecs.BOM_UTF8 + text.encode())  # without the mark, Excel expects no UTF-8
+    except OSError as error:  # the runs took long: the table must not be lost
+        print(text, end="")
+        raise CommandError(
+            f"{out}: {error.strerror or error}; the table is on standard output instead"
+        ) from error
