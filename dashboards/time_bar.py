@@ -61,50 +61,23 @@ class TimeBar:
         self._follow = follow
         self._playing: Any = None
         self._moving = False
-        self._play = pmui.ToggleIcon(
-            icon="play_arrow",
-            active_icon="pause",
-            size="1.6em",
-            margin=(2, 0, 0, 8),
-            description="Play, or stop",
-            stylesheets=[TOOLTIP],
-        )
+        self._play = _play_button()
         self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
         self._speed = pmui.Select(
             options=SPEEDS, value=5.0, size="small", width=84, margin=4, stylesheets=[ROOMY]
         )
-        self._slider = Slider(
-            label="Time",
-            show_value=False,
-            tooltips=False,
-            size="small",
-            start=0.0,
-            end=1.0,
-            step=0.05,
-            margin=(12, 6, 0, 6),
-            sizing_mode="stretch_width",
-            sx={"& .MuiFormLabel-root": {"display": "none"}},
-        )
+        self._slider = _time_slider()
         self._slider.param.watch(self._moved, "value")
         self._readout = pn.pane.HTML(
             "", margin=(12, 4), styles={"font-variant-numeric": "tabular-nums"}, stylesheets=[READOUT]
         )
-        outage = pmui.IconButton(
-            icon="gps_off",
-            size="1.2em",
-            margin=(6, 0, 0, 0),
-            description="GPS outage over the visible stretch (drag over a plot to choose one). "
+        outage = _icon_button(
+            "gps_off",
+            "GPS outage over the visible stretch (drag over a plot to choose one). "
             f"If the whole flight is visible: {OUTAGE:g} s from the time cursor on.",
-            stylesheets=[TOOLTIP],
         )
         outage.on_click(lambda _event: self._cut_stretch())
-        whole = pmui.IconButton(
-            icon="zoom_out_map",
-            size="1.2em",
-            margin=(6, 10, 0, 0),
-            description="Whole flight",
-            stylesheets=[TOOLTIP],
-        )
+        whole = _icon_button("zoom_out_map", "Whole flight", right=10)
         whole.on_click(lambda _event: axis.whole())
         axis.cursor.on_change("location", self._clicked)
         self.view = pn.Row(
@@ -181,3 +154,40 @@ class TimeBar:
 
     def _tell(self, time: float) -> None:
         self._readout.object = f"<b>{time:.2f} s</b> <span>/ {self._axis.duration:.0f} s</span>"
+
+
+def _play_button() -> pmui.ToggleIcon:
+    return pmui.ToggleIcon(
+        icon="play_arrow",
+        active_icon="pause",
+        size="1.6em",
+        margin=(2, 0, 0, 8),
+        description="Play, or stop",
+        stylesheets=[TOOLTIP],
+    )
+
+
+def _time_slider() -> Slider:
+    return Slider(
+        label="Time",
+        show_value=False,
+        tooltips=False,
+        size="small",
+        start=0.0,
+        end=1.0,
+        step=0.05,
+        margin=(12, 6, 0, 6),
+        sizing_mode="stretch_width",
+        sx={"& .MuiFormLabel-root": {"display": "none"}},
+    )
+
+
+def _icon_button(icon: str, description: str, right: int = 0) -> pmui.IconButton:
+    """Return a button with a tooltip, and with a margin to the right of it [px]."""
+    return pmui.IconButton(
+        icon=icon,
+        size="1.2em",
+        margin=(6, right, 0, 0),
+        description=description,
+        stylesheets=[TOOLTIP],
+    )
