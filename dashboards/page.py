@@ -132,6 +132,10 @@ class SimulatorPage:
             margin=0,
             stylesheets=[FRAME],
         )
+        self._listen()
+
+    def _listen(self) -> None:
+        """Follow the session, the tabs and the visible stretch of time."""
         self.session.prepare = self._prepare
         self.session.go = self._go_to
         self.session.remind = self._remind

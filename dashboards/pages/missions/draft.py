@@ -72,15 +72,11 @@ class Draft:
         self._settings = ImportSettings()
         self._verdict = Notice()
         self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=HIGH, stylesheets=[PREVIEW])
-        self._report = pn.pane.HTML(
-            "", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE]
-        )
+        self._report = _report_pane()
         self._fields = SettingFields(self._settings, self._rebuild, self._job.say)
         self._units = UnitFields(self._reread)
         self._columns = ColumnField(self._reread, self._job.say)
-        self._log_report = pn.pane.HTML(
-            "", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE]
-        )
+        self._log_report = _report_pane()
         self._naming = Naming("flight", "")
         self._add = pmui.Button(label="Add mission", icon="add", color="primary", margin=(10, 4))
         self._add.on_click(lambda _event: self._start_adding(as_log=False))
@@ -91,39 +87,36 @@ class Draft:
             description="Adds the IMU and GPS data in the file as a sensor log.",
         )
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
-        self._body = pn.Column(
-            self._verdict.view,
-            pn.Row(
-                self._naming.view,
-                self._add,
-                self._add_log,
-                margin=0,
-                stylesheets=[WRAP],
-                sizing_mode="stretch_width",
-            ),
-            self._preview,
-            pn.Column(
-                pn.Column(
-                    self._report,
-                    self._log_report,
-                    margin=0,
-                    sizing_mode="stretch_width",
-                    stylesheets=[WHOLE],
-                ),
-                pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE]),
-                stylesheets=[GRID],
-                margin=0,
-                sizing_mode="stretch_width",
-            ),
-            visible=False,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
-        )
+        self._body = self._laid_out()
         self.view = pn.Column(
             self._job.view,
             self._columns.view,
             self._body,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+
+    def _laid_out(self) -> pn.Column:
+        """Return the verdict, the name, the preview, and the reports beside the fields; hidden at first."""
+        naming = pn.Row(
+            self._naming.view,
+            self._add,
+            self._add_log,
+            margin=0,
+            stylesheets=[WRAP],
+            sizing_mode="stretch_width",
+        )
+        reports = pn.Column(
+            self._report, self._log_report, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE]
+        )
+        fields = pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE])
+        return pn.Column(
+            self._verdict.view,
+            naming,
+            self._preview,
+            pn.Column(reports, fields, stylesheets=[GRID], margin=0, sizing_mode="stretch_width"),
+            visible=False,
             margin=0,
             sizing_mode="stretch_width",
             stylesheets=[WHOLE],
@@ -221,6 +214,10 @@ class Draft:
         self._clear()
         self._session.library_changed(added.name)
         self._job.say(f"{added.name} was added and chosen.", "success")
+
+
+def _report_pane() -> pn.pane.HTML:
+    return pn.pane.HTML("", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE])
 
 
 def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | None, str]:
