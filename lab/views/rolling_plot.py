@@ -34,6 +34,8 @@ _LEGEND = 0.25
 """Part of an ordinate that is left free at the top for the legend."""
 _ROWS_PER_SECOND = 60
 """Rows of a source per second at most: those of `lab.live.thinned_samples` and marks of gaps."""
+_MARKERS = ("circle",) * 3 + ("triangle",) * 3
+"""Markers of points, in the order of the curves."""
 _STANDS_STILL = 0.6
 """Part of an ordinate below which what is shown is drawn larger."""
 
@@ -101,25 +103,8 @@ class RollingPlot:
         self._nothing: dict[str, list[float]] = {name: [] for name in ("time", "age", *labels)}
         self.source = ColumnDataSource(self._nothing, name=f"live:{title}")
         self.glyphs: dict[str, GlyphRenderer[Any]] = {
-            label: (
-                self.figure.scatter(
-                    "age",
-                    label,
-                    source=self.source,
-                    color=colour,
-                    size=6,
-                    alpha=0.9,
-                    marker=marker,
-                    level="overlay",
-                )
-                if points
-                else self.figure.line(
-                    "age", label, source=self.source, color=colour, line_width=1.4, level="overlay"
-                )
-            )
-            for label, colour, marker in zip(
-                labels, colours, ("circle",) * 3 + ("triangle",) * 3, strict=False
-            )
+            label: self._draw(label, colour, marker if points else None)
+            for label, colour, marker in zip(labels, colours, _MARKERS, strict=False)
         }
         if legend is None and 1 < len(labels) <= len(AXIS_COLOURS):
             legend = {label: (label,) for label in labels}
@@ -132,6 +117,23 @@ class RollingPlot:
         )
         ticker = self.figure.yaxis[0].ticker
         self._ticks = parcel.number(ticker, group) if isinstance(ticker, FixedTicker) else -1
+
+    def _draw(self, label: str, colour: str, marker: str | None) -> GlyphRenderer[Any]:
+        """Draw a curve: points with a marker, or else a line."""
+        if marker is None:
+            return self.figure.line(
+                "age", label, source=self.source, color=colour, line_width=1.4, level="overlay"
+            )
+        return self.figure.scatter(
+            "age",
+            label,
+            source=self.source,
+            color=colour,
+            size=6,
+            alpha=0.9,
+            marker=marker,
+            level="overlay",
+        )
 
     def clear(self) -> None:
         """Forget all rows."""
