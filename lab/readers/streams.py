@@ -257,24 +257,14 @@ def flight_of(
     base = attitude if attitude is not None and attitude.rate > velocity.rate else velocity
     used = [stream for stream in (velocity, position, attitude) if stream is not None]
     others = [stream for stream in used if stream is not base]
-    kept = np.ones(len(base.time), dtype=bool)
-    dropped = [drop for stream in used for drop in stream.lost]
-    for other in others:
-        known = other.known(base.time)
-        lost = kept & ~known
-        if lost.any():
-            reason = f"{base.what} while the {other.what} was not logged"
-            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
-            kept &= known
+    kept, unknown = _known_together(base, others)
     time = base.time[kept]
     if len(time) < MIN_SAMPLES:
         raise MissionError(
             f"{path}: {' and '.join(stream.what for stream in used)} have {len(time)} times in common; "
             f"accepted are at least {MIN_SAMPLES}"
         )
-    longitude = np.unwrap(position.values[:, 1])
-    places = np.column_stack((position.values[:, 0], longitude, position.values[:, 2]))
-    place = replace(position, values=places).at(time)
+    place = _position_at(position, time)
     euler = None
     if attitude is not None:
         euler = euler_from_quaternion(
@@ -290,13 +280,33 @@ def flight_of(
         euler=euler,
         # Each message counts once: those of the base, and those of the others that are lost.
         rows_read=base.read + sum(other.read - len(other.time) for other in others),
-        dropped=tuple(dropped),
+        dropped=(*(drop for stream in used for drop in stream.lost), *unknown),
         units=units,
         remarks=remarks,
         vehicle=vehicle,
         rates=_slower(base, velocity, position, attitude),
         resets=_resets(velocity, position, attitude),
     )
+
+
+def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[BoolArray, list[Dropped]]:
+    """Return at which times of a stream all others are known, and the report on the other times."""
+    kept, dropped = np.ones(len(base.time), dtype=bool), []
+    for other in others:
+        known = other.known(base.time)
+        lost = kept & ~known
+        if lost.any():
+            reason = f"{base.what} while the {other.what} was not logged"
+            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
+            kept &= known
+    return kept, dropped
+
+
+def _position_at(position: Stream, time: FloatArray) -> FloatArray:
+    """Return latitude, continuous longitude [rad] and height [m] (m, 3) at some times."""
+    longitude = np.unwrap(position.values[:, 1])
+    places = np.column_stack((position.values[:, 0], longitude, position.values[:, 2]))
+    return replace(position, values=places).at(time)
 
 
 def _watched(
