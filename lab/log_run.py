@@ -179,38 +179,19 @@ def _result(
 ) -> LogResult:
     samples, fixes = made.imu.dtheta.shape[0], made.fixes.time.size
     nothing = np.broadcast_to(np.nan, (max(samples, fixes), 3))
-    latency = assumed_latency(experiment.navigator, log.gnss.latency)
-    rows = np.searchsorted(log.gnss.time - latency, made.fixes.time)
+    fix_times = log.gnss.time - assumed_latency(experiment.navigator, log.gnss.latency)
+    rows = np.searchsorted(fix_times, made.fixes.time)
     # The filter got substitutes for components that the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
-    notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
-    notes += coasting_remarks(log, made.imu.time, log.gnss.time - latency, solution)
-    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
-    if unnamed and made.alignment.heading.is_course:
-        notes.append(
-            "The vehicle is unknown: the course is used as its heading, and the motion does not contradict "
-            "this. --vehicle, or vehicle in log.toml, sets the vehicle."
-        )
-    notes += [comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons]
-    if log.reference is None:
-        notes.append("There is no reference: the errors are unknown, the innovations are known.")
-    elif truth is None:
-        notes.append("The reference has no rows during the IMU data: the errors are unknown.")
-    else:
-        notes.append(
-            "Errors are differences to the reference, which has errors of its own. NEES is therefore not "
-            "given, and the verdict is based on the innovations."
-        )
-    groups = experiment.sensors.groups()
-    fitted = [name for name in OTHER_SENSORS if groups[name].get("fitted")]
-    idle = [
-        path
-        for path, owner, name in experiment.leaves()
-        if getattr(owner, name) != owner.param[name].default
-        and not has_effect(path, experiment.navigator.states, fitted)
-    ]
-    if idle:
-        notes.append(f"Nothing is simulated for a log: {', '.join(idle)} has no effect.")
+    remarks = (
+        *made.remarks,
+        *clock_remarks(log, experiment.sensors.gps.outages),
+        *coasting_remarks(log, made.imu.time, fix_times, solution),
+        *_vehicle_remarks(experiment, log, made),
+        *(comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons),
+        _reference_remark(log, truth),
+        *_idle_remarks(experiment),
+    )
     return LogResult(
         experiment=experiment,
         mission=mission,
@@ -222,10 +203,46 @@ def _result(
         solution_arrays=solution,
         seconds=seconds,
         algorithm="" if algorithm is None else type(algorithm).__name__,
-        recorded=Recorded(log, made.imu.time, made.alignment, tuple(notes)),
+        recorded=Recorded(log, made.imu.time, made.alignment, remarks),
         blocks=() if algorithm is not None else made.blocks,
         aids=NO_AIDS if algorithm is not None else made.aids,
     )
+
+
+def _vehicle_remarks(experiment: Runnable, log: SensorLog, made: RecordedRun) -> list[str]:
+    """Return a remark about the heading of an unknown vehicle, if it is the course."""
+    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
+    if not unnamed or not made.alignment.heading.is_course:
+        return []
+    return [
+        "The vehicle is unknown: the course is used as its heading, and the motion does not contradict "
+        "this. --vehicle, or vehicle in log.toml, sets the vehicle."
+    ]
+
+
+def _reference_remark(log: SensorLog, truth: Truth | None) -> str:
+    """Return what the errors are, if they are known."""
+    if log.reference is None:
+        return "There is no reference: the errors are unknown, the innovations are known."
+    if truth is None:
+        return "The reference has no rows during the IMU data: the errors are unknown."
+    return (
+        "Errors are differences to the reference, which has errors of its own. NEES is therefore not "
+        "given, and the verdict is based on the innovations."
+    )
+
+
+def _idle_remarks(experiment: Runnable) -> list[str]:
+    """Return a remark about changed settings that have no effect on a log."""
+    groups = experiment.sensors.groups()
+    fitted = [name for name in OTHER_SENSORS if groups[name].get("fitted")]
+    idle = [
+        path
+        for path, owner, name in experiment.leaves()
+        if getattr(owner, name) != owner.param[name].default
+        and not has_effect(path, experiment.navigator.states, fitted)
+    ]
+    return [f"Nothing is simulated for a log: {', '.join(idle)} has no effect."] if idle else []
 
 
 def outages_in(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
