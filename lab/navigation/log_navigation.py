@@ -158,11 +158,7 @@ def navigate_log(
     start = start or align(
         imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed.noise[:3]
     )
-    # The last fix before the start was used for the start.
-    rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
-    if not rows.any():
-        raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
-    rows &= ~within(outages, times)
+    rows = _after_start(log, imu, times) & ~within(outages, times)
     assumed = assumed._replace(
         P0=start_covariance(assumed, navigator, start, variances[0, :3]),
         R=R[rows],
@@ -173,14 +169,7 @@ def navigate_log(
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
     begin = start.start._replace(gyro_bias=start.gyro_bias)
     given = np.ones(fixes.time.size, np.bool_) if withheld is None else ~withheld[rows]
-    if needs_rest(navigator) and given.any():
-        shown = Fixes(*(values[given] for values in fixes))
-        rest = at_rest(imu, shown, assumed._replace(R=assumed.R[given]))
-    else:
-        rest = NO_REST
-    standing = rest
-    if navigator.zero_velocity and given.any():
-        standing, _ = standing_still(rest, imu, shown, assumed._replace(R=assumed.R[given]))
+    rest, standing = _rests(imu, fixes, assumed, navigator, given)
     aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)
@@ -193,6 +182,34 @@ def navigate_log(
     return RecordedRun(
         imu, fixes, assumed, start, solution, aids, names, (*log.repairs, *remarks, start.remark)
     )
+
+
+def _after_start(log: SensorLog, imu: Imu, times: FloatArray) -> NDArray[np.bool_]:
+    """Return the mask of the fixes during the IMU data; the last one before the start was used for it.
+
+    Raises
+    ------
+    MissionError
+        If there are none.
+    """
+    rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
+    if not rows.any():
+        raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
+    return np.asarray(rows)
+
+
+def _rests(
+    imu: Imu, fixes: Fixes, assumed: Belief, navigator: NavigatorSettings, given: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the masks of the samples at rest and at zero velocity, from the given fixes; empty if unused."""
+    if not needs_rest(navigator) or not given.any():
+        return NO_REST, NO_REST
+    fixes, assumed = Fixes(*(values[given] for values in fixes)), assumed._replace(R=assumed.R[given])
+    rest = at_rest(imu, fixes, assumed)
+    if not navigator.zero_velocity:
+        return rest, rest
+    standing, _ = standing_still(rest, imu, fixes, assumed)
+    return rest, standing
 
 
 def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
