@@ -186,21 +186,10 @@ def repaired(
     repairs: list[str] = []
     _check_order(name, "IMU", time)
     _check_order(name, "GPS", gnss.time)
-    known = np.isfinite(samples).all(axis=1)
-    _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
-    lost, time, samples = time[~known], time[known], samples[known]
-    time, samples = _without_repeats(time, samples, increments, repairs)
-    spiky = find_spikes(_rates(time, samples) if increments else samples)
-    _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
-    lost, time, samples = np.sort(np.append(lost, time[spiky])), time[~spiky], samples[~spiky]
-    gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
-    _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
-    gnss_rows &= _real_fixes(gnss, gnss_rows, repairs)
+    time, samples, lost = _usable_samples(time, samples, increments, find_spikes, repairs)
+    gnss_rows = _usable_fixes(gnss, repairs)
     _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
-    dt = np.diff(time)
-    latest = np.append(-np.inf, lost)[np.searchsorted(lost, time[1:])]  # lost stamp before each sample
-    # Increments after a lost sample are of the time since that sample.
-    since = time[1:] - np.maximum(time[:-1], latest)
+    dt, since = np.diff(time), _time_since_before(time, lost)
     rates = samples[1:] / since[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
     stamps, usual = time, UsualInterval().take(dt)
@@ -243,6 +232,29 @@ def _check_order(name: str, what: str, time: FloatArray) -> None:
         )
 
 
+def _usable_samples(
+    time: FloatArray,
+    samples: FloatArray,
+    increments: bool,
+    find_spikes: Callable[[FloatArray], NDArray[np.bool_]],
+    repairs: list[str],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the samples that are known, new and no spikes: time, values, and the time of those lost."""
+    known = np.isfinite(samples).all(axis=1)
+    _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
+    lost, time, samples = time[~known], time[known], samples[known]
+    time, samples = _without_repeats(time, samples, increments, repairs)
+    spiky = find_spikes(_rates(time, samples) if increments else samples)
+    _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
+    return time[~spiky], samples[~spiky], np.sort(np.append(lost, time[spiky]))
+
+
+def _time_since_before(time: FloatArray, lost: FloatArray) -> FloatArray:
+    """Return the time since the sample before, for all but the first: increments begin at a lost one too."""
+    latest = np.append(-np.inf, lost)[np.searchsorted(lost, time[1:])]
+    return np.asarray(time[1:] - np.maximum(time[:-1], latest))
+
+
 def _without_repeats(
     time: FloatArray, samples: FloatArray, increments: bool, repairs: list[str]
 ) -> tuple[FloatArray, FloatArray]:
@@ -268,11 +280,13 @@ def _rates(time: FloatArray, increments: FloatArray) -> FloatArray:
     return np.asarray(increments / np.append(usual, np.maximum(dt, usual))[: time.size, None])
 
 
-def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
+def _usable_fixes(gnss: GnssLog, repairs: list[str]) -> NDArray[np.bool_]:
     """Return which fixes (m,) are measurements: neither zeros of a receiver without a fix, nor repeated."""
+    rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
+    _say(repairs, int((~rows).sum()), "GPS fix with the time of the one before was dropped")
     unknown = ~np.isfinite(gnss.position).all(axis=1)
     _say(repairs, int((rows & unknown).sum()), "GPS fix without a position was dropped")
-    rows = rows & ~unknown
+    rows &= ~unknown
     empty = np.asarray(rows & (gnss.position[:, :2] == 0).all(axis=1))
     _say(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
     at = np.flatnonzero(rows & ~empty)
@@ -281,9 +295,9 @@ def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> N
     same = ((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
     repeated = at[1:][same & moving[1:]]
     _say(repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped")
-    real: NDArray[np.bool_] = ~(empty | unknown)
-    real[repeated] = False
-    return real
+    rows &= ~empty
+    rows[repeated] = False
+    return rows
 
 
 def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:
