@@ -13,9 +13,11 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import is_explained
@@ -49,6 +51,10 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import MAX_RATIO
 from lab.repair.raw_flight import ColumnUnit, RawFlight
+
+FloatArray = NDArray[np.float64]
+_Checked = Callable[[Imu, GnssLog], Oriented]
+"""Returns the log of an IMU and fixes, or raises a `MissionError`."""
 
 NAME = "csv with named columns"
 
@@ -182,34 +188,10 @@ def read_logs(
     name = (
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
-
-    pace = pace_of(fixes)
-
-    def checked(imu: Imu, gnss: GnssLog) -> Oriented:
-        def with_fixes(gnss: GnssLog) -> Callable[[np.ndarray], SensorLog]:
-            auxiliary = AuxiliaryData(vehicle=vehicle)
-            return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
-
-        along = along_track(gnss, pace)
-        shown = None if along is None else with_fixes(along)
-        return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
-
-    def leap_seconds(imu: Imu) -> str:
-        return offset_that_agrees(imu.time, fixes.gnss, lambda gnss: checked(imu, gnss).log)
-
-    try:
-        log, forward = checked(imu, fixes.gnss)
-    except MissionError as error:
-        other = in_other_unit(imu)
-        try:
-            if other is None:
-                raise
-            log, forward = checked(other, fixes.gnss)
-        except MissionError:
-            raise MissionError(_with_report(error, imu, fixes, leap_seconds(imu))) from None
-        imu = other
+    checked = partial(_oriented_log, name, vehicle, axes, pace_of(fixes))
+    imu, (log, forward) = _in_unit_of_motion(imu, fixes, checked)
     ends_apart = end_together(imu.time, fixes.gnss)
-    if ends_apart and not is_explained(log) and (found := leap_seconds(imu)):
+    if ends_apart and not is_explained(log) and (found := _leap_seconds(imu, fixes.gnss, checked)):
         raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
     height = fixes.units[2]
     if height.source in DOUBTFUL:
@@ -225,6 +207,40 @@ def read_logs(
         remarks.append(f"Columns not read: {', '.join(unread)}.")
     beside = replace(log.auxiliary, magnetometer=field.magnetometer, barometer=pressure.barometer)
     return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside)
+
+
+def _oriented_log(
+    name: str, vehicle: str, axes: Sequence[str], pace: FloatArray, imu: Imu, gnss: GnssLog
+) -> Oriented:
+    """Return the log of an IMU and fixes in forward, right, down; `MissionError` if it is implausible."""
+
+    def with_fixes(gnss: GnssLog) -> Callable[[FloatArray], SensorLog]:
+        auxiliary = AuxiliaryData(vehicle=vehicle)
+        return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
+
+    along = along_track(gnss, pace)
+    shown = None if along is None else with_fixes(along)
+    return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
+
+
+def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
+    """Return the IMU with its log, in the other unit of its gyros if the motion contradicts a guessed one."""
+    try:
+        return imu, checked(imu, fixes.gnss)
+    except MissionError as error:
+        other = in_other_unit(imu)
+        try:
+            if other is None:
+                raise
+            return other, checked(other, fixes.gnss)
+        except MissionError:
+            hint = _leap_seconds(imu, fixes.gnss, checked)
+            raise MissionError(_with_report(error, imu, fixes, hint)) from None
+
+
+def _leap_seconds(imu: Imu, gnss: GnssLog, checked: _Checked) -> str:
+    """Return a sentence if fixes that are off by the leap seconds agree with the IMU, or else nothing."""
+    return offset_that_agrees(imu.time, gnss, lambda gnss: checked(imu, gnss).log)
 
 
 def _of_rows(sheets: Sequence[Sheet]) -> list[str]:
