@@ -7,6 +7,8 @@ itself; latency and lever arm in the fixes; the motion against which a condition
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_sources import rounding
+from lab.experiment_settings import ExperimentSettings
 from lab.frames import earth, ecef
 from lab.frames.east_north_up import east_north_up
 from lab.frames.rotation import C_nb_from_euler, wrap
+from lab.kinematics.ideal_imu import IdealImu
 from lab.navigation.aids import FORWARD, MAGNETIC, NORTHWARD
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.blocks import LATENCY, LEVER_ARM
@@ -27,6 +31,7 @@ from lab.sensors import temperature as thermal
 from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
+TriadErrors = imu.GyroErrors | imu.AccelerometerErrors
 
 TERMS = {
     "temperature, bias": "bias_temperature",
@@ -73,27 +78,41 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     """Return the known errors of the gyros (0) or the accelerometers (1)."""
     experiment = run.experiment
     errors = experiment.sensors.groups()[name]
-    assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+    assert isinstance(errors, TriadErrors)
     measured = run.accelerometer if number else run.gyro
     if not (
         measured.saturated or any(errors.quantisation) or any(_has(errors, term) for term in TERMS.values())
     ):
         return []  # without the memory for exact increments
-    settings, (truth, kept) = experiment.sensors.temperature, run.true_flight("budget")
-    height, ideal = truth.height, kept.to_compute_on()
-    temperature = thermal.temperature(settings, run.time[1:], height[1:] - height[0])
-    true = ideal.dvelocity if number else ideal.dtheta
-    found: list[Series] = []
-
-    def add(source: str, difference: FloatArray, is_bias: bool = False) -> None:
-        inertial = np.zeros((true.shape[0], 6))
+    truth, kept = run.true_flight("budget")
+    ideal = kept.to_compute_on()
+    temperature = thermal.temperature(
+        experiment.sensors.temperature, run.time[1:], truth.height[1:] - truth.height[0]
+    )
+    found = []
+    for source, difference, is_bias in chain(
+        _alone(experiment, errors, ideal, temperature, truth),
+        _in_the_run(experiment, name, errors, measured.saturated > 0, ideal, temperature),
+    ):
+        inertial = np.zeros((ideal.dtheta.shape[0], 6))
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
         none = np.zeros((run.fixes.time.size, 6)), np.zeros(run.aids.time.size)
         found.append(Series(f"{name} {source}", inertial, *none, is_bias))
+    return found
 
+
+def _alone(
+    experiment: ExperimentSettings,
+    errors: TriadErrors,
+    ideal: IdealImu,
+    temperature: FloatArray,
+    truth: Truth,
+) -> Iterator[tuple[str, FloatArray, bool]]:
+    """Yield the errors `TERMS` of a triad on the true flight: name, increments, and whether it is a bias."""
     environment = imu.Environment(temperature, ideal.dvelocity)
+    true = ideal.dtheta if isinstance(errors, imu.GyroErrors) else ideal.dvelocity
     for source, term in TERMS.items():
-        compensated = settings.compensation and source.startswith("temperature")
+        compensated = experiment.sensors.temperature.compensation and source.startswith("temperature")
         if not _has(errors, term) or compensated:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
@@ -104,13 +123,25 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
             # An alignment removed the part present at rest.
             before = imu.Environment(environment.temperature[:1], _at_rest(truth))
             alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
-        add(source, alone, is_bias)
+        yield source, alone, is_bias
+
+
+def _in_the_run(
+    experiment: ExperimentSettings,
+    name: str,
+    errors: TriadErrors,
+    saturated: bool,
+    ideal: IdealImu,
+    temperature: FloatArray,
+) -> Iterator[tuple[str, FloatArray, bool]]:
+    """Yield the errors of a triad that depend on its noise, as `_alone` does: of range and quantisation."""
+    coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
+    if not (coarse or saturated):
+        return
     dvelocity = imu.with_vibration(
         experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt
     )
-    coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
-    if not (coarse or measured.saturated):
-        return found
+    true = ideal.dtheta if isinstance(errors, imu.GyroErrors) else dvelocity
     draws = imu.ImuDraws.of(
         experiment.seed,
         name,
@@ -124,18 +155,16 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         changed = errors.copy()
         for term, value in changes.items():
             changed.set(term, value)
-        quantity, around = dvelocity if number else true, imu.Environment(temperature, dvelocity)
-        return imu.measure(quantity, ideal.dt, changed, draws, around).increments
+        return imu.measure(true, ideal.dt, changed, draws, imu.Environment(temperature, dvelocity)).increments
 
     as_it_was = simulated()
-    if measured.saturated:
-        add("range", as_it_was - simulated(range=errors.param["range"].bounds[1]))
+    if saturated:
+        yield "range", as_it_was - simulated(range=errors.param["range"].bounds[1]), False
     if coarse:
-        add("quantisation", as_it_was - simulated(quantisation=0.0))
-    return found
+        yield "quantisation", as_it_was - simulated(quantisation=0.0), False
 
 
-def _has(errors: imu.GyroErrors | imu.AccelerometerErrors, term: str) -> bool:
+def _has(errors: TriadErrors, term: str) -> bool:
     """Return whether the sensors of a triad have an error; not every error is one of both triads."""
     return term in errors.param and any(getattr(errors, term))
 
