@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,22 @@ class _Kept(NamedTuple):
     P: FloatArray  # (n, n), covariance of the filter at a sample
     decay: FloatArray  # of the driven states in a sample, as a factor
 
+    @classmethod
+    def room(cls, run: Filter, samples: int, *, at_rest: bool) -> Self:
+        """Return room for a block of samples of a filter, with updates at rest if there may be any."""
+        n = run.P.shape[0]
+        return cls(
+            np.zeros((samples + 1, run.state.size)),
+            np.zeros((samples + 1, run.P.size)),
+            np.zeros((samples, NAV, n)),
+            np.zeros((samples if at_rest else 1, 1, 2 * n + 2)),
+            np.zeros(samples + 1, dtype=np.int64),
+            np.zeros(samples + 1, dtype=np.int64),
+            np.zeros((n, n)),
+            np.zeros((n, n)),
+            np.zeros(run.decay.size),
+        )
+
 
 def navigate(
     imu: Imu,
@@ -108,13 +124,41 @@ def navigate(
     assert schedule.stride == 1
     imu, fixes = read_only(imu), read_only(fixes)
     is_long = imu.time.size > SINGLE
-    shown, at_once = (np.float32, 2 * GO) if is_long else (np.float64, GO)
+    shown = np.float32 if is_long else np.float64
     out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
     turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     kept_aids = aids.time.size
     run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
-    copies: list[_Copy] = []
+    copies = _forward_pass(run, imu, fixes, out, schedule, stretches, model, is_long=is_long)
+    n = model.states
+    later, Later = np.zeros(n), np.zeros((n, n))
+    end = imu.dtheta.shape[0]
+    while copies:
+        copy = copies.pop()
+        _smooth_block(copy, end, imu, fixes, out, model, later, Later, is_long=is_long)
+        if copy.changed is not None:
+            later[:NAV] = copy.changed.T @ later[:NAV]
+            Later[:NAV] = copy.changed.T @ Later[:NAV]
+            Later[:, :NAV] = Later[:, :NAV] @ copy.changed
+        if used is not None:
+            used(copy.first)
+        end = copy.first
+    return out
 
+
+def _forward_pass(
+    run: Filter,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    schedule: Schedule,
+    stretches: Sequence[Stretch],
+    model: ErrorModel,
+    *,
+    is_long: bool,
+) -> list[_Copy]:
+    """Filter the whole flight; return copies of the filter from before each block of samples."""
+    copies: list[_Copy] = []
     go = within_frame_in_piece if is_long else within_frame
     passing = out
     if is_long:  # the backward pass writes the histories, while it gives up the increments
@@ -129,39 +173,33 @@ def navigate(
             if first < imu.dtheta.shape[0]:
                 changed = change(run.state, run.P, model)
 
-    go_through(run.noise, imu, passing, schedule, stretches, onwards, at_once)
-    n = model.states
-    later, Later = np.zeros(n), np.zeros((n, n))
-    end = imu.dtheta.shape[0]
-    while copies:
-        first, own, there, changed = copies.pop()
-        back = backward_pass(model_at(own.state, model), aided=takes_aids(model, aids))
-        kept = _Kept(
-            np.zeros((end - first + 1, run.state.size)),
-            np.zeros((end - first + 1, n * run.P.shape[1])),
-            np.zeros((end - first, NAV, n)),
-            np.zeros((end - first if imu.rest.any() else 1, 1, 2 * n + 2)),
-            np.zeros(end - first + 1, dtype=np.int64),
-            np.zeros(end - first + 1, dtype=np.int64),
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-            np.zeros(run.decay.size),
-        )
-        if is_long:
-            piece = Piece.of(imu.until(end), out, first)
-            back(own, piece.imu, fixes, piece.out, piece.first, there, kept, later, Later)
-            taken = (slice(int(counts[0]), int(counts[-1])) for counts in (kept.fixes, kept.aids))
-            piece.keep(out, piece.imu.time.size, *taken)
-        else:
-            back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
-        if changed is not None:
-            later[:NAV] = changed.T @ later[:NAV]
-            Later[:NAV] = changed.T @ Later[:NAV]
-            Later[:, :NAV] = Later[:, :NAV] @ changed
-        if used is not None:
-            used(first)
-        end = first
-    return out
+    go_through(run.noise, imu, passing, schedule, stretches, onwards, 2 * GO if is_long else GO)
+    return copies
+
+
+def _smooth_block(
+    copy: _Copy,
+    end: int,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    model: ErrorModel,
+    later: FloatArray,
+    Later: FloatArray,
+    *,
+    is_long: bool,
+) -> None:
+    """Write the smoothed solution of the samples from a copy of the filter to number `end`."""
+    first, own, there, _ = copy
+    back = backward_pass(model_at(own.state, model), aided=takes_aids(model, own.aids))
+    kept = _Kept.room(own, end - first, at_rest=bool(imu.rest.any()))
+    if not is_long:
+        back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
+        return
+    piece = Piece.of(imu.until(end), out, first)
+    back(own, piece.imu, fixes, piece.out, piece.first, there, kept, later, Later)
+    taken = (slice(int(counts[0]), int(counts[-1])) for counts in (kept.fixes, kept.aids))
+    piece.keep(out, piece.imu.time.size, *taken)
 
 
 def _copied(run: Filter) -> Filter:
