@@ -138,13 +138,7 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     ValueError
         If the filter cannot run with the settings of the run.
     """
-    if run.algorithm:
-        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
-    if run.is_aided:
-        raise ResultError(
-            f"{_OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter "
-            "uses other measurements or has further states; accepted are none"
-        )
+    _check_filter(run)
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)
     now, densities = assumed(run)
@@ -153,8 +147,7 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     settling = min(SETTLING, LARGEST_PART * (last - first))
     margin = min(MARGIN, LARGEST_PART * (last - first))
     counted = (again.stamps > first + settling) & (again.stamps < last - margin)
-    plain = _every_fix(run.experiment)
-    search = _Search(again, plain, begun, counted, np.zeros(counted.size, np.bool_))
+    search = _Search(again, _every_fix(run.experiment), begun, counted, np.zeros(counted.size, np.bool_))
     whole = parameters(now)
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
@@ -162,12 +155,7 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
             f"There are too few fixes for an identification; accepted are at least {FEWEST} after the first "
             f"{settling:.0f} s."
         )
-    free = np.zeros(begin.size, np.bool_)
-    estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)
-    outliers = _outliers(estimate.seen)
-    if outliers.any():
-        search.dropped[np.flatnonzero(counted)[outliers]] = True
-        estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
+    estimate = _without_outliers(search, whole, begin, tell)
     masks = outages(again.stamps, first + settling, last)
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
     before = held_out(again, run.experiment, masks, search.dropped)
@@ -178,6 +166,7 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
         # withheld for longer.
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
+            free = np.zeros(begin.size, np.bool_)
             estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
             other = _judged(run, ahead, whole, estimate, now, masks, before, tell)
             found = _better_of(found, other)
@@ -203,6 +192,28 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
         changes=found.changes,
         seconds=time.perf_counter() - begun_at,
     )
+
+
+def _check_filter(run: Run) -> None:
+    """Raise `ResultError` if the assumptions of the navigator cannot be identified."""
+    if run.algorithm:
+        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
+    if run.is_aided:
+        raise ResultError(
+            f"{_OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter "
+            "uses other measurements or has further states; accepted are none"
+        )
+
+
+def _without_outliers(search: _Search, whole: list[Parameter], begin: FloatArray, tell: Progress) -> Estimate:
+    """Return the estimate of all parameters; outliers are dropped from the search, for later ones too."""
+    free = np.zeros(begin.size, np.bool_)
+    estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)
+    outliers = _outliers(estimate.seen)
+    if outliers.any():
+        search.dropped[np.flatnonzero(search.counted)[outliers]] = True
+        estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
+    return estimate
 
 
 def _judged(
