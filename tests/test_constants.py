@@ -31,13 +31,7 @@ JUDGES = (
     *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
     *("navigation/initial_heading.py", "navigation/log_navigation.py", "navigation/rest_alignment.py"),
     *("navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
-    *(
-        "flying/coordinated_turn.py",
-        "flying/motion_commands.py",
-        "flying/motion_file.py",
-        "flying/pilot.py",
-        "flying/waypoints.py",
-    ),
+    "flying",
     *("live", "phone", "xplane"),
     *(
         "log_run.py",

@@ -33,6 +33,8 @@ _MAX_ROLL, _MAX_PITCH = math.radians(75.0), math.radians(45.0)
 
 SHORTEST = 2.0
 """Shortest flight that is kept [s]: 37 samples, by which curves can be drawn and judged."""
+FEWEST = SHORTEST * 1000 / SAMPLE_MS
+"""Samples of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,7 @@ def fly(
             f"the flight of {plan.duration_s:g} s ended during manoeuvre {pilot.manoeuvre}: "
             "give duration_s more time or shorten the manoeuvres"
         )
-    if flown < SHORTEST * 1000 / SAMPLE_MS:
+    if flown < FEWEST:
         raise MissionError(ending or f"a flight of {plan.duration_s:g} s is too short")
     if progress is not None and flown == count:
         progress(1.0)

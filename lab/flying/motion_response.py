@@ -14,6 +14,15 @@ FloatArray = NDArray[np.float64]
 
 _REACHED = 1e-4
 """What is left of a target that is reached [rad], [rad/s], [m/s]: far below what sensors show."""
+_ANGLES = 3
+"""The first numbers of the state are angles, the others velocities."""
+_APPROACH = 0.5
+"""Time constant with which what is left of a target falls [s]."""
+_BRAKING = 1.2
+"""Square of the rate from which a turn still stops at its target, over acceleration and angle: without lags
+it would be 2. A plain choice, as are the times: no vehicle in particular follows so."""
+_LAG, _TURN_LAG = 0.1, 0.05
+"""Time constants with which velocities and rates follow, and turn accelerations [s]."""
 _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
 """Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
@@ -58,7 +67,8 @@ def respond(
     for row in range(len(table)):
         kind = int(table[row, 0])
         for i in range(6):
-            change = kind == _CHANGE or (kind == _ATTITUDE and i >= 3) or (kind == _VELOCITY and i < 3)
+            other = (kind == _ATTITUDE and i >= _ANGLES) or (kind == _VELOCITY and i < _ANGLES)
+            change = kind == _CHANGE or other
             target[i] = table[row, i + 1] + (state[i] if change else 0.0)
         for _ in range(steps[row]):
             if done % per_sample == 0:
@@ -68,23 +78,23 @@ def respond(
             reached = kind != _RATES
             for i in range(6):
                 left = target[i] - state[i]
-                if i < 3:
+                if i < _ANGLES:
                     rate = target[i]
                     if kind != _RATES:
-                        braking = math.sqrt(1.2 * turn_acceleration * abs(left))
-                        rate = math.copysign(min(abs(left) / 0.5, braking, turn_rate), left)
+                        braking = math.sqrt(_BRAKING * turn_acceleration * abs(left))
+                        rate = math.copysign(min(abs(left) / _APPROACH, braking, turn_rate), left)
                         reached = reached and abs(left) < _REACHED and abs(first[i]) < _REACHED
-                    wanted = min(max((rate - first[i]) / 0.1, -turn_acceleration), turn_acceleration)
-                    second[i] += (wanted - second[i]) * step / 0.05
+                    wanted = min(max((rate - first[i]) / _LAG, -turn_acceleration), turn_acceleration)
+                    second[i] += (wanted - second[i]) * step / _TURN_LAG
                     state[i] += first[i] * step + 0.5 * second[i] * step**2
                     first[i] += second[i] * step
                 else:
                     wanted = target[i]
                     if kind != _RATES:
-                        wanted = min(max(left / 0.5, -acceleration), acceleration)
+                        wanted = min(max(left / _APPROACH, -acceleration), acceleration)
                         reached = reached and abs(left) < _REACHED
                     state[i] += first[i] * step
-                    first[i] += (wanted - first[i]) * step / 0.1
+                    first[i] += (wanted - first[i]) * step / _LAG
             if reached:
                 break
         ends[row] = done
