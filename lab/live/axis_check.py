@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lab.frames import earth
 from lab.live.axis_map import AXES, AxisMap
 from lab.live.six_positions import GRAVITY_SIGMA, AccelerometerErrors, accelerometer_errors
-from lab.live.static_interval import AxisCheckError, Held, held, turned
+from lab.live.static_interval import AxisCheckError, StaticInterval, static_interval, turned
 
 FloatArray = NDArray[np.float64]
 Axis = tuple[int, int, int]
@@ -117,14 +117,14 @@ class AxisCheck:
     ----------
     positions, turns : dict of str to Seen
         What was taken, by name.
-    still : dict of str to Held
+    still : dict of str to StaticInterval
         The means of each position.
     """
 
     def __init__(self) -> None:
         self.positions: dict[str, Seen] = {}
         self.turns: dict[str, Seen] = {}
-        self.still: dict[str, Held] = {}
+        self.still: dict[str, StaticInterval] = {}
 
     def take(self, name: str, rows: NDArray[np.void]) -> Seen:
         """Take a position or a turn; one of the same name is replaced.
@@ -146,7 +146,7 @@ class AxisCheck:
             return self._take_turn(name, rows)
         if name not in POSITIONS:
             raise AxisCheckError(f"{name!r}; accepted are {', '.join((*POSITIONS, *TURNS))}")
-        found = held(rows)
+        found = static_interval(rows)
         shown, tilt = _nearest(found.force)
         if tilt > TILT:
             raise AxisCheckError(

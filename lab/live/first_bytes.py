@@ -15,7 +15,7 @@ MOST = 2**18
 """Most bytes that are kept: a rate is found within 2 s, at most 0.1 MB/s each."""
 
 
-class Unheard:
+class FirstBytes:
     """The bytes from the beginning of a stream to its first sample."""
 
     def __init__(self) -> None:

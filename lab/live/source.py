@@ -14,7 +14,7 @@ import numpy as np
 from lab.live.axis_map import AxisMap
 from lab.live.cause import cause_of
 from lab.live.decoders.decoder_error import DecoderError
-from lab.live.first_bytes import Unheard
+from lab.live.first_bytes import FirstBytes
 from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.live.reception import Reception
 from lab.live.ring import Cursor, Read, Ring
@@ -89,7 +89,7 @@ class Source:
         self._events: tuple[Event, ...] = ()
         self._losses: tuple[Event, ...] = ()
         self._writer: RawWriter | None = None
-        self._unheard = Unheard()
+        self._first_bytes = FirstBytes()
         self._recorded = ("", 0)
         self._warning = ""
         self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
@@ -284,7 +284,7 @@ class Source:
                 },
             )
             self._recorded, self._warning = (str(path), 0), ""
-            for chunk in self._unheard:
+            for chunk in self._first_bytes:
                 self._record(chunk)
 
     def stop_recording(self, path: Path | None = None) -> Path | None:
@@ -373,12 +373,12 @@ class Source:
             self._put(imu, fix)
             self._tell_of_the_clock()
             if len(imu) or len(fix):
-                self._unheard.end()
+                self._first_bytes.end()
                 self._progress.sampled(self._heard)
                 if self._why != "Streaming.":
                     self._set(STREAMING, "Streaming.")
             else:
-                self._unheard.add(chunk)
+                self._first_bytes.add(chunk)
                 self._progress.without(self._heard, self._reception.statistics.frames)
 
     def _record(self, chunk: Chunk) -> None:
@@ -411,7 +411,7 @@ class Source:
         with self._lock:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
-                self._unheard = Unheard()
+                self._first_bytes = FirstBytes()
                 self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
                 if self._writer is not None:

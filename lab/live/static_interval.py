@@ -45,7 +45,7 @@ class AxisCheckError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class StaticInterval:
     """Means over a stretch in which a device was still, in the axes of the device.
 
     Attributes
@@ -85,7 +85,7 @@ class Held:
         )
 
 
-def held(rows: NDArray[np.void]) -> Held:
+def static_interval(rows: NDArray[np.void]) -> StaticInterval:
     """Return the means over the last `HELD` seconds in which a device was still.
 
     Parameters
@@ -141,7 +141,7 @@ def held(rows: NDArray[np.void]) -> Held:
             f"The mean specific force is {force:.2f} m/s²{hint}; accepted is that of a still device, "
             f"{earth.STANDARD_GRAVITY:.1f} m/s² within {100 * OFF_GRAVITY:g} %"
         )
-    return Held(mean[:3], sigma[:3], mean[3:], sigma[3:], count * size * step)
+    return StaticInterval(mean[:3], sigma[:3], mean[3:], sigma[3:], count * size * step)
 
 
 def turned(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray:

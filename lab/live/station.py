@@ -19,7 +19,7 @@ from lab.live.live_verdict import verdict_of
 from lab.live.ring import Read
 from lab.live.source import Source
 from lab.live.source_status import Status
-from lab.live.thinned_samples import Thinned
+from lab.live.thinned_samples import ThinnedSamples
 from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
@@ -66,7 +66,7 @@ class Station:
     def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
         self.source = source
         self.name = name
-        self.thinned = Thinned()
+        self.thinned = ThinnedSamples()
         self.zero = self.newest = 0.0
         self.failure = ""
         self.verdict = ""

@@ -17,7 +17,7 @@ KEPT = 12_000
 """Rows that are kept: four minutes."""
 
 
-class Thinned:
+class ThinnedSamples:
     """Thins a stream; one thread adds, any thread reads.
 
     Parameters

@@ -27,7 +27,7 @@ _LARGEST_TIME: Final = 1e24
 """Largest time that is converted [ns]: `LARGEST` s. Whole numbers of JSON may be too large for a float."""
 
 
-class Pushed(NamedTuple):
+class AppRequest(NamedTuple):
     """A request of the app.
 
     Attributes
@@ -46,7 +46,7 @@ class Pushed(NamedTuple):
     lines: list[PhoneLine]
 
 
-def pushed_of(body: bytes) -> Pushed | None:
+def app_request_of(body: bytes) -> AppRequest | None:
     """Return what a request says; None if it is anything else than a request of the app.
 
     Sensors that the lab does not use are left out. On Android ``accelerometer`` is without gravity, so
@@ -79,7 +79,7 @@ def pushed_of(body: bytes) -> Pushed | None:
     }
     lines = list(_lines(kinds, origin, apple))
     session = said.get("sessionId")
-    return Pushed(
+    return AppRequest(
         said["deviceId"],
         session[:100] if isinstance(session, str) else "",
         message if type(message) is int and abs(message) < LARGEST else -1,

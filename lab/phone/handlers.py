@@ -13,10 +13,10 @@ from urllib.parse import urlsplit
 
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
-from lab.phone.app_request import pushed_of
+from lab.phone.app_request import app_request_of
 from lab.phone.hub import PhoneHub
 from lab.phone.limits import BODY
-from lab.phone.page_request import posted_of
+from lab.phone.page_request import page_request_of
 from lab.phone.phone import BAD, FOREIGN, Answer, Phone
 
 PAGE: Final = Path(__file__).with_name("page.html")
@@ -161,7 +161,7 @@ class SamplesHandler(BodyHandler):
     def post(self, _token: str) -> None:
         """Take them."""
         phone, body = self.accepted()
-        posted = posted_of(body)
+        posted = page_request_of(body)
         if posted is None:
             self.answer(phone, Answer(BAD, reason="this is no batch of samples"))
         elif not self.hub.claim(phone, posted.device, posted.name):
@@ -176,7 +176,7 @@ class PushHandler(BodyHandler):
     def post(self, _token: str) -> None:
         """Take them."""
         phone, body = self.accepted()
-        pushed = pushed_of(body)
+        pushed = app_request_of(body)
         if pushed is None:
             self.answer(phone, Answer(BAD, reason="these are no readings of Sensor Logger"))
         elif not self.hub.claim(phone, pushed.device, ""):

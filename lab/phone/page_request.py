@@ -20,7 +20,7 @@ _TWO_SIDED_95: Final = 1.96
 """Half of the interval that holds 95 % of the heights, in σ (normal distribution)."""
 
 
-class Posted(NamedTuple):
+class PageRequest(NamedTuple):
     """A request of the page.
 
     Attributes
@@ -47,7 +47,7 @@ class Posted(NamedTuple):
     batches: list[PhoneLine]
 
 
-def posted_of(body: bytes) -> Posted | None:
+def page_request_of(body: bytes) -> PageRequest | None:
     """Return what a request says; None if it is anything else than a request of the page."""
     said = parsed(body)
     if not isinstance(said, dict):
@@ -68,7 +68,7 @@ def posted_of(body: bytes) -> Posted | None:
     if any(one.number >= two.number for one, two in pairwise(lines)):
         return None
     waiting = max(whole(said.get("waiting")), 0)
-    return Posted(device, run, name, oldest, waiting, lines)
+    return PageRequest(device, run, name, oldest, waiting, lines)
 
 
 def is_device(value: Any) -> TypeGuard[str]:

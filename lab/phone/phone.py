@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 
 from lab.live.decoders.phone_line import PhoneLine
 from lab.live.transport import Chunk
-from lab.phone.app_request import Pushed
+from lab.phone.app_request import AppRequest
 from lab.phone.limits import QUEUE, REQUEST_BURST, REQUESTS, SAMPLE_BURST, SAMPLES, Pace
-from lab.phone.page_request import Posted
+from lab.phone.page_request import PageRequest
 
 INVITED: Final = "invited"
 CONNECTED: Final = "connected"
@@ -187,7 +187,7 @@ class Phone:
                 self._device, self.name = device, name()
             return hmac.compare_digest(self._device.encode(), device.encode())
 
-    def take_posted(self, posted: Posted) -> Answer:
+    def take_posted(self, posted: PageRequest) -> Answer:
         """Take the batches of the page that follow those received; of a phone that has claimed."""
         with self._changed:
             now = self._clock()
@@ -211,7 +211,7 @@ class Phone:
             self._next, self._waiting = following, posted.waiting
             return self._answer(OK)
 
-    def take_pushed(self, pushed: Pushed) -> Answer:
+    def take_pushed(self, pushed: AppRequest) -> Answer:
         """Take the readings of the app, unless it sent them before; of a phone that has claimed."""
         with self._changed:
             now = self._clock()

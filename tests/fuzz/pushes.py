@@ -29,9 +29,9 @@ from played_phone import Played, batch, request, untrusting
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.phone_line import LONGEST
 from lab.live.sensor_server import KINDS, SensorServerTransport
-from lab.phone.app_request import pushed_of
+from lab.phone.app_request import app_request_of
 from lab.phone.hub import PhoneHub
-from lab.phone.page_request import posted_of
+from lab.phone.page_request import page_request_of
 from lab.phone.phone import Phone
 from lab.phone.server import PhoneServer
 
@@ -114,7 +114,7 @@ def server_seed() -> bytes:
 
 def attack_page(body: bytes) -> bool:
     """Give a request of the page to a hub; return whether it was taken."""
-    posted = posted_of(body)
+    posted = page_request_of(body)
     if posted is None:
         return False
     return _is_taken(posted.device, posted.name, lambda phone: phone.take_posted(posted).status)
@@ -122,7 +122,7 @@ def attack_page(body: bytes) -> bool:
 
 def attack_logger(body: bytes) -> bool:
     """Give a request of Sensor Logger to a hub; return whether it was taken."""
-    pushed = pushed_of(body)
+    pushed = app_request_of(body)
     if pushed is None:
         return False
     return _is_taken(pushed.device, "", lambda phone: phone.take_pushed(pushed).status)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.live.axis_check import POSITIONS, TURNS, AxisCheck
 from lab.live.axis_map import AxisMap
-from lab.live.static_interval import AxisCheckError, held
+from lab.live.static_interval import AxisCheckError, static_interval
 from lab.live.timed_samples import TIMED_IMU
 from tests.live.test_axis_map import MAPS
 
@@ -140,7 +140,7 @@ def test_sigmas_of_six_positions_are_right() -> None:
 
 
 def test_the_gyro_zero_has_the_earths_rate_in_its_sigma() -> None:
-    found = held(still("level", seconds=3))
+    found = static_interval(still("level", seconds=3))
     assert (np.abs(found.rate - GYRO_BIAS) < 4 * found.gyro_bias_sigma).all()
     assert (found.gyro_bias_sigma > 7.292e-5 / np.sqrt(3)).all()
     assert "°/s" in found.gyro_sentence
