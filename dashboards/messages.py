@@ -20,6 +20,8 @@ from bokeh.server.protocol_handler import ProtocolHandler
 from bokeh.server.session import ServerSession
 from bokeh.server.views import ws
 
+from dashboards.upstream.server import begun_message
+
 log = logging.getLogger(__name__)
 
 MAX_TEXT = 64 * 2**10
@@ -59,8 +61,8 @@ class BoundedReceiver(Receiver):
             raise ProtocolError(f"a message is too large; accepted are {MAX_TEXT} characters of text")
         try:
             message = await super().consume(fragment)
-            if self._partial is not None:
-                _check_header(self._partial.header)
+            if (begun := begun_message(self)) is not None:
+                _check_header(begun.header)
             if message is not None:
                 self._size = 0
                 _check_content(message)
@@ -81,7 +83,7 @@ HANDLERS: dict[str, Callable[[Any, ServerConnection], Any]] = {
     "PATCH-DOC": ServerSession.patch,
     "SERVER-INFO-REQ": _tell_version,
 }
-"""Accepted types of messages, and what carries each out; Bokeh does not declare that its own are awaited."""
+"""Accepted types of messages, and the coroutine for each; Bokeh declares its own without `async`."""
 
 
 class BoundedHandler(ProtocolHandler):

@@ -162,7 +162,7 @@ def _check_folder(option: str, folder: Path | None, files: str) -> None:
 
 
 def _take_phones(address: str, port: int) -> None:
-    """Let visitors invite phones; no phone reaches a loopback address, so all others are used then."""
+    """Let visitors invite phones. None reaches a loopback address: then all addresses are listened on."""
     from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
     from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
 

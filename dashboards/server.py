@@ -102,7 +102,7 @@ def serve(
 
 
 def _offer(algorithms: Sequence[str], lessons: Path | None, homework: Path | None) -> None:
-    """Make the operator's algorithms, lessons and homework known to all sessions, and read the missions."""
+    """Offer the operator's algorithms, lessons and homework to all sessions; tidy and read the missions."""
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
     from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
@@ -117,7 +117,7 @@ def _offer(algorithms: Sequence[str], lessons: Path | None, homework: Path | Non
 
 
 def _protect(address: str, visitors: str) -> None:
-    """Set what visitors may do, and limit what they can fill: the log, and the folder of uploads."""
+    """Set what visitors may do, check where pages come from, and limit the log and the uploads."""
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.origins import check_origins_of_pages  # noqa: PLC0415
     from dashboards.teaching.class_link import listen_on  # noqa: PLC0415

@@ -31,7 +31,14 @@ COLOURS = 255
 """Colours of a picture. None differs by more than 12 of 255 from the page, and a file is a third as large."""
 ALIKE = 4
 """Screenshots in a row that are alike before nothing moves: the themes of 20 buttons change one by one."""
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+NAMES = (
+    "chromium-headless-shell",
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+)
 """Names of browsers that are looked for."""
 IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
 TITLES = (

@@ -16,6 +16,8 @@ from bokeh.core.property.wrappers import PropertyValueContainer
 from bokeh.document import Document
 from bokeh.document.callbacks import DocumentCallbackManager
 from bokeh.model import Model, util
+from bokeh.protocol.message import Message
+from bokeh.protocol.receiver import Receiver
 from bokeh.server.callbacks import SessionCallback
 from bokeh.server.contexts import ApplicationContext
 from bokeh.settings import settings
@@ -263,6 +265,11 @@ class TransformedPages:
             write(handler, chunk)
 
         DocHandler.write = write_transformed  # type: ignore[method-assign, assignment]
+
+
+def begun_message(receiver: Receiver) -> Message[Any] | None:
+    """Return the message of which a receiver has got its first parts; None if it waits for a new one."""
+    return receiver._partial
 
 
 def viser_sockets(server: viser.ViserServer) -> WebsockServer:

@@ -33,8 +33,8 @@ _MAX_ROLL, _MAX_PITCH = math.radians(75.0), math.radians(45.0)
 
 SHORTEST = 2.0
 """Shortest flight that is kept [s]: 37 samples, by which curves can be drawn and judged."""
-FEWEST = SHORTEST * 1000 / SAMPLE_MS
-"""Samples of it."""
+FEWEST = math.ceil(SHORTEST * 1000 / SAMPLE_MS)
+"""Fewest samples of a flight that is kept."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ _BRAKING = 1.2
 """Square of the rate from which a turn still stops at its target, over acceleration and angle: without lags
 it would be 2. A plain choice, as are the times: no vehicle in particular follows so."""
 _LAG, _TURN_LAG = 0.1, 0.05
-"""Time constants with which velocities and rates follow, and turn accelerations [s]."""
+"""Time constants with which rates and accelerations follow, and turn accelerations [s]."""
 _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
 """Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
@@ -67,8 +67,8 @@ def respond(
     for row in range(len(table)):
         kind = int(table[row, 0])
         for i in range(6):
-            other = (kind == _ATTITUDE and i >= _ANGLES) or (kind == _VELOCITY and i < _ANGLES)
-            change = kind == _CHANGE or other
+            is_relative = (kind == _ATTITUDE and i >= _ANGLES) or (kind == _VELOCITY and i < _ANGLES)
+            change = kind == _CHANGE or is_relative
             target[i] = table[row, i + 1] + (state[i] if change else 0.0)
         for _ in range(steps[row]):
             if done % per_sample == 0:

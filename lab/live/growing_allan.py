@@ -24,7 +24,7 @@ _FIRST_ROOM: Final = 2**10
 LEAST_BLOCK: Final = 4
 """Fewest samples of a block of which a mean and a spread are compared."""
 LEAST_CLUSTERS: Final = 3
-"""Averaging times in a record from which on the deviation may reach one; in four, it does."""
+"""Fewest averaging times in a record whose deviation reaches one; the grid of times may need more."""
 ROOM: Final = 2**18
 """Samples that are kept: 22 minutes at 200 Hz, in 13 MB. Then pairs are averaged."""
 FIRST: Final = 64

@@ -40,7 +40,7 @@ COPY: Final = 0.25
 REFRESH: Final = 0.5
 """Time without a fix after which a fix may show a rest [s]: `standstill` wants one within the second."""
 _ENDLESS: Final = 2**62  # samples of a stream
-_ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
+_ROUNDING: Final = 1e-6  # of time stamps, as in `log_navigation` [s]
 _SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
 _CHANGING: Final = (
     "state",

@@ -29,7 +29,7 @@ AGAIN: Final = 10.0
 """Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and
 more, and looks at windows that are as long."""
 _LATEST_GIVEN: Final = 1.0  # time of the first sample at which a given heading still holds [s]
-_ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
+_ROUNDING: Final = 1e-6  # of time stamps, as in `log_navigation` [s]
 
 
 class Sought(NamedTuple):

@@ -21,7 +21,7 @@ from lab.live.decoders.phone_line import MOST_SAMPLES, RADIANS, PhoneLine, Row
 from lab.live.transport import Chunk, TransportError
 
 AXES: Final = 3
-"""Numbers of a sample; what follows them are the sensor's own corrections."""
+"""Numbers of a sample; more are left out."""
 KINDS: Final = {
     "android.sensor.accelerometer": "force",
     "android.sensor.gyroscope": "rate",
@@ -56,8 +56,8 @@ class SensorServerTransport:
 
     def __init__(self, address: str) -> None:
         host, _, port = address.removeprefix(_PREFIX).rpartition(":")
-        known = port.isdecimal() and 0 < int(port) <= LAST_PORT
-        if not address.startswith(_PREFIX) or not host or not known:
+        is_port = port.isdecimal() and 0 < int(port) <= LAST_PORT
+        if not address.startswith(_PREFIX) or not host or not is_port:
             raise TransportError(
                 f"{address!r} is no address of SensorServer; accepted is {_PREFIX}HOST:PORT, such as "
                 f"{_PREFIX}192.168.0.5:8080"
@@ -137,6 +137,6 @@ def _add(message: str | bytes, line: PhoneLine) -> None:
     if field is None or not isinstance(values, list) or len(values) < AXES or abs(stamp) > _LARGEST_STAMP:
         return
     unit = _MICRO if field == "magnetic" else 1.0
-    row: Row = [stamp / 1e9, *(unit * number(one) for one in values[:3])]
+    row: Row = [stamp / 1e9, *(unit * number(one) for one in values[:AXES])]
     if not any(map(math.isnan, row)):
         getattr(line, field).append(row)

@@ -23,7 +23,7 @@ TICK = 1e-3
 _LOOKS = 4
 """Looks at the clock in a step of the flight: a sample is late by a quarter of a step at most."""
 LONGEST_SLEEP = 0.1
-"""Longest time between two looks whether the device is to end [s]: nobody notices it."""
+"""Longest time between two looks at the line [s]: a line that was unplugged is plugged again no later."""
 PATIENCE = 10.0
 """Time without room on the line after which nobody reads it [s]: a busy computer delays a reader for less."""
 FIX_DELAY = 0.1

@@ -7,6 +7,7 @@ small. All time axes of a layout are linked.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import holoviews as hv
@@ -68,19 +69,28 @@ OPEN_TAB = ".bk-tab.bk-active { color: var(--background-text-color, inherit); }"
 
 
 def use_bokeh() -> None:
-    """Have HoloViews draw with Bokeh, unless it already can; it draws with nothing else here.
+    """Have HoloViews draw with Bokeh, and notebooks show that; the backend stays Bokeh afterwards."""
+    _load_bokeh()
+    if hv.Store.current_backend != "bokeh":
+        hv.Store.set_current_backend("bokeh")
+
+
+@cache
+def _load_bokeh() -> None:
+    """Load the scripts, and register the displays of a notebook, which ``pn.extension()`` does not do.
 
     As in Panel, the environment variable PANEL_INLINE=True puts the scripts into the page, for offline use.
     """
-    if "bokeh" not in hv.Store.loaded_backends() or hv.Store.current_backend != "bokeh":
-        hv.extension("bokeh", logo=False, inline=pn.config.inline)
+    hv.extension("bokeh", logo=False, inline=pn.config.inline)
 
 
 def fit_phones() -> None:
     """Have the page be as wide as a phone, when ``panel serve`` shows the notebook as an app.
 
-    The title of the open tab can be read on dark ground, too.
+    The title of the open tab can be read on dark ground, too. The scripts of plots are loaded here, so that
+    the cell of the first plot shows nothing else.
     """
+    use_bokeh()
     pn.Tabs.stylesheets = [OPEN_TAB]
     if (app := _app()) is not None:
         app.template = APP_PAGE

@@ -119,7 +119,7 @@ class Memsense(Framing):
         gx, gy, gz, ax, ay, az, mx, my, mz, *temperatures = counts
         rows.add_imu(
             end,
-            self._timer.continued(_TIMER.unpack_from(frame, 7)[0]) * TICK,
+            self._timer.continued(_TIMER.unpack_from(frame, _HEAD)[0]) * TICK,
             -1,
             (gx * rate, gy * rate, gz * rate),
             (ax * force, ay * force, az * force),

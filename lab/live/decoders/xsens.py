@@ -40,6 +40,7 @@ STATUS_WORD, GNSS_PVT = 0xE020, 0x7010  # of the device and its receiver
 EXTENDED = 0xFF
 """Length that says that two bytes of length follow."""
 _HEAD, _LONG_HEAD, _CHECKSUM = 4, 6, 1  # bytes before the items, of a long message, and after them
+_LONGEST_DATA = 2048  # bytes of the items of a message
 _ITEM_HEAD = 3  # bytes of an item before its data: kind and size
 _PRECISIONS = 0x3
 """Bits of an identifier with the kind of number; the next two are of axes that none of those read depends
@@ -69,7 +70,7 @@ class Xsens(Framing):
     """Framing of MTData2: preamble, length, items, sum of 8 bits."""
 
     first = START[:1]
-    longest = 2048 + 7
+    longest = _LONGEST_DATA + _LONG_HEAD + _CHECKSUM
     wrap_period = 2**32 * TICK
 
     def __init__(self) -> None:
@@ -89,7 +90,7 @@ class Xsens(Framing):
             return head[3] + _HEAD + _CHECKSUM
         if len(head) < _LONG_HEAD:
             return MORE
-        size = (head[4] << 8 | head[5]) + 7
+        size = (head[4] << 8 | head[5]) + _LONG_HEAD + _CHECKSUM
         return size if size <= self.longest else NONE
 
     def passes(self, frame: bytes) -> bool:
@@ -141,7 +142,7 @@ Items = dict[int, tuple[int, bytes]]
 def _items(frame: bytes) -> Items | None:
     """Return precision and bytes of the items of a message, by kind; None if they do not fill it."""
     at = _LONG_HEAD if frame[3] == EXTENDED else _HEAD
-    last = len(frame) - 1
+    last = len(frame) - _CHECKSUM
     items: Items = {}
     while at + _ITEM_HEAD <= last:
         kind, size = frame[at] << 8 | frame[at + 1], frame[at + 2]

@@ -36,7 +36,7 @@ _BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double"
 
 
 _FIXED = (-(2.0**15), 2.0**15 - 1)
-"""Least and largest whole part of a number of 16 and 32 bits."""
+"""Least and largest value that is sent with 16 bits before the point and 32 behind it."""
 
 
 class XsensEncoder:
@@ -101,6 +101,7 @@ class XsensEncoder:
 
 def _message(items: list[tuple[int, bytes]]) -> bytes:
     payload = b"".join(kind.to_bytes(2, "big") + bytes((len(data),)) + data for kind, data in items)
-    size = bytes((len(payload),)) if len(payload) < EXTENDED else b"\xff" + len(payload).to_bytes(2, "big")
+    is_long = len(payload) >= EXTENDED
+    size = bytes((EXTENDED,)) + len(payload).to_bytes(2, "big") if is_long else bytes((len(payload),))
     message = START + size + payload
     return message + bytes(((START[0] - sum(message)) & 0xFF,))
