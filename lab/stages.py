@@ -135,7 +135,7 @@ class Stages:
             give_back()
         self._prepare_navigator(truth.time.size, ideal.dt)
         assumed = self.belief(aligned)
-        (solution, aids), seconds = self._navigated(
+        (solution, aids), seconds = self._solution_of(
             truth,
             ideal.dt,
             gyro.increments,
@@ -180,7 +180,7 @@ class Stages:
         if self.algorithm is None and samples > SINGLE:
             compile_apart(self.navigator, self.sensors, 1 / dt)
 
-    def _navigated(
+    def _solution_of(
         self,
         truth: Truth,
         dt: float,

@@ -91,8 +91,8 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     )
     found = []
     for source, difference, is_bias in chain(
-        _alone(experiment, errors, ideal, temperature, truth),
-        _in_the_run(experiment, name, errors, measured.saturated > 0, ideal, temperature),
+        _errors_on_the_true_flight(experiment, errors, ideal, temperature, truth),
+        _errors_with_noise(experiment, name, errors, measured.saturated > 0, ideal, temperature),
     ):
         inertial = np.zeros((ideal.dtheta.shape[0], 6))
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
@@ -101,7 +101,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     return found
 
 
-def _alone(
+def _errors_on_the_true_flight(
     experiment: ExperimentSettings,
     errors: TriadErrors,
     ideal: IdealImu,
@@ -126,7 +126,7 @@ def _alone(
         yield source, alone, is_bias
 
 
-def _in_the_run(
+def _errors_with_noise(
     experiment: ExperimentSettings,
     name: str,
     errors: TriadErrors,
@@ -134,7 +134,7 @@ def _in_the_run(
     ideal: IdealImu,
     temperature: FloatArray,
 ) -> Iterator[tuple[str, FloatArray, bool]]:
-    """Yield the errors of a triad that depend on its noise, as `_alone` does: of range and quantisation."""
+    """Yield the errors of a triad that depend on its noise, as the function above: of range and quantisation."""
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
     if not (coarse or saturated):
         return

@@ -51,7 +51,7 @@ NORTH: Final = np.radians(20.0)
 `rest_alignment` converges from there."""
 UNKNOWN_HEADING: Final = np.pi
 """σ that stands for an unknown heading [rad], as in `initial_heading`."""
-SOUGHT_BELOW: Final = 3.0
+FOUND_RATIO: Final = 3.0
 """Ratio of `UNKNOWN_HEADING` to the σ from which the heading counts as found: between that of a heading that
 no field has corrected and that of `NORTH`."""
 REST_VELOCITY: Final = 0.02
@@ -408,7 +408,7 @@ class AttitudeOnly:
 
     def _aligned(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> tuple[Anchor, bool]:
         """Return the estimate after an update with a mean, and whether north is still sought."""
-        unknown = anchor.P[8, 8] > (UNKNOWN_HEADING / SOUGHT_BELOW) ** 2
+        unknown = anchor.P[8, 8] > (UNKNOWN_HEADING / FOUND_RATIO) ** 2
         north, sigma = np.nan, np.inf
         if unknown and self.place is not None:
             north, sigma = self._north(anchor, mean, variance)

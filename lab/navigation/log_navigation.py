@@ -158,7 +158,7 @@ def navigate_log(
     start = start or align(
         imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed.noise[:3]
     )
-    rows = _after_start(log, imu, times) & ~within(outages, times)
+    rows = _fixes_after_start(log, imu, times) & ~within(outages, times)
     assumed = assumed._replace(
         P0=start_covariance(assumed, navigator, start, variances[0, :3]),
         R=R[rows],
@@ -184,7 +184,7 @@ def navigate_log(
     )
 
 
-def _after_start(log: SensorLog, imu: Imu, times: FloatArray) -> NDArray[np.bool_]:
+def _fixes_after_start(log: SensorLog, imu: Imu, times: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the fixes during the IMU data; the last one before the start was used for it.
 
     Raises

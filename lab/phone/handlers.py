@@ -167,7 +167,7 @@ class SamplesHandler(BodyHandler):
         elif not self.hub.claim(phone, posted.device, posted.name):
             raise HTTPError(FOREIGN)
         else:
-            self.answer(phone, phone.take_posted(posted))
+            self.answer(phone, phone.take_page_request(posted))
 
 
 class PushHandler(BodyHandler):
@@ -182,4 +182,4 @@ class PushHandler(BodyHandler):
         elif not self.hub.claim(phone, pushed.device, ""):
             raise HTTPError(FOREIGN)
         else:
-            self.answer(phone, phone.take_pushed(pushed))
+            self.answer(phone, phone.take_app_request(pushed))

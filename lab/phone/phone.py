@@ -187,7 +187,7 @@ class Phone:
                 self._device, self.name = device, name()
             return hmac.compare_digest(self._device.encode(), device.encode())
 
-    def take_posted(self, posted: PageRequest) -> Answer:
+    def take_page_request(self, posted: PageRequest) -> Answer:
         """Take the batches of the page that follow those received; of a phone that has claimed."""
         with self._changed:
             now = self._clock()
@@ -211,7 +211,7 @@ class Phone:
             self._next, self._waiting = following, posted.waiting
             return self._answer(OK)
 
-    def take_pushed(self, pushed: AppRequest) -> Answer:
+    def take_app_request(self, pushed: AppRequest) -> Answer:
         """Take the readings of the app, unless it sent them before; of a phone that has claimed."""
         with self._changed:
             now = self._clock()

@@ -117,7 +117,7 @@ def attack_page(body: bytes) -> bool:
     posted = page_request_of(body)
     if posted is None:
         return False
-    return _is_taken(posted.device, posted.name, lambda phone: phone.take_posted(posted).status)
+    return _is_taken(posted.device, posted.name, lambda phone: phone.take_page_request(posted).status)
 
 
 def attack_logger(body: bytes) -> bool:
@@ -125,7 +125,7 @@ def attack_logger(body: bytes) -> bool:
     pushed = app_request_of(body)
     if pushed is None:
         return False
-    return _is_taken(pushed.device, "", lambda phone: phone.take_pushed(pushed).status)
+    return _is_taken(pushed.device, "", lambda phone: phone.take_app_request(pushed).status)
 
 
 def _is_taken(device: str, name: str, take: Callable[[Phone], int]) -> bool:

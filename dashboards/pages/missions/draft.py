@@ -87,7 +87,7 @@ class Draft:
             description="Adds the IMU and GPS data in the file as a sensor log.",
         )
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
-        self._body = self._laid_out()
+        self._body = self._layout()
         self.view = pn.Column(
             self._job.view,
             self._columns.view,
@@ -97,7 +97,7 @@ class Draft:
             stylesheets=[WHOLE],
         )
 
-    def _laid_out(self) -> pn.Column:
+    def _layout(self) -> pn.Column:
         """Return the verdict, the name, the preview, and the reports beside the fields; hidden at first."""
         naming = pn.Row(
             self._naming.view,

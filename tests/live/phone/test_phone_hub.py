@@ -33,7 +33,7 @@ def send(hub: PhoneHub, phone: Phone, *numbers: int, **others) -> int:
     posted = page_request_of(request([batch(number) for number in numbers], **others))
     assert posted is not None
     assert hub.claim(phone, posted.device, posted.name)
-    return phone.take_posted(posted).status
+    return phone.take_page_request(posted).status
 
 
 def test_the_states_of_a_phone():
