@@ -134,7 +134,7 @@ def _errors_with_noise(
     ideal: IdealImu,
     temperature: FloatArray,
 ) -> Iterator[tuple[str, FloatArray, bool]]:
-    """Yield the errors of a triad that depend on its noise, as the function above: of range and quantisation."""
+    """Yield the errors of a triad that depend on its noise, likewise: of range and quantisation."""
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
     if not (coarse or saturated):
         return
