@@ -64,10 +64,12 @@ def test_no_style_of_the_page_is_one_that_the_plots_no_longer_read(shared_page: 
 
 
 def test_a_layout_writes_only_styles_that_change(shared_page: Page) -> None:
+    wait_for(shared_page, IDLE)
     counts = shared_page.evaluate(COUNTED, "layout")
-    assert counts["layouts"] >= 1
-    assert counts["written"] < 10  # Bokeh alone writes all of them twice, more than a thousand
-    assert counts["asked"] < 30  # Bokeh alone asks more than a thousand times
+    layouts = counts["layouts"]  # a busy browser may still have one of its own to do
+    assert layouts >= 1
+    assert counts["written"] < 10 * layouts  # Bokeh alone writes all of them twice, more than a thousand
+    assert counts["asked"] < 20 * layouts  # Bokeh alone asks more than a thousand times
 
 
 def test_components_that_change_their_size_share_a_layout(shared_page: Page) -> None:
