@@ -33,8 +33,6 @@ from lab.live.decoders.xsens import (
 Precision = Literal["single", "fp12.20", "fp16.32", "double"]
 # The kind of number, as bits of an identifier.
 _BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double": 3}
-
-
 _FIXED = (-(2.0**15), 2.0**15 - 1)
 """Least and largest value that is sent with 16 bits before the point and 32 behind it."""
 
