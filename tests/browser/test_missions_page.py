@@ -186,8 +186,12 @@ def upload(page: Page, *paths: Path) -> None:
 
 def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tmp_path: Path) -> None:
     page = shared_page
-    flight, broken = tmp_path / "our flight.csv", tmp_path / "bro<b>ken.csv"
+    flight, broken, nameless = (
+        tmp_path / name for name in ("our flight.csv", "bro<b>ken.csv", "nameless.csv")
+    )
     write_flight_csv(flight, part_of_montreal())
+    rows = [f"{time},{45.0 + 1e-4 * time:.6f},-73.0,100.0" for time in range(60)]
+    nameless.write_text("\n".join(["a,b,c,d", *rows]), encoding="utf-8")
     broken.write_text("time_s,latitude_deg\n0,1\n", encoding="utf-8")
     missions_tab(page, "My flight")
     part(page, "Import")
@@ -196,6 +200,13 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     problem = page.get_by_role("alert").filter(has_text="bro_b_ken.csv")
     expect(problem).to_be_visible()
     expect(problem).to_have_text(re.compile("^bro_b_ken.csv: its format is unknown"))
+    upload(page, nameless)
+    refusal = page.get_by_role("alert").filter(has_text="nameless.csv")
+    expect(refusal).to_contain_text("Here, the field 'Columns of a csv' takes it")
+    columns = box(page, "Columns of a csv")
+    columns.fill("a = time[s]\nb = latitude[°]\nc = longitude[°]\nd = height[m]")
+    columns.blur()
+    expect(page.get_by_role("cell", name="60 rows read, 60 used")).to_be_visible()
     upload(page, flight)
     expect(page.get_by_role("alert").filter(has_text="lausible")).to_be_visible()
     expect(page.get_by_text("INS Lab flight csv", exact=True)).to_be_visible()

@@ -174,7 +174,7 @@ class Draft:
                     flight, settings, white_noise(sensors, "the chosen IMU"), paths, units, axes
                 )
             except MissionError as error:
-                raise MissionError(_without_folder(error, paths)) from error
+                raise MissionError(self._columns.located(_without_folder(error, paths))) from error
             return _Read(read, *(before[1:] if before else _log_of(read, units)))
 
         self._job.start("Reading", work, self._show)
@@ -188,7 +188,7 @@ class Draft:
         self._add_log.visible = read.log is not None
         self._report.object = rows_html(flight.report)
         self._units.show(flight.raw.units)
-        self._log_report.object = read_log_html(read.log, read.log_refused)
+        self._log_report.object = read_log_html(read.log, self._columns.located(read.log_refused))
         self._preview[:] = list(_panes(flight))
         self._body.visible = True
 

@@ -16,6 +16,8 @@ from lab.parameters.settings import SettingError
 from lab.readers.unit_names import UNITS
 from lab.repair.raw_flight import ColumnUnit
 
+_COLUMNS = "Columns of a csv"
+
 
 class SettingFields:
     """The settings of an import.
@@ -119,13 +121,15 @@ class ColumnField:
     """
 
     _AXES = "axes"
+    _OPTIONS = ("--column", "--unit", "--axes")
+    """The options of ``ins-lab import`` whose text this field takes."""
 
     def __init__(self, changed: Callable[[], None], refused: Callable[[str], None]) -> None:
         self._changed = changed
         self._refused = refused
         self._clearing = False
         self._text = pmui.TextAreaInput(
-            label="Columns of a csv",
+            label=_COLUMNS,
             placeholder="A1 = force_x[g]\nA2 = -force_y[g]\nspeed = km/h\naxes = y,x,-z",
             description="One line for each column whose heading does not say enough: what it is, with its "
             "unit, or its unit alone; - for a column that is not read. axes names the axes of the IMU that "
@@ -145,6 +149,15 @@ class ColumnField:
         self._text.value = ""
         self._clearing = False
         self.view.visible = any(name.lower().endswith((".csv", ".txt", ".tsv", ".zip")) for name in names)
+
+    def located(self, message: str) -> str:
+        """Return a message with the place of this field, if it names an option whose text the field takes."""
+        if not self.view.visible or not any(option in message for option in self._OPTIONS):
+            return message
+        return (
+            f"{message} Here, the field {_COLUMNS!r} takes it: HEADING = QUANTITY[UNIT], HEADING = UNIT "
+            "or axes = X,Y,Z, one in a line."
+        )
 
     @property
     def columns(self) -> dict[str, str]:
