@@ -101,26 +101,28 @@ def _view(context: Any, builder: Any, signature: Any, arguments: Any, steps: lis
     return view._getvalue()
 
 
-# What these return is for kernels; the compiler passes the context, and not its callers.
-wide_vectors: Kernel = intrinsic(_wide_vectors)
-numbers: Kernel = intrinsic(_numbers)
-rows: Kernel = intrinsic(_rows)
+def plain_wide_vectors() -> None:
+    """Do nothing: without a compiler, there are no vectors."""
 
-if DISABLE_JIT:  # the same for a debugger
 
-    def wide_vectors() -> None:
-        """Do nothing: there is no compiler."""
+def plain_numbers(buffer: FloatArray, first: int, lane: int) -> FloatArray:
+    """Return the numbers of one run from `first` on, to the end of the buffer."""
+    view: FloatArray = buffer[first * LANES + lane :: LANES]
+    return view
 
-    def numbers(buffer: FloatArray, first: int, lane: int) -> FloatArray:
-        """Return the numbers of one run from `first` on."""
-        view: FloatArray = buffer[first * LANES + lane :: LANES]
-        return view
 
-    def rows(buffer: FloatArray, first: int, width: int, lane: int) -> FloatArray:
-        """Return the numbers of one run from `first` on, to the end of the buffer, as a matrix."""
-        found = numbers(buffer, first, lane)
-        matrix: FloatArray = found[: found.size // width * width].reshape(-1, width)
-        return matrix
+def plain_rows(buffer: FloatArray, first: int, width: int, lane: int) -> FloatArray:
+    """Return the numbers of one run from `first` on, to the end of the buffer, as a matrix."""
+    found = plain_numbers(buffer, first, lane)
+    matrix: FloatArray = found[: found.size // width * width].reshape(-1, width)
+    return matrix
+
+
+# What these return is for kernels; the compiler passes the context, and not its callers. A debugger has the
+# functions above.
+wide_vectors: Kernel = plain_wide_vectors if DISABLE_JIT else intrinsic(_wide_vectors)
+numbers: Kernel = plain_numbers if DISABLE_JIT else intrinsic(_numbers)
+rows: Kernel = plain_rows if DISABLE_JIT else intrinsic(_rows)
 
 
 def size_of_lane(states: int) -> int:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.lane_points import point_of
 from lab.navigation.strapdown import (
     Q_NB,
     VELOCITY,
@@ -158,8 +159,8 @@ def spread(
         Order of the states in the root.
     root, x : (n, n) and (n,) arrays
         Workspace; zeros at first.
-    points : (2 n, LENGTH) array
-        Receives the sigma points.
+    points
+        Receives the 2 n sigma points, see `lane_points`.
     places : (n − 9,) array
         As of `displace`.
     """
@@ -169,9 +170,10 @@ def spread(
         size = SPREAD if point < n else -SPREAD
         for i in range(n):
             x[i] = size * root[i, point % n]
+        there = point_of(points, point)
         for i in range(state.size):
-            points[point, i] = state[i]
-        displace(points[point], x, places)
+            there[i] = state[i]
+        displace(there, x, places)
 
 
 @kernel
@@ -190,8 +192,8 @@ def gather(
     ----------
     state : (LENGTH,) array
         The navigator, the centre of the points.
-    points : (2 n, LENGTH) array
-        The sigma points.
+    points
+        The 2 n sigma points, see `lane_points`.
     deviations, attitudes : (2 n, n) and (2 n, 4) arrays
         Workspace.
     x : (n,) array
@@ -203,7 +205,7 @@ def gather(
     """
     n = x.size
     for point in range(2 * n):
-        _difference(state, points[point], deviations[point], attitudes[point], places)
+        _difference(state, point_of(points, point), deviations[point], attitudes[point], places)
     q = _mean_attitude(quaternion(state, Q_NB), attitudes)
     centre = rotation_vector(quaternion(state, Q_NB), q)
     for i in range(n):
@@ -219,15 +221,17 @@ def gather(
     # The deviations d are from the centre, which deviates from the mean by −x: the weighted sum of squares
     # about the mean, including the centre, is that of d minus x xᵀ.
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1):
             P[i, j] = 0.0
     for point in range(2 * n):
         for i in range(n):
-            for j in range(n):
-                P[i, j] += deviations[point, i] * deviations[point, j]
+            weighted = WEIGHT * deviations[point, i]
+            for j in range(i + 1):
+                P[i, j] += weighted * deviations[point, j]
     for i in range(n):
-        for j in range(n):
-            P[i, j] = WEIGHT * P[i, j] - x[i] * x[j]
+        for j in range(i + 1):
+            P[i, j] -= x[i] * x[j]
+            P[j, i] = P[i, j]
 
 
 @inline_kernel

@@ -40,6 +40,8 @@ from lab.navigation.kalman import (
     predict_fix,
     weight,
 )
+from lab.navigation.lane_points import MOST_TURN, point_of, step_abreast, step_kernel
+from lab.navigation.lane_step import LANES
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
 from lab.navigation.observation import see_latency
@@ -380,8 +382,11 @@ def _step(run: UnscentedFilter, dtheta: Vector, dvelocity: Vector, dt: float) ->
         spread(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
         run.clock[1] = 0.0
     step(run.state, dtheta, dvelocity, dt)
-    for point in range(run.points.shape[0]):
-        step(run.points[point], dtheta, dvelocity, dt)
+    if dtheta[0] * dtheta[0] + dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2] < MOST_TURN * MOST_TURN:
+        step_abreast(run.points, dtheta, dvelocity, dt, LANES)
+    else:
+        for point in range(2 * run.x.size):
+            step(point_of(run.points, point), dtheta, dvelocity, dt)
     run.counts[1] += 1
     run.clock[0] += dt
     run.clock[1] += dt
@@ -467,7 +472,7 @@ def filter_all(
 @functools.cache
 def driver(*, aided: bool) -> Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
-    own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, **wander.STEP}
+    own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, **wander.STEP, step_abreast: step_kernel()}
     name = "nonlinear"
     if aided:
         own[aid_due], own[take_aids] = _aid_due, _take_aids

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lab.navigation import strapdown
 from lab.navigation.aids import HEADING, MAGNETIC, north_axes, north_variance, see_aid
 from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.lane_points import point_of
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport
 from lab.navigation.solution import Solution
@@ -65,7 +66,7 @@ def observe_aid(
     for i in range(n):
         gain[i] = 0.0
     for point in range(2 * n):
-        there = run.points[point]
+        there = point_of(run.points, point)
         _turn_as_biased(state, there)
         seen = see_aid(there, north_axes(there, age), kind, value, field, aids.place, age, dt, row)
         d = _difference(kind, z, seen)

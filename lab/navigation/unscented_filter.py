@@ -13,6 +13,7 @@ from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filter import initial_covariance
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.lane_points import room_for
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
@@ -40,8 +41,8 @@ class UnscentedFilter(NamedTuple):
     ----------
     state : (LENGTH,) array
         The navigator: the mean, and the centre of the sigma points.
-    points : (2 n, LENGTH) array
-        The sigma points, navigators of the same kind.
+    points
+        The 2 n sigma points, navigators of the same kind, see `lane_points`.
     P : (n, n) array
         Covariance of the error, in the computer frame as of `wander_models.psi`; 15 states of every filter,
         then those of its further blocks.
@@ -99,7 +100,7 @@ class UnscentedFilter(NamedTuple):
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         return cls(
             state,
-            np.zeros((2 * n, wander.LENGTH)),
+            room_for(2 * n),
             np.array(initial_covariance(model, state, belief.P0), dtype=np.float64, order="C"),
             np.zeros((n, n)),
             np.zeros((2 * n, n)),

@@ -11,6 +11,7 @@ import math
 
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel
+from lab.navigation.lane_points import point_of
 from lab.navigation.strapdown import Matrix, get, plus, put
 from lab.navigation.unscented_filter import GYRO_DRIFT, UnscentedFilter
 from lab.navigation.wander import quaternion
@@ -23,8 +24,8 @@ def decay_errors(run: UnscentedFilter, elapsed: float) -> None:
         if run.decay[b] > 0:
             kept, place = math.exp(-run.decay[b] * elapsed), run.places[b]
             run.state[place] *= kept
-            for point in range(run.points.shape[0]):
-                run.points[point, place] *= kept
+            for point in range(2 * run.x.size):
+                point_of(run.points, point)[place] *= kept
             for i in range(run.x.size):
                 run.driven[9 + b, i] *= kept
             for i in range(run.x.size):

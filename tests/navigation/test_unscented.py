@@ -22,10 +22,14 @@ from scipy.spatial.transform import Rotation
 from lab.analysis.errors import attitude_error, position_error
 from lab.experiment import Experiment
 from lab.frames import earth, ecef
-from lab.navigation import navigator, sigma_points, unscented
+from lab.navigation import navigator, sigma_points, strapdown, unscented, wander
+from lab.navigation.generation import Variant, interpreted
+from lab.navigation.lane_points import MOST_TURN, step_kernel
+from lab.navigation.lane_step import LANES
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
+from lab.navigation.wander import LENGTH
 from lab.parameters.settings import SettingError
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
@@ -84,6 +88,18 @@ def gather(filter_: unscented.UnscentedFilter) -> None:
     sigma_points.gather(f.state, f.points, f.deviations, f.attitudes, f.mean, f.P, f.places)
 
 
+def points_of(filter_: unscented.UnscentedFilter) -> FloatArray:
+    """Return the states of the sigma points, one in a row."""
+    blocks = filter_.points.reshape(-1, LENGTH, LANES).transpose(0, 2, 1)
+    return blocks.reshape(-1, LENGTH)[: 2 * filter_.x.size]
+
+
+def set_points(filter_: unscented.UnscentedFilter, states: FloatArray) -> None:
+    """Write the states of the sigma points."""
+    rows = np.resize(states, (filter_.points.size // LENGTH, LENGTH))
+    filter_.points[:] = rows.reshape(-1, LANES, LENGTH).transpose(0, 2, 1).ravel()
+
+
 def assert_close(P: FloatArray, expected: FloatArray, tolerance: float) -> None:
     """Compare covariances in units of the σ expected."""
     sigma = np.sqrt(np.diag(expected))
@@ -119,7 +135,9 @@ def test_the_transform_is_exact_for_linear_maps(seed: int) -> None:
     make_positions_certain(filter_)
     before = filter_.P.copy()
     spread(filter_)
-    filter_.points[:, linear] = filter_.points[:, linear] @ block.T + offset
+    points = points_of(filter_)
+    points[:, linear] = points[:, linear] @ block.T + offset
+    set_points(filter_, points)
     # A centre that is not the mean: the mean must not depend on it.
     moved = filter_.state[linear] @ block.T + offset
     filter_.state[linear] = moved
@@ -137,17 +155,52 @@ def test_mean_and_covariance_of_attitudes(seed: int, degrees: float) -> None:
     filter_.P[6:9] *= np.radians(degrees) / 0.1
     filter_.P[:, 6:9] *= np.radians(degrees) / 0.1
     spread(filter_)
-    states = np.vstack((filter_.state, filter_.points))
+    points = points_of(filter_)
+    states = np.vstack((filter_.state, points))
     attitude = Rotation.from_quat(states[:, Q_NB : Q_NB + 4], scalar_first=True)
     bent = Rotation.from_rotvec(0.3 * attitude.as_matrix()[:, 0] ** 2) * attitude
     q = bent.as_quat(scalar_first=True)
-    filter_.state[Q_NB : Q_NB + 4], filter_.points[:, Q_NB : Q_NB + 4] = q[0], q[1:]
+    filter_.state[Q_NB : Q_NB + 4], points[:, Q_NB : Q_NB + 4] = q[0], q[1:]
+    set_points(filter_, points)
     gather(filter_)
     mean = Rotation.from_rotvec(filter_.mean[6:9]) * bent[0]
     phi = (bent * mean.inv()).as_rotvec()
     np.testing.assert_allclose(WEIGHTS @ phi, 0, atol=1e-11)
     np.testing.assert_allclose(filter_.P[6:9, 6:9], (phi.T * WEIGHTS) @ phi, atol=1e-11)
     assert np.linalg.eigvalsh(filter_.P[6:9, 6:9]).min() > 0
+
+
+@pytest.mark.parametrize("turn", [0.002, 0.99 * MOST_TURN])
+@pytest.mark.parametrize("seed", range(3))
+def test_eight_points_abreast_are_each_advanced_as_one_is(seed: int, turn: float) -> None:
+    """Position, velocity and attitude of all points, after ten samples."""
+    filter_ = random_filter(seed)
+    spread(filter_)
+    points, rng = points_of(filter_), np.random.default_rng(seed)
+    one = interpreted(strapdown.step, Variant(wander.STEP))
+    for _ in range(10):
+        axis = rng.normal(size=3)
+        dtheta, dvelocity = tuple(turn * axis / np.linalg.norm(axis)), tuple(rng.normal(0, 0.1, 3))
+        step_kernel()(filter_.points, dtheta, dvelocity, 0.01, LANES)
+        for point in points:
+            one(point, dtheta, dvelocity, 0.01)
+    np.testing.assert_allclose(
+        points_of(filter_)[:, :GYRO_BIAS], points[:, :GYRO_BIAS], rtol=1e-11, atol=1e-11
+    )
+
+
+@pytest.mark.parametrize("turn", [0.99 * MOST_TURN, 1.01 * MOST_TURN, 3.0])
+def test_points_hold_samples_of_any_rotation(turn: float) -> None:
+    """A top that turns by some radians a sample: its tilts turn with it, and their variances stay."""
+    times, latitude, sigma = np.arange(41) * 0.2, 0.7, 1e-3
+    begin = start_at(latitude)
+    force = steady([0.0, 0.0, -earth.gravity(np.sin(latitude), begin.position[2])])
+    imu = increments(times, steady([0.0, 0.0, turn / 0.2]), force)
+    P0 = np.diag([1e-6] * 3 + [1e-12] * 3 + [sigma**2] * 3 + [1e-20] * 6)
+    solution = unscented.navigate(imu, NO_FIXES, begin, NO_FILTER._replace(P0=P0))
+    exact = navigator.navigate(imu, NO_FIXES, begin, NO_FILTER).q_nb
+    np.testing.assert_allclose(np.abs(np.sum(solution.q_nb * exact, axis=1)), 1, atol=1e-9)
+    np.testing.assert_allclose(solution.variance[:, 6:9], sigma**2, rtol=1e-3)
 
 
 @pytest.mark.parametrize("degrees", [1.0, 20.0, 40.0, 60.0])

@@ -19,6 +19,7 @@ from lab.navigation.blocks import in_order
 from lab.navigation.checks import check_own_states
 from lab.navigation.frames import keep_radii
 from lab.navigation.generation import Variant, interpreted
+from lab.navigation.lane_step import numbers, plain_numbers
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
@@ -107,7 +108,11 @@ def test_an_update_is_that_of_a_plain_unscented_filter(kind: int, latitude: floa
         nu = float(wrap(nu))
     before, P = run.state.copy(), run.P.copy()
     out = Solution.empty(2, 0, NAMES, aids=1)
-    own = {north_axes: wander.north_axes_before, north_variance: wander.north_variance}
+    own = {
+        north_axes: wander.north_axes_before,
+        north_variance: wander.north_variance,
+        numbers: plain_numbers,
+    }
     update = interpreted(observe_aid, Variant(own))
     assert update(run, 0, AGE, DT, Schedule(), out)
     assert out.aid_innovation[0] == pytest.approx(nu, rel=1e-5, abs=1e-6)
