@@ -49,6 +49,9 @@ quarter more, found by NEES."""
 FLICKER_AT_FIRST = 3.3
 """Variance of flicker 10 s after its start, in B²: (ln n + γ + 4 ln 2) / π after n samples, at 100 Hz.
 In these seconds it grows faster than the process that stands for it."""
+FLICKER_AFTER_REST = 3.0
+"""Variance of flicker less its mean over an alignment, in B²: (ln n + γ + 4 ln 2 − 2) / π after n samples, for
+30 s at 100 Hz; 2.6 for 10 s, and 3.7 for 5 min."""
 FLICKER_PEAK = 1.89
 """Where the Allan deviation of that process is largest, in its correlation times (IEEE Std 952-1997)."""
 SHORTEST_MEETING = 10.0
@@ -269,7 +272,7 @@ def _matched_p0(
     varying = np.zeros(21)
     varying[GYRO_BIAS] = si(sensors.gyro, "instability") ** 2
     varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
-    flicker = FLICKER_VARIANCE if aligned else FLICKER_AT_FIRST
+    flicker = FLICKER_AFTER_REST if aligned else FLICKER_AT_FIRST
     varying[GYRO_BIAS] += flicker * si(sensors.gyro, "flicker") ** 2
     varying[ACCEL_BIAS] += flicker * si(sensors.accelerometer, "flicker") ** 2
     return (constants[:21, :21] + np.diag(varying))[: navigator.states, : navigator.states]

@@ -6,6 +6,7 @@ from html import escape
 from itertools import groupby
 
 from lab.importing.import_report import ImportReport
+from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 
 REPORT_STYLE = """
@@ -45,7 +46,7 @@ def read_log_html(log: SensorLog | None, refused: str) -> str:
     """Return how the IMU and GPS data of a file were read as a log, or why they were not; else nothing."""
     if log is None and not refused:
         return ""
-    rows = [refused] if log is None else list(log.repairs)
+    rows = [refused] if log is None else piece(log).repairs
     cells = "".join(
         f'<tr><td style="white-space: normal; opacity: 1">{escape(row)}</td></tr>' for row in rows
     )

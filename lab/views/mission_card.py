@@ -6,7 +6,8 @@ from html import escape
 
 import numpy as np
 
-from lab.logs.sensor_log import SensorLog
+from lab.logs.log_section import piece
+from lab.logs.sensor_log import MAX_GAP, SensorLog
 from lab.missions.catalogue import mission as find_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
@@ -40,7 +41,7 @@ def log_html(mission: LogMission) -> str:
         log = mission.log
     except MissionError as error:
         return _card(mission, f"<p>No log: {escape(str(error))}</p>")
-    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
+    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in piece(log).repairs)
     body = _body(_log_facts(log) | {"Origin": mission.origin}, picture(mission, CARD_WIDTH))
     return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
 
@@ -74,19 +75,28 @@ def _body(facts: dict[str, str], picture: str) -> str:
 
 def _log_facts(log: SensorLog) -> dict[str, str]:
     gnss, start = log.gnss, np.degrees(log.gnss.position[0, :2])
-    gaps = f"{len(log.gaps)}, {np.diff(log.gaps, axis=1).sum():.3g} s in all" if len(log.gaps) else "none"
     span = "" if log.reference is None else f"{np.ptp(log.reference.time):.1f} s, {_known(log)}"
     arm = ", ".join(f"{length:g}" for length in gnss.lever_arm)
     return {
         "Duration": f"{log.duration:.2f} s",
         "IMU": f"{len(log.dtheta)} samples, {1 / np.median(np.diff(log.time)):.4g} Hz",
         "GPS": f"{len(gnss.time)} fixes, {1 / np.median(np.diff(gnss.time)):.3g} Hz",
-        "Gaps of the IMU": gaps,
+        "Gaps of the IMU": _gaps(log),
         "Reference": span or "none",
         "Start": f"{start[0]:.5f}° latitude, {start[1]:.5f}° longitude",
         "Antenna": f"{arm} m forward, right, down of the IMU" if gnss.lever_arm.any() else "",
         "Latency": f"{gnss.latency:g} s" if gnss.latency else "",
     }
+
+
+def _gaps(log: SensorLog) -> str:
+    """Return how many gaps were filled, and how many are too long for that."""
+    parts = []
+    if len(log.gaps):
+        parts.append(f"{len(log.gaps)}, {np.diff(log.gaps, axis=1).sum():.3g} s in all, filled")
+    if len(log.breaks):
+        parts.append(f"{len(log.breaks)} of more than {MAX_GAP:g} s")
+    return "; ".join(parts) or "none"
 
 
 def _known(log: SensorLog) -> str:

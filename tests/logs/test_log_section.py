@@ -8,6 +8,9 @@ from sensor_logs import EPOCH, tables, write
 
 from lab.logs.log_section import piece
 from lab.missions import MissionError, read_sensor_log
+from lab.missions.log_mission import LogMission
+from lab.views.import_report_card import read_log_html
+from lab.views.mission_card import log_html
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,18 @@ def test_the_longest_piece_without_a_break(tmp_path, flown):
     other = piece(log, EPOCH + 60, EPOCH + 72)
     assert other.epoch == pytest.approx(EPOCH + 60, abs=0.02)
     assert other.duration == pytest.approx(10, abs=0.03)
+
+
+def test_gaps_are_told_wherever_a_log_is_shown(tmp_path, flown):
+    """On its card and beside an import, those that divide it are told, although it is not navigated there."""
+    times = flown.imu[:, 0] - EPOCH
+    rows = ~((times > 70) & (times < 78)) & ~((times > 100) & (times < 111))
+    folder = write(tmp_path, flown._replace(imu=flown.imu[rows]))
+    log = read_sensor_log(folder)
+    card = log_html(LogMission.at(folder, "halves"))
+    assert "2 of more than 2 s" in card
+    for shown in (card, read_log_html(log, "")):
+        assert "only the longest piece is navigated, 1078 to 1100 s" in shown
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,11 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 from lab import Experiment
-from lab.navigation.belief import belief, bias_process, flicker_process
+from lab.navigation.belief import FLICKER_AFTER_REST, belief, bias_process, flicker_process
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.imu import GyroErrors
+from lab.sensors.processes import flicker
 from lab.sensors.suite import SensorSuite
 
 DEGREE = np.pi / 180
@@ -115,19 +116,30 @@ def test_the_filter_of_a_drifting_sensor_is_consistent(name):
     assert value == pytest.approx(1, abs=0.25)
 
 
-@pytest.mark.parametrize("name", ["iIMU-FSAS", "LN-200S"])
-def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name):
+def test_an_alignment_leaves_flicker_less_its_mean():
+    """The variance of 1,500 values has a relative σ of 4 %."""
+    rng = np.random.default_rng(4)
+    series = (flicker(rng.normal(size=(3000, 3))) for _ in range(500))
+    left = [one[-1] - one.mean(axis=0) for one in series]
+    assert np.mean(np.square(left)) == pytest.approx(FLICKER_AFTER_REST, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("name", "alignment", "times"),
+    [("iIMU-FSAS", 0, (5.0, 20.0)), ("LN-200S", 0, (5.0, 20.0)), ("iIMU-FSAS", 30, (1.0, 5.0))],
+)
+def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name, alignment, times):
     """Over 60 flights, NEES of the three gyro biases has a σ of 0.11."""
     one = Experiment(mission="los_angeles")
     card(name).load(one)
-    one.update({"trajectory": {"imu_rate": 50}, "navigator": {"alignment": 0}})
+    one.update({"trajectory": {"imu_rate": 50}, "navigator": {"alignment": alignment}})
     for triad in (one.sensors.gyro, one.sensors.accelerometer):
         triad.misalignment, triad.quantisation, triad.bandwidth = (0,) * 6, (0,) * 3, (0,) * 3
     one.sensors.gyro.g_sensitivity = (0,) * 3
     found = []
     for seed in range(60):
         result = one.copy().update({"seed": seed}).run()
-        at = np.searchsorted(result.time, (5.0, 20.0))
+        at = np.searchsorted(result.time, times)
         errors = result.sensor_errors
         error = errors.gyro_bias.values[at] - errors.gyro_bias_true.values[at]
         found.append((error / errors.gyro_bias_sigma.values[at]) ** 2)
