@@ -124,22 +124,19 @@ def test_an_alignment_leaves_flicker_less_its_mean():
     assert np.mean(np.square(left)) == pytest.approx(FLICKER_AFTER_REST, rel=0.12)
 
 
-@pytest.mark.parametrize(
-    ("name", "alignment", "times"),
-    [("iIMU-FSAS", 0, (5.0, 20.0)), ("LN-200S", 0, (5.0, 20.0)), ("iIMU-FSAS", 30, (1.0, 5.0))],
-)
-def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name, alignment, times):
+@pytest.mark.parametrize("name", ["iIMU-FSAS", "LN-200S"])
+def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name):
     """Over 60 flights, NEES of the three gyro biases has a σ of 0.11."""
     one = Experiment(mission="los_angeles")
     card(name).load(one)
-    one.update({"trajectory": {"imu_rate": 50}, "navigator": {"alignment": alignment}})
+    one.update({"trajectory": {"imu_rate": 50}, "navigator": {"alignment": 0}})
     for triad in (one.sensors.gyro, one.sensors.accelerometer):
         triad.misalignment, triad.quantisation, triad.bandwidth = (0,) * 6, (0,) * 3, (0,) * 3
     one.sensors.gyro.g_sensitivity = (0,) * 3
     found = []
     for seed in range(60):
         result = one.copy().update({"seed": seed}).run()
-        at = np.searchsorted(result.time, times)
+        at = np.searchsorted(result.time, (5.0, 20.0))
         errors = result.sensor_errors
         error = errors.gyro_bias.values[at] - errors.gyro_bias_true.values[at]
         found.append((error / errors.gyro_bias_sigma.values[at]) ** 2)
