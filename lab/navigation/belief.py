@@ -50,8 +50,8 @@ FLICKER_AT_FIRST = 3.3
 """Variance of flicker 10 s after its start, in B²: (ln n + γ + 4 ln 2) / π after n samples, at 100 Hz.
 In these seconds it grows faster than the process that stands for it."""
 FLICKER_AFTER_REST = 3.0
-"""Variance of flicker less its mean over an alignment, in B²: (ln n + γ + 4 ln 2 − 2) / π after n samples. The
-value is that of 30 s at 100 Hz; 10 s make 2.6, and 5 min 3.7."""
+"""Variance of flicker less its mean over an alignment, in B²: (ln n + γ + 4 ln 2 − 2) / π after n samples.
+The value is that of 30 s at 100 Hz; 10 s make 2.6, and 5 min 3.7."""
 FLICKER_PEAK = 1.89
 """Where the Allan deviation of that process is largest, in its correlation times (IEEE Std 952-1997)."""
 SHORTEST_MEETING = 10.0
