@@ -20,9 +20,11 @@ from lab.missions import LogMission, SensorLog
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
+from lab.navigation.blocks import CORE
 from lab.navigation.error_models import POS
 from lab.navigation.log_navigation import RecordedRun, navigate_log, readings_of
 from lab.navigation.model_choice import is_ready
+from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
 from lab.result import Runnable
 from lab.run import Recorded
@@ -65,6 +67,14 @@ IN_EFFECT = frozenset(
 )
 """Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that
 a card assumed, and outages."""
+OF_FURTHER_STATES = {
+    "sensors.gyro.misalignment": "estimate_misalignments",
+    "sensors.accelerometer.misalignment": "estimate_misalignments",
+    "sensors.gps.correlated_sigma": "estimate_gps_drift",
+    "sensors.gps.correlation_time": "estimate_gps_drift",
+}
+"""Settings of the sensors that the filter of a log assumes for further states, each with the setting that adds
+these states."""
 
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(
@@ -78,23 +88,27 @@ settings are the user's own and are not."""
 _SAME_CLOCK = 1e-3  # largest offset at which the clock of the file counts as the time of the log [s]
 
 
-def has_effect(path: str, states: int = 21, fitted: Collection[str] = OTHER_SENSORS) -> bool:
+def has_effect(
+    path: str, navigator: NavigatorSettings | None = None, fitted: Collection[str] = OTHER_SENSORS
+) -> bool:
     """Return whether a setting affects the navigation of a log.
 
     Parameters
     ----------
     path
         The setting.
-    states
-        Number of states of the filter, without further blocks.
+    navigator
+        The filter; None for one with all states.
     fitted
         The sensors besides IMU and GPS that it uses, by their groups.
     """
     group = path.split(".")[1] if path.startswith("sensors.") else ""
     if group in OTHER_SENSORS and group not in fitted and not path.endswith(".fitted"):
         return False
-    if group in ("gyro", "accelerometer") and ".scale_factor" in path and states == 15:
-        return False
+    if path in OF_FURTHER_STATES:
+        return navigator is None or bool(getattr(navigator, OF_FURTHER_STATES[path]))
+    if group in ("gyro", "accelerometer") and ".scale_factor" in path:
+        return navigator is None or navigator.states > CORE
     if path.startswith("sensors."):
         return path in IN_EFFECT
     return path not in WITHOUT_EFFECT | {"seed"} and not path.startswith("trajectory.")
@@ -140,18 +154,17 @@ def run_log(
     log = piece(whole, navigator.log_from, navigator.log_to)
     outages = outages_in(log, sensors.gps.outages)
     progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
-    states = navigator.states
     check_memory(
         log.time.size,
         log.gnss.time.size,
         log.time.size / max(log.duration, 1.0),
-        states=states,
+        states=navigator.states,
         drifting=0,
         exact=False,
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
         aids=sum(one.time.size for one in readings_of(log, sensors).values()),
     )
-    settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
+    settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, navigator)}
     made, seconds = cache.get(
         "log navigation",
         digest(content, settings | {"mission": ""}, chosen_blocks(navigator, sensors)),
@@ -240,7 +253,7 @@ def _idle_remarks(experiment: Runnable) -> list[str]:
         path
         for path, owner, name in experiment.leaves()
         if getattr(owner, name) != owner.param[name].default
-        and not has_effect(path, experiment.navigator.states, fitted)
+        and not has_effect(path, experiment.navigator, fitted)
     ]
     return [f"Nothing is simulated for a log: {', '.join(idle)} has no effect."] if idle else []
 

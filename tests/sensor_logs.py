@@ -112,3 +112,10 @@ def described(folder: Path, source: Path) -> Path:
         f"latency_s = {LATENCY.get(source.name, 0.0)}\n"
     )
     return folder
+
+
+def changed(value: float | tuple[float, ...], bounds: tuple[float, float]) -> float | tuple[float, ...]:
+    """Return another value of a setting, or of each of its axes, within its bounds."""
+    if isinstance(value, tuple):
+        return tuple(float(changed(one, bounds)) for one in value)  # type: ignore[arg-type]
+    return min(value * 1.3 + 1e-3, bounds[1])

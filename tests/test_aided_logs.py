@@ -6,13 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from sensor_logs import ATTITUDE, EPOCH, IMU, POSITION, SIGMA, VELOCITY, tables, trajectory, write_csv
+from sensor_logs import (
+    ATTITUDE,
+    EPOCH,
+    IMU,
+    POSITION,
+    SIGMA,
+    VELOCITY,
+    changed,
+    tables,
+    trajectory,
+    write_csv,
+)
 
 from lab import Experiment
 from lab.frames.magnetic_field import magnetic_field
+from lab.log_run import OF_FURTHER_STATES, has_effect
+from lab.logs.log_section import piece
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.library import delete_mission
+from lab.navigation.log_navigation import navigate_log
 
 OUTAGE = (EPOCH + 90.0, EPOCH + 150.0)
 
@@ -193,3 +208,52 @@ def test_axes_that_are_not_those_of_the_vehicle_are_told(folder: Path) -> None:
     told = [remark for remark in made.run().remarks if "as large as the filter says" in remark]
     assert any("innovations of speed down" in remark for remark in told)
     assert not [remark for remark in drive(folder, barometer=True).run().remarks if "as large as" in remark]
+
+
+def test_what_the_navigation_depends_on_is_never_taken_from_a_run_with_other_settings(folder: Path) -> None:
+    """Every number of sensors and start, one by one, with all states and sensors that this log allows."""
+    base = drive(folder, barometer=True, odometer=True, airspeed=True)
+    for states in ("misalignments", "bias_drift", "gps_drift", "lever_arm", "latency"):
+        base.set(f"navigator.estimate_{states}", True)
+    base.update({"navigator": {"states": 21, "model": "nonlinear"}})  # its one kernel has all blocks
+    log = piece(read_sensor_log(folder), EPOCH + 80.0, EPOCH + 92.0)
+    # The receiver's own σ would replace the variances of the settings.
+    log.gnss.position_sigma[:], log.gnss.velocity_sigma[:] = np.nan, np.nan
+
+    def end(made: Experiment) -> NDArray[np.float64]:
+        solution = navigate_log(log, made.sensors, made.navigator, []).solution
+        return np.concatenate((solution.velocity_n[-1], solution.variance[-1]))
+
+    plain, fitted, matters = end(base), ("barometer", "odometer", "airspeed"), set()
+    for path, owner, name in base.leaves():
+        value = getattr(owner, name)
+        numbers = value if isinstance(value, tuple) else (value,)
+        wanted = path.startswith("sensors.") or path.endswith(("_sigma", "_error"))
+        if not wanted or not all(type(one) is float for one in numbers):
+            continue
+        other = base.copy()
+        other.set(path, changed(value, owner.param[name].bounds))
+        if (end(other) != plain).any():
+            assert has_effect(path, base.navigator, fitted), path
+            matters.add(path)
+    assert matters >= set(OF_FURTHER_STATES)
+
+
+@pytest.mark.parametrize(
+    ("path", "states"),
+    [("gyro.misalignment", "misalignments"), ("gps.correlated_sigma", "gps_drift")],
+)
+def test_settings_of_further_states_count_with_these_states_alone(
+    folder: Path, path: str, states: str
+) -> None:
+    def sigma(size: float, *, estimated: bool) -> float:
+        made = drive(folder)
+        made.set(f"sensors.{path}", size)
+        made.update({"navigator": {"model": "nonlinear", f"estimate_{states}": estimated}})
+        result = made.run()
+        said = any(f"sensors.{path} has no effect" in remark for remark in result.remarks)
+        assert said is not estimated
+        return float(result.solution_arrays.variance[0, 15] ** 0.5) if estimated else 0.0
+
+    sigma(1.0, estimated=False)
+    assert sigma(2.0, estimated=True) == pytest.approx(4 * sigma(0.5, estimated=True), rel=1e-6)
