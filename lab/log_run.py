@@ -73,7 +73,7 @@ OF_FURTHER_STATES = {
     "sensors.gps.correlated_sigma": "estimate_gps_drift",
     "sensors.gps.correlation_time": "estimate_gps_drift",
 }
-"""Settings of the sensors that the filter of a log assumes for further states, each with the setting that adds
+"""Settings that the filter of a log assumes for further states, each with the setting that adds
 these states."""
 
 _OF_THE_START = ("position", "velocity", "attitude")

@@ -83,6 +83,14 @@ def quantities(names: Sequence[str]) -> dict[str, str]:
     return found | dict(zip(further, their_units, strict=True))
 
 
+def shown_scales(names: Sequence[str]) -> FloatArray:
+    """Return the values of one SI unit in the units of all `quantities`."""
+    units = list(quantities(names).values())
+    _, further, scales = blocks.shown_states(names)
+    own = len(units) - len(further)
+    return np.array([*(1 / TO_SI[unit] for unit in units[:own]), *scales])
+
+
 def error_budget(run: Run) -> xr.Dataset:
     """Return the error budget of a run.
 
@@ -397,7 +405,7 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
     if len(names) < len(sources):
         variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
     units = quantities(run.blocks)
-    scale = np.array([1 / TO_SI[unit] for unit in units.values()])
+    scale = shown_scales(run.blocks)
     kept = epochs.sample[epochs.shown]
     total = variance.sum(axis=0)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
@@ -447,4 +455,4 @@ def sigma_of_quantities(
     sigma = np.sqrt(variance)
     sigma[:, POS], sigma[:, VEL] = east_north_up_sizes(sigma[:, POS]), east_north_up_sizes(sigma[:, VEL])
     sigma[:, ATT] = euler_sigma(euler, variance[:, ATT], covariance[:, 1])
-    return sigma / [TO_SI[unit] for unit in quantities(names).values()]
+    return sigma * shown_scales(names)

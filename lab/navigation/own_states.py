@@ -17,6 +17,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, cast
 
 import numba
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from lab.navigation import blocks, own_room
 from lab.navigation.blocks import Block
 from lab.navigation.compilation import ALLOCATING, inline_kernel
+from lab.navigation.error_models import STATES
 from lab.navigation.generation import Slot, Written
 from lab.navigation.propagation import NAV, OWN, OWN_SIZE, PLACES
 from lab.navigation.strapdown import Vector, get, plus, without_own_errors
@@ -79,6 +81,12 @@ _DECLARED: dict[str, OwnStates] = {}
 """The declarations of this process by name; the last one of each name counts."""
 _NUMBERS = itertools.count(1)
 """Numbers of the declarations, for the names of their blocks."""
+_OF_EVERY_FILTER = (
+    *STATES,
+    *(f"{what} {axis}" for what in ("position", "velocity") for axis in ("east", "north", "up")),
+    *("roll", "pitch", "heading"),
+)
+"""The states that every filter has, and how pages and tables show them."""
 
 
 def declare_states(
@@ -122,7 +130,9 @@ def declare_states(
         raise SettingError(
             f"own states {name!r}: {k} states; accepted are 1 to {own_room.MOST} names of states, as a list"
         )
-    taken = {*(one for block in blocks.BLOCKS.values() for one in block.names)}
+    if not all(isinstance(one, str) and one.strip() for one in states):
+        raise SettingError(f"own states {name!r}: states = {states!r}; accepted are names")
+    taken = {*_OF_EVERY_FILTER, *(one for block in blocks.BLOCKS.values() for one in block.names)}
     taken |= {
         one for other in _DECLARED.values() if other.name != name for one in blocks.OWN[other.block].names
     }
@@ -134,7 +144,7 @@ def declare_states(
     sigmas, drifts = (
         _each(name, what, value, k) for what, value in (("sigma", sigma), ("drift_sigma", drift_sigma))
     )
-    if not (0 < correlation_time < math.inf):
+    if not isinstance(correlation_time, Real) or not (0 < correlation_time < math.inf):
         raise SettingError(
             f"own states {name!r}: correlation_time = {correlation_time!r}; accepted is a positive time "
             "in seconds"
@@ -166,7 +176,10 @@ def _place(name: str, size: int) -> int:
 
 def _each(name: str, what: str, value: float | Sequence[float], k: int) -> FloatArray:
     """Return a standard deviation for each state."""
-    values = np.asarray(value, dtype=np.float64)
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.full(k, np.nan)
     if values.shape not in ((), (k,)) or not np.isfinite(values).all() or (values < 0).any():
         raise SettingError(
             f"own states {name!r}: {what} = {value!r}; accepted are one number from 0, or one for each of "

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lab
-from lab import Experiment
+from lab import Experiment, run_ensemble
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
@@ -158,6 +158,18 @@ def test_a_filter_with_own_states_agrees_with_filterpy_and_tells_the_truth() -> 
     assert left_out(blind.experiment) == ["sensors.own_errors (errors that a notebook declared)"]
 
 
+def test_a_unit_of_ones_own_is_shown_wherever_states_are() -> None:
+    """Unit and scale are of this declaration alone; σ is 3·10⁻⁴ rad/s/(m/s²), shown as 0.3."""
+    declare(shown_unit="mrad/s/(m/s²)", shown_scale=1e3, drift_sigma=0.0)
+    base = flight(navigator__own_states="g-sensitivity", sensors__own_errors="g-sensitivity")
+    result = base.run()
+    shown = result.observability.sel(quantity="gyro g x")
+    assert shown.unit.item() == "mrad/s/(m/s²)"
+    np.testing.assert_allclose(shown.sigma[0], 0.3, rtol=1e-9)
+    assert run_ensemble(base, 3).verdict.consistent
+    assert len(lab.compare(base, ["phi", "psi"], seeds=2)) == 2
+
+
 def test_own_states_have_room_behind_all_others() -> None:
     assert max(strapdown.LENGTH, wander.LENGTH) <= own_room.VALUES
 
@@ -180,6 +192,8 @@ def test_another_declaration_takes_the_place_of_the_first_one() -> None:
         ({"sigma": -1.0}, "one number from 0"),
         ({"sigma": (1.0, 2.0)}, "each of the 3 states"),
         ({"correlation_time": 0.0}, "positive time"),
+        ({"sigma": "much"}, "one number from 0"),
+        ({"correlation_time": "60"}, "positive time"),
     ],
 )
 def test_numbers_that_mean_nothing_are_refused(change: dict[str, Any], message: str) -> None:
@@ -211,6 +225,10 @@ def text(rate: Any, force: Any, E: Any) -> None:
         ("ab", bent, "as a list"),
         (["latency", "b"], bent, "already a state 'latency'"),
         (["a", "a"], bent, "already a state 'a'"),
+        (["position north", "b"], bent, "already a state 'position north'"),
+        (["heading"], bent, "already a state 'heading'"),
+        ([3], bent, "accepted are names"),  # type: ignore[list-item]
+        (["a", " "], bent, "accepted are names"),
         ([str(k) for k in range(13)], bent, "1 to 12 names"),
     ],
 )
