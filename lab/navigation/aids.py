@@ -51,6 +51,9 @@ NAMES = (
 """Names of the kinds, as shown."""
 SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2, ("m/s", 1.0))
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
+CLEAR = 5.0
+"""Least level part of an axis with a measured azimuth, in σ of the place of its end: nearer to the vertical,
+the distribution of the azimuth is far from the normal one."""
 STILL_AIR = 1e-3
 """Airspeed below which its direction does not count [m/s]: there its derivatives are not defined."""
 
@@ -178,6 +181,30 @@ def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray)
         H[HEADING_BIAS] = 1.0
     off = math.atan2(east, north) - azimuth + state[strapdown.HEADING_BIAS]
     return float(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
+
+
+@inline_kernel
+def steep_variance(axis: Vector, tilt: float) -> float:
+    """Return the variance of the azimuth of an axis from the products of tilts [rad²].
+
+    A tilt moves the end of an axis with the level part l and the part d downwards. An error a of it across
+    turns the azimuth by a / l, and to second order by −a b / l² with an error b along the azimuth. Tilts of
+    the variance p/2 about each level axis make a and b of the variance d² p/2, and their product has the
+    variance (d² p / 2 l²)² (second-order filter: Bar-Shalom, Li & Kirubarajan 10.3.3). It is infinite closer
+    to the vertical than `CLEAR` allows: the azimuth of a nose that points up says nothing.
+
+    Parameters
+    ----------
+    axis
+        The axis in n.
+    tilt
+        Variance p of the tilts about both level axes together [rad²].
+    """
+    level, down = axis[0] * axis[0] + axis[1] * axis[1], axis[2] * axis[2]
+    moved = 0.5 * tilt * down
+    if level <= CLEAR * CLEAR * moved:
+        return math.inf
+    return (moved / level) ** 2
 
 
 @inline_kernel

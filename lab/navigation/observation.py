@@ -17,6 +17,7 @@ from lab.navigation.aids import (
     north_axes,
     north_variance,
     see_aid,
+    steep_variance,
 )
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.correction import corrected, has_estimate
@@ -290,6 +291,33 @@ def through_own_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
             H[c] += row[d] * T[d, c]
 
 
+@inline_kernel
+def variance_across(state: FloatArray, axis: Vector, P: FloatArray) -> float:
+    """Return the variance of the attitude about the two directions across an axis in n, together [rad²]."""
+    own = own_attitude(state, axis)
+    per_square = 1 / (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
+    across = 0.0
+    for i in range(3):
+        across += P[6 + i, 6 + i]
+        for j in range(3):
+            across -= own[i] * own[j] * P[6 + i, 6 + j] * per_square
+    return across
+
+
+@inline_kernel
+def steepness(state: FloatArray, kind: int, field: FloatArray, P: FloatArray) -> float:
+    """Return the variance of a measured azimuth from the products of tilts [rad²]; 0 for other kinds.
+
+    The azimuth is that of the axis forward, or of the magnetic field.
+    """
+    if kind not in (HEADING, MAGNETIC):
+        return 0.0
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    axis = (C[0][0], C[1][0], C[2][0]) if kind == HEADING else rotate(C, get(field, 0))
+    return steep_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
+
+
 @kernel
 def bent_speed(state: FloatArray, P: FloatArray) -> float:
     """Return how much larger a speed forward appears on average, because the attitude is uncertain [m/s].
@@ -304,13 +332,7 @@ def bent_speed(state: FloatArray, P: FloatArray) -> float:
     forward = C[0][0], C[1][0], C[2][0]
     v = get(state, VELOCITY)
     speed = forward[0] * v[0] + forward[1] * v[1] + forward[2] * v[2]
-    own = own_attitude(state, forward)
-    across = 0.0
-    for i in range(3):
-        across += P[6 + i, 6 + i]
-        for j in range(3):
-            across -= own[i] * own[j] * P[6 + i, 6 + j]
-    return 0.5 * speed * across
+    return 0.5 * speed * variance_across(state, forward, P)
 
 
 @inline_kernel
@@ -328,6 +350,16 @@ def bent_airspeed(state: FloatArray, v: Vector, P: FloatArray) -> float:
     cross = P[WIND, WIND + 1] + P[WIND + 1, WIND]
     across = east * east * P[WIND, WIND] + north * north * P[WIND + 1, WIND + 1] - north * east * cross
     return float(0.5 * across / (square * math.sqrt(square + v[2] * v[2])))
+
+
+@inline_kernel
+def bent(state: FloatArray, axes: Matrix, kind: int, P: FloatArray) -> float:
+    """Return how much larger a speed is on average than that of the estimates [m/s]; 0 for other kinds."""
+    if kind == FORWARD:
+        return bent_speed(state, P)
+    if kind == AIRSPEED:
+        return bent_airspeed(state, rotate(axes, get(state, VELOCITY)), P)
+    return 0.0
 
 
 @kernel
@@ -354,22 +386,20 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     seen, gains = out.aid_H[a], out.aid_gain[a]
     axes = north_axes(state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
+    steep = steepness(state, kind, field, run.P)
+    if steep == math.inf:
+        return False
     residual = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(state, done)
     for i in range(STATES):
         seen[i] = done[i]
     own_row(state, T, done)
     variance = aids.variance[a]
-    if kind == FORWARD:
-        excess = bent_speed(state, run.P)
-        residual -= excess
-        variance += 2 * excess * excess
-    if kind == AIRSPEED:
-        excess = bent_airspeed(state, rotate(axes, get(state, VELOCITY)), run.P)
-        residual -= excess
-        variance += 2 * excess * excess
+    excess = bent(state, axes, kind, run.P)
+    residual -= excess
+    variance += 2 * excess * excess
     if HEADING <= kind <= MAGNETIC:
-        variance += north_variance(state, position_variance(T, run.P))
+        variance += steep + north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
     z, s = residual, variance
     for i in range(STATES):

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from lab.frames import earth
 from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.aids import AIRSPEED, FORWARD, NO_AIDS, Aids
+from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, MAGNETIC, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.correction import bend_estimate
 from lab.navigation.error_models import (
@@ -36,7 +36,7 @@ from lab.navigation.error_models import (
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
 from lab.navigation.own_states import of_blocks
-from lab.navigation.reference_aids import as_biases, bent_airspeed, bent_speed, see_aid
+from lab.navigation.reference_aids import as_biases, bent_airspeed, bent_speed, see_aid, steep_variance
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
@@ -214,6 +214,11 @@ def _use_aid(
         wind = blocks.states_of(model.blocks, blocks.WIND)
         excess = bent_airspeed(here, kalman.P[wind, wind])
         residual, R = residual - excess, R + 2 * excess**2
+    if aids.kind[a] in (HEADING, MAGNETIC):
+        steep = steep_variance(here, aids, a, kalman.P[ATT, ATT], in_body=model.in_body)
+        if np.isinf(steep):
+            return
+        R = R + steep
     out.aid_innovation[a] = residual
     out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])
     out.aid_H[a] = row

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
+from lab.navigation.aids import AIRSPEED, CLEAR, FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 
 FloatArray = NDArray[np.float64]
@@ -94,6 +94,27 @@ def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
     forward = np.array([1.0, 0.0, 0.0]) if in_body else C_nb[:, 0]
     speed = C_nb[:, 0] @ _three(state, strapdown.VELOCITY)
     return float(speed * (np.trace(P) - forward @ P @ forward) / 2)
+
+
+def steep_variance(state: FloatArray, aids: Aids, a: int, P: FloatArray, *, in_body: bool) -> float:
+    """Return the variance of an azimuth from the products of tilts [rad²], infinite if it is too steep.
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    aids, a
+        The measurements, and the number of this one, an azimuth.
+    P : (3, 3) array
+        Covariance of the attitude [rad²].
+    in_body
+        Whether it is resolved in b.
+    """
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    axis = C_nb @ (aids.field[a] if aids.kind[a] == MAGNETIC else np.array([1.0, 0.0, 0.0]))
+    tilts = (C_nb @ P @ C_nb.T if in_body else P)[:2, :2]
+    moved, level = axis[2] ** 2 * np.trace(tilts) / 2, axis[0] ** 2 + axis[1] ** 2
+    return np.inf if level <= CLEAR**2 * moved else float((moved / level) ** 2)
 
 
 def bent_airspeed(state: FloatArray, P: FloatArray) -> float:

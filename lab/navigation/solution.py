@@ -231,9 +231,9 @@ class Solution(NamedTuple):
         Mask of the samples after which the filter made an update at rest.
     aid_innovation, aid_variance : (a,) arrays
         Innovation of each measurement of the aids, navigator minus measurement, and its variance; NaN for
-        those that are outside the IMU data.
+        those that are outside the IMU data, and for azimuths of an axis that is too steep (`aids.CLEAR`).
     aid_sample : (a,) array
-        Sample after which each was used; −1 for those that are outside the IMU data or rejected.
+        Sample after which each was used; −1 for those without an innovation, and for rejected ones.
     aid_H, aid_gain : (a, states) arrays
         Row of H of each, and the gain with which it was used, for errors in north, east, down; NaN where the
         filter has none: not used, or by a nonlinear filter.
