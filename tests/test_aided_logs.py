@@ -21,7 +21,7 @@ from sensor_logs import (
     write_csv,
 )
 
-from lab import Experiment
+from lab import Experiment, ResultError
 from lab.frames.magnetic_field import magnetic_field
 from lab.log_run import OF_FURTHER_STATES, has_effect
 from lab.logs.log_section import piece
@@ -82,6 +82,12 @@ def test_a_barometer_holds_the_height_over_an_outage(folder: Path) -> None:
     assert "truth" not in found
     nis = aided.solution_arrays.aid_innovation**2 / aided.solution_arrays.aid_variance
     assert nis.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / nis.size))
+
+
+def test_what_a_log_does_not_show_is_refused_with_its_other_sensors_too(folder: Path) -> None:
+    for aided in (drive(folder), drive(folder, barometer=True), drive(folder, odometer=True, airspeed=True)):
+        with pytest.raises(ResultError, match="sensor log"):
+            _ = aided.run().consistency
 
 
 def test_an_odometer_finds_its_scale(folder: Path) -> None:

@@ -110,10 +110,25 @@ def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update |
         part = Epochs(epochs.sample[some], epochs.fix[some], epochs.aid[some], epochs.shown[some])
         solution = run.solution_arrays
         maps = output_map(solution.position[part.sample], solution.velocity_n[part.sample])
-        at_fix = part.fix >= 0
+        at_fix, at_aid = part.fix >= 0, part.aid >= 0
+        maps[at_aid] = _maps_before(run, part.sample[at_aid])
         fixes = iter(_fix_updates(run, part.fix[at_fix], maps[at_fix], place[some][at_fix]))
         for fix, aid, here in zip(part.fix, part.aid, maps, strict=True):
             yield next(fixes) if fix >= 0 else _aid_update(run, int(aid), here) if aid >= 0 else None
+
+
+def _maps_before(run: Run, samples: NDArray[np.int64]) -> FloatArray:
+    """Return `output_map` (m, 9, 9) of the estimates before the measurements of some samples.
+
+    A fix of the same sample comes after the other measurements. Near a pole, the north that those were
+    measured from is another one than that of the corrected position.
+    """
+    solution, before = run.solution_arrays, samples - 1
+    there = solution.position[before]
+    velocity_e = np.einsum("nij,nj->ni", ecef.axes(*there[:, :2].T), solution.velocity_n[before])
+    step = (run.time[samples] - run.time[before])[:, None]
+    here = ecef.geodetic(ecef.position(there) + step * velocity_e)
+    return output_map(here, np.einsum("nji,nj->ni", ecef.axes(*here[:, :2].T), velocity_e))
 
 
 def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: FloatArray) -> list[Update]:

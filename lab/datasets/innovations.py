@@ -76,11 +76,11 @@ def autocorrelation(run: Run, found: xr.Dataset) -> xr.Dataset:
 
 def consistency(run: Run) -> xr.Dataset:
     """Return NEES after each fix; see `Result.consistency`."""
-    solution = run.solution_arrays
+    solution, truth = run.solution_arrays, run.known_truth("consistency")
     samples = np.maximum(solution.fix_sample, 0)
     scale = run.true_scale if solution.scale.size else None
     further = run.true_further() if solution.further.size else None
-    x = error_state(solution, samples, run.known_truth("consistency"), run.true_bias, scale, further)
+    x = error_state(solution, samples, truth, run.true_bias, scale, further)
     nees = _of_used_fixes(run, x, solution.fix_covariance)
     used = of_fixes(solution.fix_covariance, np.flatnonzero(solution.fix_sample >= 0))
     degrees = int(statistics.uncertain(used).size) if used.size else 0
