@@ -63,7 +63,7 @@ def test_over_a_pole_all_sources_sum_to_the_covariance_of_a_matched_filter(tmp_p
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_headings_over_a_pole_do_not_mislead_the_budget(tmp_path: Path, seed: int) -> None:
-    """They are measured from the north before the fix of the same sample; by that after it, σ was 80 × larger."""
+    """They are measured from the north before the fix of the same sample; by the other, σ is 80 × larger."""
     good = {"sensors.gyro.noise_density": 0.005, "sensors.gyro.bias_sigma": 0.01}
     flown = run(polar(tmp_path, "straight over the north pole"), seed, **good, sensors__heading__fitted=True)
     assert flown.solution_arrays.aid_sample.max() > 0
