@@ -341,7 +341,7 @@ def _antenna(
     arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
     measured, length = turn[:3], turn[3]
     scale, bias = _get(state, strapdown.GYRO_SCALE), _gyro_bias(state)
-    rate = _aligned(state, (measured - bias) / (1 + scale), scale)
+    rate = _alignment(state, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT) @ (measured - bias)
     C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
     latitude = np.arcsin(state[strapdown.SINE])
@@ -391,38 +391,36 @@ def _without_own(
 ) -> tuple[Vector, Vector]:
     """Return increments without the errors that a user declared, and keep their effects E (6, k).
 
-    The navigator removes biases, scale factors and misalignments afterwards, so these are applied to what is
-    subtracted here.
+    The navigator removes biases, scale factors and misalignments afterwards: what is subtracted here has to be
+    what that turns into the errors.
     """
     measured = np.concatenate((dtheta, dvelocity))
     own = of_blocks(names)
     if own:
-        mix = np.zeros((6, 6))
+        corrects = np.zeros((6, 6))
         for at, scale, off in (
             (0, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT),
             (3, strapdown.ACCEL_SCALE, strapdown.ACCEL_MISALIGNMENT),
         ):
-            mix[at : at + 3, at : at + 3] = np.diag(1 + _get(state, scale))
-            for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
-                mix[at + "xyz".index(pair[0]), at + "xyz".index(pair[1])] = part
+            corrects[at : at + 3, at : at + 3] = _alignment(state, scale, off)
         bias = np.concatenate((_gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
-        true = np.asarray(np.linalg.solve(mix, measured / dt - bias), dtype=np.float64)
+        true = corrects @ (measured / dt - bias)
         E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
         state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
-        measured = measured - mix @ E @ _own_values(state, names) * dt
+        measured = measured - np.linalg.solve(corrects, E @ _own_values(state, names)) * dt
     return (measured[0], measured[1], measured[2]), (measured[3], measured[4], measured[5])
 
 
-def _aligned(state: FloatArray, scaled: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return rates (3,), divided by their scale factors, without what misalignments add to them.
+def _alignment(state: FloatArray, scale: int, off: int) -> FloatArray:
+    """Return the matrix (3, 3) that takes scale factors and misalignments off a vector.
 
-    To third order, as in the strapdown: (I + M)⁻¹ ≈ I − M + M².
+    Misalignments M to third order, as in the strapdown: (I + M)⁻¹ ≈ I − M + M².
     """
-    M = np.zeros((3, 3))
-    for pair, part in zip(OFF_DIAGONAL, _get(state, strapdown.GYRO_MISALIGNMENT, 6), strict=True):
+    factors, M = 1 + _get(state, scale), np.zeros((3, 3))
+    for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
         row, column = ("xyz".index(axis) for axis in pair)
-        M[row, column] = part / (1 + scale[row])
-    return np.asarray(scaled - M @ (scaled - M @ scaled))
+        M[row, column] = part / factors[row]
+    return np.asarray((np.eye(3) - M + M @ M) / factors)
 
 
 def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> FloatArray:
