@@ -13,6 +13,7 @@ The row is that of a constant, or of a first-order Gauss-Markov process.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -81,6 +82,14 @@ _DECLARED: dict[str, OwnStates] = {}
 """The declarations of this process by name; the last one of each name counts."""
 _NUMBERS = itertools.count(1)
 """Numbers of the declarations, for the names of their blocks."""
+_MOTIONS: tuple[tuple[Vector, Vector], ...] = (
+    ((0.1, -0.2, 0.3), (1.0, -2.0, -9.8)),
+    ((-0.1, 0.2, -0.3), (-1.0, 2.0, 9.8)),
+    ((3.0, -5.0, 8.0), (40.0, -60.0, -90.0)),
+    ((-3.0, 5.0, -8.0), (-40.0, 60.0, 90.0)),
+)
+"""Rates [rad/s] and specific forces [m/s²] at which an effect is tried: a gentle turn, a hard manoeuvre, and both
+reversed, since an effect may begin at some rate or force."""
 _OF_EVERY_FILTER = (
     *STATES,
     *(f"{what} {axis}" for what in ("position", "velocity") for axis in ("east", "north", "up")),
@@ -195,7 +204,7 @@ def _compiled(effect: Effect) -> Effect:
 
 def _check_effect(own: OwnStates) -> None:
     """Raise `SettingError` if an effect cannot be computed."""
-    rate, force = (0.1, -0.2, 0.3), (1.0, -2.0, -9.8)
+    rate, force = _MOTIONS[0]
     E = np.zeros((own.size, own_room.WIDTH)).T
     try:
         own.effect(rate, force, E)
@@ -207,12 +216,24 @@ def _check_effect(own: OwnStates) -> None:
             f"own states {own.name!r}: the effect cannot be computed ({reason[0]}); accepted is a function "
             f"effect(rate, force, E) that writes numbers into E (6, {own.size}), with arithmetic and math"
         ) from error
-    if not np.isfinite(E).all() or not E.any():
+    accepted = f"finite numbers in E (6, {own.size}), gyros in rows 0 to 2, accelerometers in rows 3 to 5"
+    if not np.isfinite(E).all():
         raise SettingError(
-            f"own states {own.name!r}: the effect of a rate of {rate} rad/s and a force of {force} m/s² is "
-            f"{'zero' if np.isfinite(E).all() else 'not finite'}; accepted are finite numbers in E (6, "
-            f"{own.size}), gyros in rows 0 to 2, accelerometers in rows 3 to 5"
+            f"own states {own.name!r}: the effect of a rate of {rate} rad/s and a force of {force} m/s² is not "
+            f"finite; accepted are {accepted}"
         )
+    if not any(_acts(own, *motion) for motion in _MOTIONS):
+        raise SettingError(
+            f"own states {own.name!r}: the effect is zero for gentle and for hard motions; accepted are {accepted}"
+        )
+
+
+def _acts(own: OwnStates, rate: Vector, force: Vector) -> bool:
+    """Return whether an effect shows in a motion."""
+    E = np.zeros((own.size, own_room.WIDTH)).T
+    with contextlib.suppress(ArithmeticError, ValueError):  # outside the range of a function of `math`
+        own.effect(rate, force, E)
+    return bool(E.any())
 
 
 def declared_states(text: str, setting: str) -> list[OwnStates]:

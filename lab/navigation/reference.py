@@ -391,7 +391,7 @@ def _without_own(
 ) -> tuple[Vector, Vector]:
     """Return increments without the errors that a user declared, and keep their effects E (6, k).
 
-    The navigator removes biases, scale factors and misalignments afterwards: what is subtracted here has to be
+    The navigator removes biases, scale factors and misalignments afterwards, so what is subtracted here is
     what that turns into the errors.
     """
     measured = np.concatenate((dtheta, dvelocity))

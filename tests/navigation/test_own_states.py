@@ -252,6 +252,16 @@ def test_declarations_that_cannot_be_used_are_refused(
         lab.declare_states("mine", states, effect, sigma=1.0)
 
 
+def saturated(rate: Any, force: Any, E: Any) -> None:
+    """Write what begins at 4 rad/s."""
+    E[2, 0] = max(0.0, rate[2] - 4.0)
+
+
+def test_an_effect_may_begin_at_some_rate() -> None:
+    lab.declare_states("mine", ["saturated"], saturated, sigma=1.0)
+    assert [one.name for one in declared_states("mine", "navigator.own_states")] == ["mine"]
+
+
 def test_names_that_nobody_declared_and_too_many_states_are_refused() -> None:
     with pytest.raises(SettingError, match=r"no states 'mine' are declared .*; declared are none"):
         flight(navigator__own_states="mine").run()
