@@ -88,8 +88,8 @@ _MOTIONS: tuple[tuple[Vector, Vector], ...] = (
     ((3.0, -5.0, 8.0), (40.0, -60.0, -90.0)),
     ((-3.0, 5.0, -8.0), (-40.0, 60.0, 90.0)),
 )
-"""Rates [rad/s] and specific forces [m/s²] at which an effect is tried: a gentle turn, a hard manoeuvre, and both
-reversed, since an effect may begin at some rate or force."""
+"""Rates [rad/s] and specific forces [m/s²] at which an effect is tried: a gentle turn, a hard manoeuvre, and
+both reversed, since an effect may begin at some rate or force."""
 _OF_EVERY_FILTER = (
     *STATES,
     *(f"{what} {axis}" for what in ("position", "velocity") for axis in ("east", "north", "up")),
@@ -219,12 +219,13 @@ def _check_effect(own: OwnStates) -> None:
     accepted = f"finite numbers in E (6, {own.size}), gyros in rows 0 to 2, accelerometers in rows 3 to 5"
     if not np.isfinite(E).all():
         raise SettingError(
-            f"own states {own.name!r}: the effect of a rate of {rate} rad/s and a force of {force} m/s² is not "
-            f"finite; accepted are {accepted}"
+            f"own states {own.name!r}: the effect of a rate of {rate} rad/s and a force of {force} m/s² is "
+            f"not finite; accepted are {accepted}"
         )
     if not any(_acts(own, *motion) for motion in _MOTIONS):
         raise SettingError(
-            f"own states {own.name!r}: the effect is zero for gentle and for hard motions; accepted are {accepted}"
+            f"own states {own.name!r}: the effect is zero for gentle and for hard motions; accepted are "
+            f"{accepted}"
         )
 
 
