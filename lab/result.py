@@ -342,9 +342,10 @@ class Result(NotebookCard, Repeatable):
                 "row were so implausible that the filter took itself to be wrong; it raised P and used the "
                 "fix."
             )
-        remarks += aiding.larger_than_assumed(self)
         free = self.feedforward_drift, feedforward.limit_of(self), self.experiment.navigator
-        remarks += filter(None, [feedforward.remark(*free)])
+        beyond = feedforward.remark(*free)
+        # A navigator that is far off contradicts all that is measured.
+        remarks += [beyond] if beyond else aiding.larger_than_assumed(self)
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "

@@ -42,3 +42,18 @@ def test_a_small_drift_is_suspected_where_only_other_sensors_disagree(quantity, 
         np.radians(0.5), LIMIT, verdict, navigator, Squares(np.array(240.0), np.array(60.0))
     ).findings
     assert found.quantity == named
+
+
+def test_sensors_are_not_blamed_for_a_navigator_that_runs_free() -> None:
+    """It is off what the heading sensor measures; with feedback, neither is named."""
+    remarks = {}
+    for correction in ("feedforward", "feedback"):
+        made = Experiment(mission="los_angeles", seed=2)
+        made.update({"trajectory": {"imu_rate": 50.0}, "navigator": {"correction": correction}})
+        made.set("sensors.gyro.bias_sigma", 1.0)
+        made.set("sensors.heading.fitted", True)
+        remarks[correction] = " ".join(made.run().remarks)
+    assert "Feedforward: the attitude error of the free-running navigator" in remarks["feedforward"]
+    assert "innovations of heading" not in remarks["feedforward"]
+    assert "innovations of heading" not in remarks["feedback"]
+    assert "Feedforward" not in remarks["feedback"]
