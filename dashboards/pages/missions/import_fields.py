@@ -155,7 +155,7 @@ class ColumnField:
         if not self.view.visible or not any(option in message for option in self._OPTIONS):
             return message
         return (
-            f"{message} Here, the field {_COLUMNS!r} takes it: HEADING = QUANTITY[UNIT], HEADING = UNIT "
+            f"{message.removesuffix('.')}. Here, the field {_COLUMNS!r} takes it: HEADING = QUANTITY[UNIT], HEADING = UNIT "
             "or axes = X,Y,Z, one in a line."
         )
 
