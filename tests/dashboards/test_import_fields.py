@@ -36,8 +36,8 @@ def test_a_refusal_that_names_an_option_names_the_field(tmp_path: Path) -> None:
     message = str(refused.value)
     columns, _ = field_of(table.name)
     assert columns.located(message) == (
-        f"{message}. Here, the field 'Columns of a csv' takes it: HEADING = QUANTITY[UNIT], HEADING = UNIT or "
-        "axes = X,Y,Z, one in a line."
+        f"{message}. Here, the field 'Columns of a csv' takes it: HEADING = QUANTITY[UNIT], "
+        "HEADING = UNIT or axes = X,Y,Z, one in a line."
     )
     assert ".." not in columns.located(f"{message}.")
     assert columns.located("table.csv: it is empty") == "table.csv: it is empty"

@@ -155,8 +155,8 @@ class ColumnField:
         if not self.view.visible or not any(option in message for option in self._OPTIONS):
             return message
         return (
-            f"{message.removesuffix('.')}. Here, the field {_COLUMNS!r} takes it: HEADING = QUANTITY[UNIT], HEADING = UNIT "
-            "or axes = X,Y,Z, one in a line."
+            f"{message.removesuffix('.')}. Here, the field {_COLUMNS!r} takes it: HEADING = QUANTITY[UNIT], "
+            "HEADING = UNIT or axes = X,Y,Z, one in a line."
         )
 
     @property
