@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from lab.frames.east_north_up import east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
-from lab.navigation.own_states import declared_states, of_blocks
+from lab.navigation.own_states import declared_states
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
@@ -25,8 +25,6 @@ from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
 
 FloatArray = NDArray[np.float64]
 
-SMALLEST = 1e-12
-"""Smallest variance of a drift of the receiver that a filter estimates [m²]: none would make P singular."""
 PLAUSIBLE = 0.999
 """Fraction of the good fixes that a robust filter without a gate counts as plausible."""
 UNEXPLAINED = 1e-6
@@ -77,24 +75,23 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
         The sensors that it uses besides IMU and GPS, each of which has a state for its error; None for none.
     """
     chosen = list(blocks.SCALES if navigator.states > blocks.CORE else ())
-    for name, wanted in (
-        (blocks.GYRO_MISALIGNMENT, navigator.estimate_misalignments),
-        (blocks.ACCEL_MISALIGNMENT, navigator.estimate_misalignments),
-        (blocks.GYRO_DRIFT, navigator.estimate_bias_drift),
-        (blocks.ACCEL_DRIFT, navigator.estimate_bias_drift),
-        (blocks.GPS_DRIFT, navigator.estimate_gps_drift),
-        (blocks.LEVER_ARM, navigator.estimate_lever_arm),
-        (blocks.LATENCY, navigator.estimate_latency),
-        (blocks.BAROMETER_BIAS, sensors is not None and sensors.barometer.fitted),
-        (blocks.HEADING_BIAS, sensors is not None and sensors.heading.fitted),
-        (blocks.ODOMETER_SCALE, sensors is not None and sensors.odometer.fitted),
-        (blocks.WIND, sensors is not None and sensors.airspeed.fitted),
-        (blocks.AIRSPEED_SCALE, sensors is not None and sensors.airspeed.fitted),
-    ):
-        if wanted:
-            chosen.append(name)
+    chosen += [
+        name
+        for name, block in blocks.BLOCKS.items()
+        if block.setting and _is_on(block.setting, navigator, sensors)
+    ]
     chosen += [own.block for own in declared_states(navigator.own_states, "navigator.own_states")]
     return blocks.in_order(chosen)
+
+
+def _is_on(setting: str, navigator: NavigatorSettings, sensors: SensorSuite | None) -> bool:
+    """Return whether the setting with a path is on; no path is no setting."""
+    if not setting:
+        return False
+    owner, _, name = setting.partition(".")
+    if owner == "navigator":
+        return bool(getattr(navigator, name))
+    return sensors is not None and bool(sensors.get(name))
 
 
 def is_aided(navigator: NavigatorSettings, sensors: SensorSuite) -> bool:
@@ -131,7 +128,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
         if navigator.p0 is not None
         else _matched_p0(single, navigator, constants, aligned=aligned)
     )
-    further = further_processes(sensors, navigator)
+    further = further_process(sensors, navigator)
     if further.variance.size:
         P0 = linalg.block_diag(P0, np.diag(further.variance))
         if navigator.p0 is None:
@@ -150,14 +147,6 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     )
 
 
-class Further(NamedTuple):
-    """Variances at the start, drive densities and decay rates of the states after the scale factors, (k,)."""
-
-    variance: FloatArray
-    drive: FloatArray
-    decay: FloatArray
-
-
 def of_bias_states(sensors: SensorSuite, navigator: NavigatorSettings) -> SensorSuite:
     """Return sensors with the errors for which the bias states stand: without the drift if it has its own."""
     if not navigator.estimate_bias_drift:
@@ -168,58 +157,13 @@ def of_bias_states(sensors: SensorSuite, navigator: NavigatorSettings) -> Sensor
     return single
 
 
-def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Further:
-    """Return the processes of the further states: first-order Gauss-Markov processes and constants.
-
-    A constant plus a drift with the variances C and σ² is one process: it begins with C + σ² and grows by
-    2 σ² / τ, which keeps C + σ² in the mean.
-    """
-    names = [name for name in chosen_blocks(navigator, sensors) if name not in blocks.SCALES]
-    if not names:
-        return Further(np.zeros(0), np.zeros(0), np.zeros(0))
-    gps, barometer, heading, airspeed = sensors.gps, sensors.barometer, sensors.heading, sensors.airspeed
-    drift = east_north_up_sizes(si(gps, "correlated_sigma") ** 2)
-    found = {
-        blocks.GPS_DRIFT: _process(np.zeros(3), np.maximum(drift, SMALLEST), gps.correlation_time),
-        blocks.BAROMETER_BIAS: _process(
-            si(barometer, "bias_sigma") ** 2, si(barometer, "drift_sigma") ** 2, barometer.correlation_time
-        ),
-        blocks.HEADING_BIAS: _process(
-            si(heading, "bias_sigma") ** 2, si(heading, "drift_sigma") ** 2, heading.correlation_time
-        ),
-        blocks.GYRO_MISALIGNMENT: _process(si(sensors.gyro, "misalignment") ** 2, np.zeros(6), 1.0),
-        blocks.ACCEL_MISALIGNMENT: _process(si(sensors.accelerometer, "misalignment") ** 2, np.zeros(6), 1.0),
-        blocks.GYRO_DRIFT: _drift_process(sensors.gyro),
-        blocks.ACCEL_DRIFT: _drift_process(sensors.accelerometer),
-        blocks.LEVER_ARM: _process(si(navigator, "lever_arm_sigma") ** 2, np.zeros(3), 1.0),
-        blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
-        blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
-        blocks.WIND: _process(
-            np.full(2, si(airspeed, "wind_sigma") ** 2),
-            np.full(2, si(airspeed, "wind_drift_sigma") ** 2),
-            airspeed.correlation_time,
-        ),
-        blocks.AIRSPEED_SCALE: _process(si(airspeed, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
-    }
-    found |= {
-        own.block: _process(own.sigma**2, own.drift_sigma**2, own.correlation_time)
-        for own in of_blocks(names)
-    }
-    return Further(*(np.concatenate(parts) for parts in zip(*(found[name] for name in names), strict=True)))
-
-
-def _process(constant: FloatArray, drift: FloatArray, correlation_time: float) -> Further:
-    """Return the process of a constant plus a drift, given by their variances."""
-    constant, drift = np.atleast_1d(constant), np.atleast_1d(drift)
-    total = constant + drift
-    growth = 2 * drift / correlation_time
-    decay = np.divide(growth, 2 * total, out=np.zeros_like(total), where=total > 0)
-    return Further(total, growth, decay)
-
-
-def _drift_process(errors: GyroErrors | AccelerometerErrors) -> Further:
-    """Return the process of the instability of a triad."""
-    return _process(np.zeros(3), si(errors, "instability") ** 2, float(si(errors, "correlation_time")))
+def further_process(sensors: SensorSuite, navigator: NavigatorSettings) -> blocks.Process:
+    """Return what the filter takes its states after the scale factors for."""
+    found = [block.process for block in map(blocks.block, chosen_blocks(navigator, sensors))]
+    processes = [process(sensors, navigator) for process in found if process is not None]
+    if not processes:
+        return blocks.Process(*np.zeros((3, 0)))
+    return blocks.Process(*(np.concatenate(parts) for parts in zip(*processes, strict=True)))
 
 
 def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:

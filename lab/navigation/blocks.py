@@ -2,8 +2,8 @@
 
 Every filter has the nine errors of position, velocity and attitude and the six biases. Scale factors and the
 blocks below follow if they are wanted, always in the order of `BLOCKS`. A block is added here, with its place
-in the state of the navigator; `belief` gives its uncertainty, and `observation` or `aiding` its elements of
-H.
+in the state of the navigator, the setting that adds it, and the process that the filter takes it for;
+`observation` or `aids` give its elements of H.
 
 References
 ----------
@@ -14,15 +14,42 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.frames.earth import STANDARD_GRAVITY
+from lab.frames.east_north_up import east_north_up_sizes
 from lab.navigation import strapdown
+from lab.navigation.settings import NavigatorSettings
+from lab.parameters.units import si
+from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
+from lab.sensors.suite import SensorSuite
+
+FloatArray = NDArray[np.float64]
 
 CORE = 15
 """States of every filter: position, velocity, attitude and two biases."""
+
+
+class Process(NamedTuple):
+    """What a filter takes states for: first-order Gauss-Markov processes and constants.
+
+    Attributes
+    ----------
+    variance, drive, decay : (k,) arrays
+        Variances at the start, drive densities, and decay rates [1/s].
+    """
+
+    variance: FloatArray
+    drive: FloatArray
+    decay: FloatArray
+
+
+ProcessOf = Callable[[SensorSuite, NavigatorSettings], Process]
 
 
 class Block(NamedTuple):
@@ -40,6 +67,11 @@ class Block(NamedTuple):
         Unit on pages and in tables.
     shown_scale : float
         Shown value of one SI unit.
+    setting : str
+        The setting that adds the block to a filter; empty for those that are added by their names.
+    process : function or None
+        What the filter takes them for, by sensors and filter; None for scale factors, whose variance is a
+        part of `belief.constant_errors`.
     """
 
     names: tuple[str, ...]
@@ -47,11 +79,81 @@ class Block(NamedTuple):
     unit: str
     shown_unit: str
     shown_scale: float
+    setting: str = ""
+    process: ProcessOf | None = None
 
     @property
     def size(self) -> int:
         """Number of states."""
         return len(self.names)
+
+
+SMALLEST = 1e-12
+"""Smallest variance of a drift of the receiver that a filter estimates [m²]: none would make P singular."""
+
+
+def gauss_markov(constant: FloatArray, drift: FloatArray, correlation_time: float) -> Process:
+    """Return the process of a constant plus a drift, given by their variances.
+
+    With the variances C and σ², it begins with C + σ² and grows by 2 σ² / τ, which keeps C + σ² in the mean.
+    """
+    constant, drift = np.atleast_1d(constant), np.atleast_1d(drift)
+    total = constant + drift
+    growth = 2 * drift / correlation_time
+    decay = np.divide(growth, 2 * total, out=np.zeros_like(total), where=total > 0)
+    return Process(total, growth, decay)
+
+
+def _constants(variance: FloatArray) -> Process:
+    """Return the process of constants."""
+    return Process(np.atleast_1d(variance), *np.zeros((2, np.size(variance))))
+
+
+def _misalignment(triad: str) -> ProcessOf:
+    return lambda sensors, _: _constants(si(sensors.groups()[triad], "misalignment") ** 2)
+
+
+def _instability(triad: str) -> ProcessOf:
+    """Return the process of the instability of a triad."""
+
+    def process(sensors: SensorSuite, _: NavigatorSettings) -> Process:
+        errors = sensors.groups()[triad]
+        assert isinstance(errors, GyroErrors | AccelerometerErrors)
+        variance, time = si(errors, "instability") ** 2, float(si(errors, "correlation_time"))
+        return gauss_markov(np.zeros(3), variance, time)
+
+    return process
+
+
+def _receiver_drift(sensors: SensorSuite, _: NavigatorSettings) -> Process:
+    drift = east_north_up_sizes(si(sensors.gps, "correlated_sigma") ** 2)
+    return gauss_markov(np.zeros(3), np.maximum(drift, SMALLEST), sensors.gps.correlation_time)
+
+
+def _slow_error(name: str) -> ProcessOf:
+    """Return the process of the bias of a barometer or a heading sensor."""
+
+    def process(sensors: SensorSuite, _: NavigatorSettings) -> Process:
+        errors = sensors.groups()[name]
+        constant, drift = (si(errors, f"{part}_sigma") ** 2 for part in ("bias", "drift"))
+        return gauss_markov(constant, drift, float(si(errors, "correlation_time")))
+
+    return process
+
+
+def _scale(name: str) -> ProcessOf:
+    return lambda sensors, _: _constants(si(sensors.groups()[name], "scale_factor_sigma") ** 2)
+
+
+def _wind(sensors: SensorSuite, _: NavigatorSettings) -> Process:
+    errors = sensors.airspeed
+    constant, drift = (np.full(2, si(errors, f"wind_{part}") ** 2) for part in ("sigma", "drift_sigma"))
+    return gauss_markov(constant, drift, errors.correlation_time)
+
+
+def _assumed(name: str) -> ProcessOf:
+    """Return the process of what a setting of the navigator gives the σ of."""
+    return lambda _, navigator: _constants(si(navigator, f"{name}_sigma") ** 2)
 
 
 GYRO_SCALE, ACCEL_SCALE = "gyro scale", "accelerometer scale"
@@ -64,59 +166,125 @@ WIND, AIRSPEED_SCALE = "wind", "airspeed scale"
 OF_AIDS = frozenset({BAROMETER_BIAS, HEADING_BIAS, ODOMETER_SCALE, WIND, AIRSPEED_SCALE})
 """Blocks of the errors of other sensors than IMU and GPS."""
 
+_DEGREES, _MILLI_G = math.degrees(1.0), 1e3 / STANDARD_GRAVITY
+"""One radian in °, and one m/s² in mg."""
+
+
+def _named(name: str, parts: Sequence[str]) -> tuple[str, ...]:
+    return tuple(f"{name} {part}" for part in parts)
+
+
 BLOCKS: dict[str, Block] = {
-    GYRO_SCALE: Block(tuple(f"{GYRO_SCALE} {axis}" for axis in "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
-    ACCEL_SCALE: Block(
-        tuple(f"{ACCEL_SCALE} {axis}" for axis in "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0
-    ),
+    GYRO_SCALE: Block(_named(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
+    ACCEL_SCALE: Block(_named(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0),
     GYRO_MISALIGNMENT: Block(
-        tuple(f"{GYRO_MISALIGNMENT} {pair}" for pair in OFF_DIAGONAL),
+        _named(GYRO_MISALIGNMENT, OFF_DIAGONAL),
         strapdown.GYRO_MISALIGNMENT,
         "rad",
         "°",
-        math.degrees(1.0),
+        _DEGREES,
+        "navigator.estimate_misalignments",
+        _misalignment("gyro"),
     ),
     ACCEL_MISALIGNMENT: Block(
-        tuple(f"{ACCEL_MISALIGNMENT} {pair}" for pair in OFF_DIAGONAL),
+        _named(ACCEL_MISALIGNMENT, OFF_DIAGONAL),
         strapdown.ACCEL_MISALIGNMENT,
         "rad",
         "°",
-        math.degrees(1.0),
+        _DEGREES,
+        "navigator.estimate_misalignments",
+        _misalignment("accelerometer"),
     ),
     GYRO_DRIFT: Block(
-        tuple(f"{GYRO_DRIFT} {axis}" for axis in "xyz"),
+        _named(GYRO_DRIFT, "xyz"),
         strapdown.GYRO_DRIFT,
         "rad/s",
         "°/s",
-        math.degrees(1.0),
+        _DEGREES,
+        "navigator.estimate_bias_drift",
+        _instability("gyro"),
     ),
     ACCEL_DRIFT: Block(
-        tuple(f"{ACCEL_DRIFT} {axis}" for axis in "xyz"),
+        _named(ACCEL_DRIFT, "xyz"),
         strapdown.ACCEL_DRIFT,
         "m/s²",
         "mg",
-        1e3 / STANDARD_GRAVITY,
+        _MILLI_G,
+        "navigator.estimate_bias_drift",
+        _instability("accelerometer"),
     ),
     GPS_DRIFT: Block(
-        tuple(f"{GPS_DRIFT} {axis}" for axis in ("north", "east", "down")),
+        _named(GPS_DRIFT, ("north", "east", "down")),
         strapdown.GPS_DRIFT,
         "m",
         "m",
         1.0,
+        "navigator.estimate_gps_drift",
+        _receiver_drift,
     ),
-    BAROMETER_BIAS: Block((BAROMETER_BIAS,), strapdown.BAROMETER_BIAS, "m", "m", 1.0),
-    HEADING_BIAS: Block((HEADING_BIAS,), strapdown.HEADING_BIAS, "rad", "°", math.degrees(1.0)),
+    BAROMETER_BIAS: Block(
+        (BAROMETER_BIAS,),
+        strapdown.BAROMETER_BIAS,
+        "m",
+        "m",
+        1.0,
+        "sensors.barometer.fitted",
+        _slow_error("barometer"),
+    ),
+    HEADING_BIAS: Block(
+        (HEADING_BIAS,),
+        strapdown.HEADING_BIAS,
+        "rad",
+        "°",
+        _DEGREES,
+        "sensors.heading.fitted",
+        _slow_error("heading"),
+    ),
     LEVER_ARM: Block(
-        tuple(f"{LEVER_ARM} {axis}" for axis in ("forward", "right", "down")),
+        _named(LEVER_ARM, ("forward", "right", "down")),
         strapdown.LEVER_ARM,
         "m",
         "m",
         1.0,
+        "navigator.estimate_lever_arm",
+        _assumed("lever_arm"),
     ),
-    LATENCY: Block((LATENCY,), strapdown.LATENCY, "s", "s", 1.0),
-    ODOMETER_SCALE: Block((ODOMETER_SCALE,), strapdown.ODOMETER_SCALE, "", "%", 100.0),
-    WIND: Block(tuple(f"{WIND} {axis}" for axis in ("north", "east")), strapdown.WIND, "m/s", "m/s", 1.0),
-    AIRSPEED_SCALE: Block((AIRSPEED_SCALE,), strapdown.AIRSPEED_SCALE, "", "%", 100.0),
+    LATENCY: Block(
+        (LATENCY,),
+        strapdown.LATENCY,
+        "s",
+        "s",
+        1.0,
+        "navigator.estimate_latency",
+        _assumed("latency"),
+    ),
+    ODOMETER_SCALE: Block(
+        (ODOMETER_SCALE,),
+        strapdown.ODOMETER_SCALE,
+        "",
+        "%",
+        100.0,
+        "sensors.odometer.fitted",
+        _scale("odometer"),
+    ),
+    WIND: Block(
+        _named(WIND, ("north", "east")),
+        strapdown.WIND,
+        "m/s",
+        "m/s",
+        1.0,
+        "sensors.airspeed.fitted",
+        _wind,
+    ),
+    AIRSPEED_SCALE: Block(
+        (AIRSPEED_SCALE,),
+        strapdown.AIRSPEED_SCALE,
+        "",
+        "%",
+        100.0,
+        "sensors.airspeed.fitted",
+        _scale("airspeed"),
+    ),
 }
 """The further blocks by name, in the order of the states of a filter."""
 SCALES = (GYRO_SCALE, ACCEL_SCALE)

@@ -162,8 +162,14 @@ def declare_states(
     declared = OwnStates(name, block, effect, sigmas, drifts, float(correlation_time))
     _check_effect(declared)
     place = _place(name, k)
+    process = blocks.gauss_markov(sigmas**2, drifts**2, float(correlation_time))
     blocks.OWN[block] = Block(
-        tuple(states), place, unit, unit if shown_unit is None else shown_unit, shown_scale
+        tuple(states),
+        place,
+        unit,
+        unit if shown_unit is None else shown_unit,
+        shown_scale,
+        process=lambda _sensors, _navigator: process,
     )
     _DECLARED[name] = declared
 
