@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
+from lab.navigation.blocks import SCALES
 from lab.navigation.compilation import (
     embedded_kernel,
     inline_kernel,
@@ -212,6 +213,10 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         propagate: propagation_of(model),
         kept_part: kept_part_of(model),
     }
+    if not model.blocks:
+        own |= strapdown.UNSCALED
+    if model.blocks == SCALES:
+        own |= strapdown.UNALIGNED
     if model.mechanization == WANDER_AZIMUTH:
         own |= wander.STEP | {leaves_frame: wander.leaves_frame}
     if model.in_body:

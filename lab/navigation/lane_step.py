@@ -131,17 +131,6 @@ def size_of_lane(states: int) -> int:
 
 
 @inline_kernel
-def _without_bias(
-    state: FloatArray, measured: strapdown.Vector, dt: float, bias: int, scale: int, off: int
-) -> strapdown.Vector:
-    """Return increments as `strapdown.corrected` does without scale factors and misalignments.
-
-    It spares six divisions, which take as long as forty products.
-    """
-    return strapdown.plus(measured, -dt, strapdown.get(state, bias))
-
-
-@inline_kernel
 def gained(state: FloatArray, given: FloatArray) -> strapdown.Vector:
     """Return the sum of all velocity increments up to a sample, from the numbers from `INCREMENTS` on."""
     at = strapdown.Q_NB
@@ -179,7 +168,7 @@ def lane_kernels(model: ErrorModel) -> dict[Any, Any]:
         lane_constants: constants_of(model),
         strapdown.rotation: strapdown.small_rotation,
     }
-    return own if model.blocks else own | {strapdown.corrected: _without_bias}
+    return own if model.blocks else own | strapdown.UNSCALED
 
 
 def constants_of(model: ErrorModel) -> Written:
