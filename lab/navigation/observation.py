@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lab.navigation import own_room, strapdown, wander
 from lab.navigation.aids import (
     AIRSPEED,
+    CLEAR,
     FORWARD,
     HEADING,
     MAGNETIC,
@@ -308,14 +309,16 @@ def variance_across(state: FloatArray, axis: Vector, P: FloatArray) -> float:
 def steepness(state: FloatArray, kind: int, field: FloatArray, P: FloatArray) -> float:
     """Return the variance of a measured azimuth from the products of tilts [rad²]; 0 for other kinds.
 
-    The azimuth is that of the axis forward, or of the magnetic field.
+    The azimuth is that of the axis forward, or of the magnetic field. The variance is infinite for an axis
+    forward that is steeper than `CLEAR` allows.
     """
     if kind not in (HEADING, MAGNETIC):
         return 0.0
     at = strapdown.Q_NB
     C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     axis = (C[0][0], C[1][0], C[2][0]) if kind == HEADING else rotate(C, get(field, 0))
-    return steep_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
+    variance = steep_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
+    return variance if kind == MAGNETIC or variance < CLEAR**-4 else math.inf
 
 
 @kernel

@@ -114,7 +114,9 @@ def steep_variance(state: FloatArray, aids: Aids, a: int, P: FloatArray, *, in_b
     axis = C_nb @ (aids.field[a] if aids.kind[a] == MAGNETIC else np.array([1.0, 0.0, 0.0]))
     tilts = (C_nb @ P @ C_nb.T if in_body else P)[:2, :2]
     moved, level = axis[2] ** 2 * np.trace(tilts) / 2, axis[0] ** 2 + axis[1] ** 2
-    return np.inf if level <= CLEAR**2 * moved else float((moved / level) ** 2)
+    if aids.kind[a] == HEADING and level <= CLEAR**2 * moved:
+        return np.inf
+    return float((moved / level) ** 2)
 
 
 def bent_airspeed(state: FloatArray, P: FloatArray) -> float:
