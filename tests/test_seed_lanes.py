@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import time
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 import lab.ensembles.seeds as seeds_module
 from lab.analysis.sums import Kept
+from lab.analysis.verdict import judge
 from lab.cache import _freeze
 from lab.ensembles.ensemble import Collected, Ensemble
 from lab.ensembles.run_at_fixes import RunAtFixes
@@ -35,6 +38,8 @@ MONTREAL: dict[str, object] = {
     "sensors.accelerometer.vibration_density": 100.0,
 }
 ALIGNED: dict[str, object] = {"navigator.alignment": 30.0, "sensors.gps.period": 0.5}
+UNTOLD: dict[str, object] = {"sensors.gps.latency": 0.5, "navigator.latency": 0.0}
+"""A latency that the filter does not know of: the evidence then compares the fixes with the earlier truth."""
 LATE: dict[str, object] = {"sensors.gps.latency": 0.13, "navigator.gate": 0.9, "navigator.robust": "huber"}
 
 
@@ -87,9 +92,30 @@ def assert_abreast_as_alone(changes: dict[str, object]) -> None:
         assert_same(run._replace(evidence=single.evidence), single)
 
 
-@pytest.mark.parametrize("changes", [OUTAGE, MONTREAL, ALIGNED], ids=["outage", "montreal", "aligned"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        OUTAGE,
+        MONTREAL,
+        ALIGNED,
+        UNTOLD,
+        UNTOLD | OUTAGE | {"sensors.gps.latency": 0.13},
+        {"sensors.gps.correlated_sigma": 5.0},
+    ],
+    ids=["outage", "montreal", "aligned", "late", "late with an outage", "correlated"],
+)
 def test_a_run_abreast_is_that_of_its_seed_alone(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
+
+
+def test_the_verdict_on_runs_abreast_names_the_causes_of_runs_alone() -> None:
+    """A latency of 0.5 s, and nothing else: the truth between the stored samples is not straight."""
+    lanes = SeedLanes.of(of(UNTOLD))
+    assert lanes is not None
+    runs = [run for first in (1, 9, 17) for run in lanes.run(range(first, first + 8))]
+    (finding,) = judge(reduce(operator.add, [run.evidence for run in runs if run is not None])).findings
+    assert finding.quantity == "GPS latency"
+    assert finding.factor == pytest.approx(0.5, abs=0.005)
 
 
 @pytest.mark.benchmark  # each model is compiled

@@ -177,8 +177,9 @@ def evidence(
     gains : (m, states, 6) array
         Gains of these fixes; by default, from the P after each.
     sensors
-        Errors of the sensors; by default, from the increments. With these two, solution, increments and
-        truth may have some samples only: start, end and whole seconds, and those with a fix and before.
+        Errors of the sensors; by default, from the increments. With motion and sensors given, solution,
+        increments and truth may have some samples only: start, end and whole seconds, and those with a fix
+        and before. The reference then needs its `flight` too: late fixes are compared with an earlier truth.
     """
     seen, samples = offered(solution, fixes, imu)
     motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
@@ -203,7 +204,7 @@ def evidence(
             fixes,
             seen,
             causes_of(motion),
-            reference.truth,
+            reference.whole,
             reference.dtheta,
             solution.fix_rejected[seen],
         ),

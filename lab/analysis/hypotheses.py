@@ -68,7 +68,8 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     likelihoods : (h,) array
-        Log-likelihood under each, minus that under the first.
+        Log-likelihood under each, minus that under the first; -inf where rounding has taken the covariance
+        of an innovation its positive definiteness, so that nothing is known.
     innovation, covariance : (m, 6), (m, 6, 6) arrays
         Innovations under the first, and their covariance.
     gains : (m, n, 6) array
@@ -152,6 +153,12 @@ def likelihoods(
         hypothesis.
     tried
         The hypotheses; the innovations are returned for the first one.
+
+    Raises
+    ------
+    LinAlgError
+        If a covariance of the innovations under the first hypothesis is not positive definite: P0 and Q are
+        then so many times larger than R that float64 does not hold their difference.
     """
     m, n = correction.shape
     N = n + 3
@@ -189,12 +196,16 @@ def likelihoods(
             left[k] = True
             continue
         inverse = np.linalg.inv(S)
-        total -= 0.5 * (np.einsum("hi,hij,hj->h", nu, inverse, nu) + np.linalg.slogdet(S)[1])
+        squares, (sign, size) = np.einsum("hi,hij,hj->h", nu, inverse, nu), np.linalg.slogdet(S)
+        total = np.where((sign > 0) & (squares >= 0), total - 0.5 * (squares + size), -np.inf)
         gain = seen @ inverse
         gains[k] = gain[0, :n]
         P = P - gain @ seen.transpose(0, 2, 1)
         P = 0.5 * (P + P.transpose(0, 2, 1))
         apart += np.einsum("hij,hj->hi", gain, nu)
+    np.linalg.cholesky(covariance)  # raises
+    if not np.isfinite(total[0]):
+        raise np.linalg.LinAlgError("the likelihood of the innovations is not finite")
     return Outcome(total - total[0], own, covariance, gains, left)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -79,7 +80,8 @@ class Innovations(Sum):
         Fit of these innovations, whitened, to the filter's response to latency and lever arm; suspicious ones
         are also fitted to errors of the inertial sensors (`REGRESSORS`).
     likelihoods : array
-        Log-likelihood of each of `hypotheses.HYPOTHESES`; zero if the innovations are not suspicious.
+        Log-likelihood of each of `hypotheses.HYPOTHESES`, -inf of one that cannot be computed; zero if the
+        innovations are not suspicious, or none can be computed.
     outliers, refused : int
         Numbers of non-Gaussian fixes, among the used and among the rejected ones.
     """
@@ -131,10 +133,11 @@ def innovations(
     squares, sums, lagged = sizes(normalised[used])
     K = gains(solution, seen) if gained is None else gained
     record = Record(solution, belief, imu, seen, samples, nu, S, K)
-    if aided:  # what the filter would be without the outliers is not modelled here
-        apart = outliers(normalised, settled=NEIGHBOURS // 2)
-    else:
-        record, apart = _without_outliers(record, known, normalised)
+    apart = outliers(normalised, settled=NEIGHBOURS // 2)
+    if not aided:  # what the filter would be without the outliers is not modelled here
+        # Nor is it known where rounding spoils its covariance.
+        with contextlib.suppress(np.linalg.LinAlgError):
+            record, apart = _without_outliers(record, known, normalised, apart)
     nu, S = record.innovation, record.covariance
     span = float(imu.time[0]), float(imu.time[-1])
     values = np.where(known & ~apart[:, None], _normalised(nu, S), np.nan)
@@ -155,19 +158,24 @@ def innovations(
     )
     if aided or not seen.size:
         return found
-    return _explained(found, record, motion, apart, explain)
+    try:
+        return _explained(found, record, motion, apart, explain)
+    except np.linalg.LinAlgError:  # causes that cannot be compared are withheld
+        return found
 
 
 def _without_outliers(
-    record: Record, known: NDArray[np.bool_], normalised: FloatArray
+    record: Record, known: NDArray[np.bool_], normalised: FloatArray, apart: NDArray[np.bool_]
 ) -> tuple[Record, NDArray[np.bool_]]:
     """Return a record as it would be without outliers, and the mask (m,) of these fixes.
+
+    `apart` masks those that differ from their neighbours in the innovations of the filter itself.
 
     Through the filter, each outlier affects the innovations after it, which can hide other outliers. So a
     filter that rejects them searches for them, if all other innovations are then right; otherwise they are
     searched one after the other.
     """
-    apart, limit = outliers(normalised, settled=NEIGHBOURS // 2), _limit(normalised)
+    limit = _limit(normalised)
     if not apart.any() and not _beyond(normalised, limit):
         return record, apart
     refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
@@ -336,7 +344,13 @@ def _response_to_all(record: Record, ahead: Iterable[Steps], causes: FloatArray)
 
 
 def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
-    """Return the normal equations of whitened innovations on the responses to causes."""
+    """Return the normal equations of whitened innovations on the responses to causes.
+
+    Raises
+    ------
+    LinAlgError
+        If a covariance S is not positive definite, because rounding has spoilt it.
+    """
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
     both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]

@@ -352,7 +352,10 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     ratio = max(total / count, 1 / MATTERS**20)
     why = ", and none of the tested causes explains it."
     if not seen.likelihoods.any():
-        why = ". With further states or measurements besides the fixes, the causes are not compared."
+        why = (
+            ". Their causes are not compared: the filter has further states, or measurements besides the "
+            "fixes, or rounding spoils its covariance."
+        )
     advice = "Look for errors that the filter does not model."
     if ratio < 1:
         advice = (

@@ -75,6 +75,8 @@ class Reference(NamedTuple):
     of_states : (n, 6) array
         What the errors of the IMU for which the filter has further states, such as misalignments, add to the
         output of gyros and accelerometers [rad/s], [m/s²]; None if it has none.
+    flight : Truth
+        Truth at all samples, if `truth` has some of them only; None if it has all.
     """
 
     truth: Truth
@@ -87,6 +89,12 @@ class Reference(NamedTuple):
     bias_drive: FloatArray | None = None
     further: FloatArray | None = None
     of_states: FloatArray | None = None
+    flight: Truth | None = None
+
+    @property
+    def whole(self) -> Truth:
+        """The truth at all samples, between which it may be interpolated."""
+        return self.truth if self.flight is None else self.flight
 
 
 @dataclass(frozen=True)

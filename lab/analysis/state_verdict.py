@@ -83,12 +83,14 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
 def judge_states(evidence: Evidence) -> list[Weighed]:
     """Judge the size of the errors if none of the other causes explains it."""
     judged = "Neither R, Q, P₀ nor the timing or place of the fixes"
-    if evidence.start is not None and evidence.fixes is None:  # the filter estimates errors of the receiver
-        judged = "Neither Q nor P₀"
+    used = bool(evidence.usage.used)
+    if not used or (evidence.start is not None and evidence.fixes is None):
+        judged = "Neither Q nor P₀"  # without fixes, or as the filter estimates errors of the receiver
+    position = ("NEES between fixes", "errors of the position between the fixes")
     found = []
     for squares, name, what in (
         (evidence.nees, "NEES", "errors of the states"),
-        (evidence.between, "NEES between fixes", "errors of the position between the fixes"),
+        (evidence.between, *(position if used else ("NEES", "errors of the position"))),
         (evidence.innovations.nis, "NIS", "innovations"),
     ):
         if squares is None or not squares.number or is_right(float(squares.total), float(squares.number)):

@@ -49,7 +49,10 @@ more; with an R, a Q or a P0 that is too small, none differs."""
 
 
 def judge(evidence: Evidence) -> Verdict:
-    """Return the verdict on one run, or on many with added evidence."""
+    """Return the verdict on one run, or on many with added evidence.
+
+    Without a used fix, errors that the truth shows to be wrong are named; where none is, there is no verdict.
+    """
     with_truth = evidence.start is not None  # also where the fixes themselves are not judged
     refused = evidence.innovations.refused if evidence.fixes is None else evidence.fixes.refused
     weighed = judge_usage(evidence.usage, refused)
@@ -58,13 +61,20 @@ def judge(evidence: Evidence) -> Verdict:
     if not evidence.usage.used and not findings:
         return Verdict("No verdict: no fix was used.", (), NOTHING)
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
-    basis = f"{runs}, {'errors and innovations' if with_truth else 'innovations only'}"
+    runs += "" if evidence.usage.used else ", no fix used"
+    basis = f"{runs}, {_judged(evidence) if with_truth else 'innovations only'}"
     what = "errors and innovations are" if with_truth else "the innovations are white and"
     return Verdict(
         headline(findings, f"Consistent: {what} as large as the filter says."),
         findings,
         basis,
     )
+
+
+def _judged(evidence: Evidence) -> str:
+    """Return what a verdict with the truth is based on: without any measurement, there are no innovations."""
+    seen = evidence.usage.offered or evidence.aids.number.any()
+    return "errors and innovations" if seen else "errors only"
 
 
 def judge_usage(usage: Usage, refused: int) -> list[Weighed]:

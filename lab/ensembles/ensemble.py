@@ -231,7 +231,8 @@ class Ensemble(NotebookCard):
     def coverage(self) -> pd.DataFrame:
         """Table of the errors after the fixes: rms, mean in σ, and fractions within ±1σ and ±3σ.
 
-        `mean ±` is the 95 % interval of the mean over independent runs; each run counts once.
+        `mean ±` is the 95 % interval of the mean over independent runs; each run counts once. Where no run
+        used a fix, all is NaN except for `rms`, which is that of the whole flights, and `mean ±`.
         """
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 

@@ -437,10 +437,12 @@ class SeedLanes:
         )
 
     def _reference(self, one: _Sensed) -> Reference:
-        """Return the truth at the stored samples."""
+        """Return the truth at the stored samples, with that of the flight to interpolate in."""
         whole = self._whole_reference(one)
         scale = None if whole.scale is None else whole.scale[self._stored]
-        return whole._replace(truth=self._there, bias=whole.bias[self._stored], scale=scale)
+        return whole._replace(
+            truth=self._there, bias=whole.bias[self._stored], scale=scale, flight=self._truth
+        )
 
     def _moved(self) -> tuple[Exact, Exact]:
         """Return the true motion in windows, which is that of all runs."""

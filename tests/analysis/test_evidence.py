@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis import imu_causes, innovation_evidence
+from lab.analysis import hypotheses, imu_causes, innovation_evidence
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import BLOCKS, Reference, between_squares, nees_squares, usage
 from lab.analysis.run_evidence import evidence_of
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.navigation.error_models import VEL
@@ -101,3 +102,62 @@ def test_a_record_that_is_computed_in_parts_says_the_same(monkeypatch: pytest.Mo
     np.testing.assert_allclose(parts.causes.matrix, whole.causes.matrix, rtol=1e-9)
     np.testing.assert_allclose(parts.causes.vector, whole.causes.vector, rtol=1e-9)
     np.testing.assert_allclose(parts.likelihoods, whole.likelihoods, rtol=1e-9)
+
+
+WILD = {
+    "trajectory.imu_rate": 50,
+    "navigator.q_scale": 1e6,
+    "navigator.p0_scale": 1e6,
+    "navigator.r_scale": 1e-6,
+    "navigator.attitude_sigma": 170.0,
+}
+"""Bounds of the settings: P0 is so much larger than R that rounding spoils recomputed covariances."""
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_causes_that_rounding_hides_are_withheld_and_the_rest_is_judged(seed: int) -> None:
+    experiment = Experiment(mission="los_angeles", seed=seed).update(WILD)
+    result = experiment.run()
+    assert not result.evidence.innovations.likelihoods.any()
+    assert not result.evidence.innovations.causes.matrix.any()
+    by_truth = {finding.quantity: finding.direction for finding in result.verdict.findings}
+    assert by_truth["R position"] == "too small"
+    assert by_truth["Q"] == "too large"
+    (finding,) = result.innovation_verdict.findings
+    assert finding.quantity == "NIS"
+    assert "rounding" in finding.sentence
+
+
+def test_a_run_whose_causes_are_withheld_does_not_stop_an_ensemble() -> None:
+    ensemble = run_ensemble(Experiment(mission="los_angeles").update(WILD), (2, 3))
+    assert len(ensemble.evidence) == 2
+    assert ensemble.verdict.consistent is False
+    assert ensemble.innovation_verdict.consistent is False
+
+
+def of_two_hypotheses(added: float) -> hypotheses.Outcome:
+    """Return the likelihoods under Q and ten times Q, of a Q that adds a variance to each of the states."""
+    n, fixes = 15, 2
+    noise = np.zeros((fixes, 4, n, n))
+    noise[:, 0] = added * np.eye(n)
+    step = imu_causes.Steps(np.tile(np.eye(n), (fixes, 1, 1)), noise, np.zeros((fixes, n, 0)))
+    tried = (hypotheses.HYPOTHESES[0], hypotheses.Hypothesis("Q", 10.0, q=(10.0,) * 4))
+    return hypotheses.likelihoods(
+        np.ones((fixes, 6)),
+        np.zeros((fixes, n)),
+        [step],
+        np.tile(np.eye(6, n), (fixes, 1, 1)),
+        np.tile(np.eye(6), (fixes, 1, 1)),
+        np.eye(n),
+        np.arange(fixes + 1.0),
+        np.zeros(fixes, dtype=np.bool_),
+        tried,
+    )
+
+
+def test_a_hypothesis_without_a_covariance_has_no_likelihood() -> None:
+    """A negative variance stands for what rounding leaves of a difference of large ones."""
+    assert np.isfinite(of_two_hypotheses(0.3).likelihoods).all()
+    assert list(of_two_hypotheses(-0.25).likelihoods) == [0.0, -np.inf]
+    with pytest.raises(np.linalg.LinAlgError):
+        of_two_hypotheses(-3.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 
 
@@ -132,6 +133,41 @@ def test_where_no_fix_was_offered_there_is_no_verdict():
     for verdict in (result.verdict, result.innovation_verdict):
         assert verdict.consistent is None
         assert verdict.headline.startswith("No verdict")
+
+
+@pytest.mark.parametrize(
+    ("sensors", "judged"),
+    [({}, "errors only"), ({"sensors.heading.fitted": True}, "errors and innovations")],
+    ids=["alone", "heading"],
+)
+def test_where_no_fix_was_used_wrong_errors_are_named_without_fixes(sensors, judged):
+    """With 10° of initial error, the linear model does not hold; a run and an ensemble say the same."""
+    experiment = Experiment(mission="los_angeles", seed=2).update(
+        {
+            "trajectory.imu_rate": 50,
+            "sensors.gps.outages": [[0, 1e6]],
+            "navigator.attitude_sigma": 10.0,
+            **sensors,
+        }
+    )
+    ensemble = run_ensemble(experiment, (2, 3))
+    for verdict, runs in ((experiment.run().verdict, "1 run"), (ensemble.verdict, "2 runs")):
+        (finding,) = verdict.findings
+        assert (finding.quantity, finding.direction) == ("NEES", "too large")
+        assert finding.sentence.startswith("The errors of the position are ")
+        assert "fix" not in f"{finding.sentence} {finding.advice} {finding.evidence}"
+        assert verdict.basis == f"{runs}, no fix used, {judged}"
+    assert ensemble.innovation_verdict.headline == "No verdict: no fix was used."
+    assert ensemble.coverage["within ±1σ [%]"].isna().all()
+
+
+def test_an_ensemble_without_fixes_whose_errors_are_right_has_no_verdict_as_a_run_has_none():
+    experiment = Experiment(mission="los_angeles", seed=3).update(
+        {"trajectory.imu_rate": 50, "sensors.gps.outages": [[0, 1e6]], "sensors.barometer.fitted": True}
+    )
+    for verdict in (experiment.run().verdict, run_ensemble(experiment, 3).verdict):
+        assert verdict.consistent is None
+        assert verdict.headline == "No verdict: no fix was used."
 
 
 @pytest.mark.parametrize(
