@@ -106,6 +106,53 @@ def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path
     assert "The log has no readings for sensors.heading.fitted, which has no effect." in notes
 
 
+BARO, MAG = "t_s,height_m\n", "t_s,mx_uT,my_uT,mz_uT\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "cause"),
+    [
+        (
+            "baro.csv",
+            BARO + "".join(f"{time},300\n" for time in range(1, 199)),
+            "Those of the barometer are of 1 to 198 s, but the IMU recorded 1000.01 to 1200 s: another clock "
+            "is likely",
+        ),
+        ("baro.csv", BARO, "The file of the barometer holds none."),
+        ("baro.csv", BARO + "1010,\n1011,\n", "The file of the barometer holds none."),
+        ("mag.csv", MAG, "The file of the magnetometer holds none."),
+        (
+            "mag.csv",
+            MAG + "".join(f"{time},0,0,0\n" for time in range(1001, 1199)),
+            "Those of the magnetometer are all zero.",
+        ),
+        (
+            "air.csv",
+            "t_s,airspeed_m_s\n" + "".join(f"{time},0\n" for time in range(1001, 1199)),
+            "Those of the airspeed sensor are all below sensors.airspeed.slowest.",
+        ),
+    ],
+    ids=["other clock", "header only", "empty cells", "empty field", "zero field", "too slow"],
+)
+def test_a_sensor_without_one_usable_reading_counts_as_absent(
+    folder: Path, tmp_path: Path, file: str, text: str, cause: str
+) -> None:
+    for name in ("imu.csv", "gnss.csv", "ref.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / file).write_text(text)
+    group = {"baro.csv": "barometer", "mag.csv": "heading", "air.csv": "airspeed"}[file]
+    made = drive(tmp_path, **{group: True})
+    made.set("sensors.heading.source", "magnetometer")
+    result = made.run()
+    told = [remark for remark in result.remarks if f"sensors.{group}.fitted" in remark]
+    assert len(told) == 1
+    assert f"The log has no readings for sensors.{group}.fitted, which has no effect. {cause}" in told[0]
+    assert not result.blocks
+    assert not result.aids.time.size
+    unfitted = drive(tmp_path).run()
+    assert not [remark for remark in unfitted.remarks if f"sensors.{group}.fitted" in remark]
+
+
 def with_headings(folder: Path, tmp_path: Path) -> Path:
     """Return the log with a magnetometer and a file of headings, both 2° off."""
     for name in ("imu.csv", "gnss.csv", "ref.csv"):
