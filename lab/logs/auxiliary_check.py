@@ -29,8 +29,10 @@ period of a barometer or an odometer is 1 s."""
 _MIN_FIXES = 20
 """Fewest fixes that are compared: 2 s to 20 s of usual receivers, far more than one outlier."""
 _NEAR = 1.15
-"""Factor within which a ratio is that of a unit: half way from knots to mph, and more than the scale error of
-wheels (5 %) or of pressure heights in cold or hot air (10 %)."""
+"""Factor within which a ratio is that of a unit: more than the scale error of wheels (5 %) or of pressure
+heights in cold or hot air (10 %)."""
+_CLOSE = 1.04
+"""Factor within which a ratio is that of one unit alone: km/h and feet per second are 1.1 apart."""
 _MIN_CLIMB = 30.0
 """Range of the GPS heights from which those of a barometer are compared [m]: several σ of the vertical noise
 of consumer receivers, some metres."""
@@ -136,7 +138,7 @@ def _check_heights(log: SensorLog, barometer: Series, column: str) -> None:
         return
     factor = float(np.sign(correlation) * np.std(readings) / np.std(heights))
     cause = _near(factor, _HEIGHT_CAUSES)
-    if cause is not None:
+    if cause:
         raise MissionError(
             f"{column}: the heights of the barometer change {factor:.3g} times as much as those of the GPS "
             f"(correlation {correlation:.2f}): {cause}; accepted are heights in m, positive up. {_ANYWAY}"
@@ -162,7 +164,7 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str) -> None:
     )
     accepted = f"; accepted are speeds in m/s, positive forward. {_ANYWAY}"
     unit = _near(abs(factor), _SPEED_CAUSES)
-    if unit is not None:
+    if unit:
         raise MissionError(f"{what}like {unit} where m/s are declared{accepted}")
     if 1 / _NEAR < -factor < _NEAR and _goes_forward(log):
         raise MissionError(f"{what}positive backwards{accepted}")
@@ -282,10 +284,11 @@ def _correlation(one: FloatArray, other: FloatArray) -> float:
     return float(a @ b) / power if power > 0 else 0.0
 
 
-def _near(factor: float, causes: Mapping[float, str]) -> str | None:
-    """Return the cause whose factor is nearest to one, None if none is near."""
-    same = {one: cause for one, cause in causes.items() if one * factor > 0}
-    if not same:
-        return None
-    nearest = min(same, key=lambda one: abs(np.log(factor / one)))
-    return same[nearest] if 1 / _NEAR < factor / nearest < _NEAR else None
+def _near(factor: float, causes: Mapping[float, str]) -> str:
+    """Return the causes that explain a factor: one that is close, otherwise all near; empty without any."""
+    apart = {cause: abs(np.log(factor / one)) for one, cause in causes.items() if one * factor > 0}
+    for limit in (_CLOSE, _NEAR):
+        found = [cause for cause, distance in apart.items() if distance < np.log(limit)]
+        if found:
+            return " or ".join(found)
+    return ""

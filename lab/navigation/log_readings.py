@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lab.frames.magnetic_field import magnetic_declination
 from lab.logs.auxiliary_data import Magnetometer
-from lab.logs.coverage import span_text
+from lab.logs.coverage import clock_text, span_text
 from lab.logs.sensor_log import SensorLog
 from lab.parameters.units import si
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
@@ -104,6 +104,8 @@ def _recorded(log: SensorLog, sensors: SensorSuite) -> dict[str, Recorded]:
             usable &= np.linalg.norm(one.field, axis=1) > 0
         if name == "airspeed":
             usable &= one.value >= float(si(sensors.airspeed, "slowest"))
+        if not (usable & (one.time > _first_fix(log))).any():
+            usable[:] = False  # nothing is navigated before the first fix
         found[name] = Recorded(one.time, usable)
     return found
 
@@ -156,15 +158,25 @@ def _cause(log: SensorLog, sensors: SensorSuite, name: str, one: Recorded) -> st
     what = "magnetometer" if name == "heading" and _is_magnetic(sensors) else NAMES[name]
     if not one.time.size:
         return f" The file of the {what} holds none."
-    if not ((one.time > log.time[0]) & (one.time <= log.time[-1])).any():
+    within = (one.time > log.time[0]) & (one.time <= log.time[-1])
+    if within.any() and not (within & (one.time > _first_fix(log))).any():
         return (
-            f" Those of the {what} are of {span_text(one.time + log.epoch)}, but the IMU recorded "
+            f" The readings of the {what} are of {span_text(one.time + log.epoch)}, and nothing is navigated "
+            f"before the first fix at {clock_text(_first_fix(log) + log.epoch)} s."
+        )
+    if not within.any():
+        return (
+            f" The readings of the {what} are of {span_text(one.time + log.epoch)}, but the IMU recorded "
             f"{span_text(log.time + log.epoch)}: another clock is likely; accepted are readings of the clock "
             "of the IMU and of the same time."
         )
     if name == "airspeed":
-        return f" Those of the {what} are all below sensors.airspeed.slowest."
-    return f" Those of the {what} are all zero."
+        return f" The readings of the {what} are all below sensors.airspeed.slowest."
+    return f" The readings of the {what} are all zero."
+
+
+def _first_fix(log: SensorLog) -> float:
+    return float(log.gnss.time[0] - log.gnss.latency)
 
 
 def _other_source(log: SensorLog, sensors: SensorSuite, name: str) -> str:

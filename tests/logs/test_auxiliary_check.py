@@ -78,7 +78,8 @@ def test_heights_in_another_unit_are_refused(log: SensorLog, flown: Truth, readi
         (-3.6, "like km/h where m/s"),
         (3600 / 1609.344, "like mph where m/s"),
         (3600 / 1852, "like knots where m/s"),
-        (1.05 * 3.6, "like km/h where m/s"),
+        (1.07 * 3.6, "like km/h where m/s"),
+        (2.09, "like mph or knots where m/s"),
     ],
 )
 def test_speeds_in_another_unit_are_refused(log: SensorLog, flown: Truth, factor: float, cause: str) -> None:
