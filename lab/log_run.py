@@ -22,7 +22,8 @@ from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
 from lab.navigation.blocks import CORE
 from lab.navigation.error_models import POS
-from lab.navigation.log_navigation import RecordedRun, navigate_log, readings_of
+from lab.navigation.log_navigation import RecordedRun, navigate_log
+from lab.navigation.log_readings import readings_of
 from lab.navigation.model_choice import is_ready
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution

@@ -112,6 +112,69 @@ def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path
     assert "The log has no readings for sensors.heading.fitted, which has no effect." in notes
 
 
+BARO, MAG = "t_s,height_m\n", "t_s,mx_uT,my_uT,mz_uT\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "cause"),
+    [
+        (
+            "baro.csv",
+            BARO + "".join(f"{time},300\n" for time in range(1, 199)),
+            "The readings of the barometer are of 1 to 198 s, but the IMU recorded 1000.01 to 1200 s: "
+            "another clock is likely",
+        ),
+        ("baro.csv", BARO, "The file of the barometer holds none."),
+        ("baro.csv", BARO + "1010,\n1011,\n", "The file of the barometer holds none."),
+        ("mag.csv", MAG, "The file of the magnetometer holds none."),
+        (
+            "mag.csv",
+            MAG + "".join(f"{time},0,0,0\n" for time in range(1001, 1199)),
+            "The readings of the magnetometer are all zero.",
+        ),
+        (
+            "air.csv",
+            "t_s,airspeed_m_s\n" + "".join(f"{time},0\n" for time in range(1001, 1199)),
+            "The readings of the airspeed sensor are all below sensors.airspeed.slowest.",
+        ),
+    ],
+    ids=["other clock", "header only", "empty cells", "empty field", "zero field", "too slow"],
+)
+def test_a_sensor_without_one_usable_reading_counts_as_absent(
+    folder: Path, tmp_path: Path, file: str, text: str, cause: str
+) -> None:
+    for name in ("imu.csv", "gnss.csv", "ref.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / file).write_text(text)
+    told_as_absent(tmp_path, file, cause)
+
+
+def test_a_sensor_that_reads_before_the_first_fix_only_counts_as_absent(folder: Path, tmp_path: Path) -> None:
+    for name in ("imu.csv", "ref.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    rows = (folder / "gnss.csv").read_text().splitlines()
+    (tmp_path / "gnss.csv").write_text("\n".join([rows[0], *rows[21:]]))  # from 1010 s on
+    (tmp_path / "baro.csv").write_text(BARO + "".join(f"{time},300\n" for time in range(1001, 1009)))
+    told_as_absent(
+        tmp_path, "baro.csv", "The readings of the barometer are of 1001 to 1008 s, and nothing is"
+    )
+
+
+def told_as_absent(tmp_path: Path, file: str, cause: str) -> None:
+    """Assert that the sensor of a file is absent from the filter, and that a remark gives the cause."""
+    group = {"baro.csv": "barometer", "mag.csv": "heading", "air.csv": "airspeed"}[file]
+    made = drive(tmp_path, **{group: True})
+    made.set("sensors.heading.source", "magnetometer")
+    result = made.run()
+    told = [remark for remark in result.remarks if f"sensors.{group}.fitted" in remark]
+    assert len(told) == 1
+    assert f"The log has no readings for sensors.{group}.fitted, which has no effect. {cause}" in told[0]
+    assert not result.blocks
+    assert not result.aids.time.size
+    unfitted = drive(tmp_path).run()
+    assert not [remark for remark in unfitted.remarks if f"sensors.{group}.fitted" in remark]
+
+
 def with_headings(folder: Path, tmp_path: Path) -> Path:
     """Return the log with a magnetometer and a file of headings, both 2° off."""
     for name in ("imu.csv", "gnss.csv", "ref.csv"):

@@ -29,8 +29,8 @@ JUDGES = (
         "identification",
     ),
     *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
-    *("navigation/initial_heading.py", "navigation/log_navigation.py", "navigation/rest_alignment.py"),
-    *("navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
+    *("navigation/initial_heading.py", "navigation/log_navigation.py", "navigation/log_readings.py"),
+    *("navigation/rest_alignment.py", "navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
     "flying",
     *("live", "phone", "xplane"),
     *(

@@ -19,7 +19,7 @@ _FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer", "
 _TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",
-    "columns", "forward_assumed",
+    "columns", "forward_assumed", "check_sensors",
 )  # fmt: skip
 KEYS = frozenset(_KEYS)
 """Keys of the TOML."""
@@ -50,10 +50,9 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
     vehicle = values.get("vehicle", "")
     if vehicle not in ("", *VEHICLES):
         raise MissionError(f"{path}: vehicle = {vehicle!r}; accepted are {', '.join(VEHICLES)}")
-    if not isinstance(values.get("forward_assumed", False), bool):
-        raise MissionError(
-            f"{path}: forward_assumed = {values['forward_assumed']!r}; accepted are true and false"
-        )
+    for key in ("forward_assumed", "check_sensors"):
+        if not isinstance(values.get(key, False), bool):
+            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted are true and false")
     _check_axes(path, values.get("axes", ["x", "y", "z"]))
     for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", MAX_LEVER_ARM)):
         _check_three(path, key, values.get(key, [0, 0, 0]), limit)

@@ -29,6 +29,7 @@ outages refer to as well. Heights are above the ellipsoid, or all above the same
     vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
     forward_assumed = false       # true: which one points forward is only assumed (docs/logs.md)
+    check_sensors = true          # false: readings of other sensors that contradict GPS or gyros are kept
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
     latency_s = 0                 # by how much the stamps of the fixes are late
@@ -51,6 +52,7 @@ from numpy.typing import NDArray
 
 from lab.frames.earth import STANDARD_GRAVITY
 from lab.frames.rotation import C_nb_from_euler
+from lab.logs.auxiliary_check import check_auxiliary
 from lab.logs.auxiliary_data import (
     AuxiliaryData,
     Comparison,
@@ -133,6 +135,8 @@ class LogFiles:
         Whether the TOML states the axes.
     forward_assumed : bool
         Whether it is only assumed which axis points forward.
+    check_sensors : bool
+        Whether readings of sensors besides IMU and GPS that contradict these are refused.
     """
 
     path: Path
@@ -157,6 +161,7 @@ class LogFiles:
     columns: tuple[tuple[str, str], ...] = ()
     axes_stated: bool = False
     forward_assumed: bool = False
+    check_sensors: bool = True
 
     @property
     def has_own_names(self) -> bool:
@@ -194,7 +199,7 @@ class LogFiles:
         """The keys of the TOML that change how the files are read."""
         names = tuple(name for name, _ in self.comparisons)
         kept = self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
-        seldom = self.columns, self.forward_assumed
+        seldom = self.columns, self.forward_assumed, not self.check_sensors
         return (*kept, *(one for one in seldom if one))
 
     @property
@@ -242,6 +247,9 @@ class LogFiles:
         from lab.logs.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
 
         check_log(log)
+        if self.check_sensors:
+            files = {"barometer": self.barometer, "odometer": self.odometer, "airspeed": self.airspeed}
+            check_auxiliary(log, files | {"heading": self.heading or self.gnss})
         return log
 
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
@@ -363,6 +371,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         columns=tuple(values.get("columns", {}).items()),
         axes_stated="axes" in values,
         forward_assumed=values.get("forward_assumed", False),
+        check_sensors=values.get("check_sensors", True),
     )
 
 

@@ -125,6 +125,9 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
         values["vehicle"] = vehicle_of(auxiliary.vehicle).name
     if auxiliary.forward_assumed:
         values["forward_assumed"] = True
+    if any((auxiliary.barometer, auxiliary.odometer, auxiliary.airspeed, auxiliary.headings)):
+        # IMU and GPS of a device are not lost for one of its other sensors.
+        values["check_sensors"] = False
     if auxiliary.magnetometer is not None and np.isfinite(auxiliary.magnetometer.declination):
         values["declination_deg"] = float(np.degrees(auxiliary.magnetometer.declination))
     if others:

@@ -7,14 +7,12 @@ The settings do not describe the biases found at the start, so these do not deca
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.magnetic_field import magnetic_declination
-from lab.logs.auxiliary_data import Magnetometer, Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
@@ -44,6 +42,7 @@ from lab.navigation.further_columns import with_blocks
 from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
+from lab.navigation.log_readings import fitted_only, readings_of
 from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
@@ -53,8 +52,6 @@ from lab.navigation.wander_models import linear_model
 from lab.parameters.settings import SettingError
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
-from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
-from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 
 FloatArray = NDArray[np.float64]
@@ -210,92 +207,6 @@ def _rests(
         return rest, rest
     standing, _ = standing_still(rest, imu, fixes, assumed)
     return rest, standing
-
-
-def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
-    """Return what the sensors besides IMU and GPS measured, if they are fitted, by their group."""
-    auxiliary = log.auxiliary
-    there = {name: getattr(auxiliary, name) for name in OF_ONE_NUMBER}
-    if auxiliary.headings is not None:
-        there["heading"] = Series(auxiliary.headings.time, auxiliary.headings.heading)
-    found = {}
-    for name, series in there.items():
-        if series is not None and sensors.groups()[name].get("fitted"):
-            within_log = (series.time > log.time[0]) & (series.time <= log.time[-1])
-            time = series.time[within_log]
-            found[name] = Readings(time, series.value[within_log], np.full(time.size, np.nan))
-            if name == "heading" and auxiliary.headings is not None:
-                found[name] = found[name]._replace(sigma=auxiliary.headings.sigma[within_log])
-    if sensors.heading.fitted and sensors.heading.source == MAGNETOMETER:
-        found.pop("heading", None)
-        if auxiliary.magnetometer is not None:
-            found["heading"] = _of_field(log, auxiliary.magnetometer, float(sensors.heading.period))
-    return found
-
-
-def _of_field(log: SensorLog, magnetometer: Magnetometer, period: float) -> Readings:
-    """Return the magnetic field once in a period [s], since its errors are those of the vehicle's iron.
-
-    The declination is that of the log, or of the World Magnetic Model at the first fix.
-
-    Raises
-    ------
-    SettingError
-        If it does not show the heading there.
-    """
-    check_field(log.gnss.position)
-    size = np.linalg.norm(magnetometer.field, axis=1)
-    rows = np.flatnonzero(
-        (magnetometer.time > log.time[0]) & (magnetometer.time <= log.time[-1]) & (size > 0)
-    )
-    number = np.floor((magnetometer.time[rows] - log.time[0]) / period)
-    rows = rows[np.flatnonzero(np.diff(number, prepend=-1.0))]
-    declination = magnetometer.declination
-    if not np.isfinite(declination):
-        declination, _ = magnetic_declination(log.gnss.position[0])
-    time, unknown = magnetometer.time[rows], np.full(rows.size, np.nan)
-    field = magnetometer.field[rows] / size[rows, None]
-    return Readings(time, np.full(rows.size, declination), unknown, field)
-
-
-def fitted_only(
-    sensors: SensorSuite, readings: Mapping[str, Readings], log: SensorLog
-) -> tuple[SensorSuite, list[str]]:
-    """Return the sensors with only those fitted of which a log has readings, and remarks about the others."""
-    own, remarks = sensors.copy(), []
-    auxiliary = log.auxiliary
-    magnetic = sensors.heading.source == MAGNETOMETER
-    of_heading = auxiliary.magnetometer if magnetic else auxiliary.headings
-    has = {
-        **{name: getattr(auxiliary, name) is not None for name in OF_ONE_NUMBER},
-        "heading": of_heading is not None,
-    }
-    for name, there in has.items():
-        fitted = sensors.groups()[name].get("fitted")
-        if fitted and name not in readings:
-            remarks.append(f"The log has no readings for sensors.{name}.fitted, which has no effect.")
-            own.set(f"{name}.fitted", False)
-            other = auxiliary.headings if magnetic else auxiliary.magnetometer
-            if name == "heading" and other is not None:
-                source = HEADING if magnetic else MAGNETOMETER
-                remarks[-1] += f" With sensors.heading.source = {source} it has some."
-        elif there and not fitted:
-            remarks.append(
-                f"The log has readings of a {NAMES[name]} that are not used; sensors.{name}.fitted = true "
-                "uses them."
-            )
-    return own, remarks
-
-
-OF_ONE_NUMBER = ("barometer", "odometer", "airspeed")
-"""Sensors whose readings are a `Series` of a log."""
-NAMES = {
-    "barometer": "barometer",
-    "odometer": "odometer",
-    "airspeed": "airspeed sensor",
-    "heading": "heading sensor",
-}
-"""What the groups of other sensors are called in a sentence."""
 
 
 def _check(navigator: NavigatorSettings) -> None:

@@ -490,6 +490,7 @@ def test_a_reference_may_know_the_attitude_alone(tmp_path, log):
         ("mounting_deg = [0, 0]", "mounting_deg = .*three numbers from -360 to 360"),
         ("declination_deg = 200", "declination_deg = 200; accepted is a number from -180 to 180"),
         ('forward_assumed = "yes"', "forward_assumed = 'yes'; accepted are true and false"),
+        ("check_sensors = 1", "check_sensors = 1; accepted are true and false"),
         ('comparisons = ["ekf.csv"]', "comparisons = .*a table of up to 8 names"),
         ('[comparisons]\n"x" = "/etc/passwd"', "comparisons = '/etc/passwd'; accepted is the plain name"),
         ('[comparisons]\n"x" = "none.csv"', "none.csv: there is no such file"),

@@ -172,3 +172,14 @@ def test_the_log_of_an_autopilot_is_navigated_to_the_flight_it_was_made_of(write
     assert np.sqrt(np.mean(off**2, axis=0)).max() < 0.3
     assert np.sqrt(np.mean(velocity**2, axis=0)).max() < 0.1
     assert np.sqrt(np.mean(angles**2, axis=0)).max() < 0.6
+
+
+def test_imu_and_gps_of_a_device_are_kept_when_its_odometer_contradicts_them(log, tmp_path):
+    speed = np.hypot(*log.gnss.velocity_n[:, :2].T)
+    wrong = AuxiliaryData(odometer=Series(log.gnss.time, 3.6 * np.nan_to_num(speed)))
+    write_sensor_log(tmp_path / "copy", replace(log, auxiliary=wrong), title="A copy")
+    assert read_sensor_log(tmp_path / "copy").auxiliary.odometer is not None
+    toml = (tmp_path / "copy" / "log.toml").read_text()
+    (tmp_path / "copy" / "log.toml").write_text(toml.replace("check_sensors = false", ""))
+    with pytest.raises(MissionError, match=r"odo.csv, column speed_m_s: .* look like km/h"):
+        read_sensor_log(tmp_path / "copy")
