@@ -53,9 +53,9 @@ SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2, ("
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
 CLEAR = 5.0
 """Least level part of an axis whose azimuth is a heading, in σ of the place of its end: nearer to the
-vertical, the distribution of the azimuth is far from the normal one. In 40 flights of three loops, NEES is 0.96
-with 5, and 1.2 to 12 with 3, where some headings mislead the filter for good. A magnetic field is not as steep.
-"""
+vertical, the distribution of the azimuth is far from the normal one. In 40 flights of three loops, NEES
+is 0.96 with 5, and 1.2 to 12 with 3, where some headings mislead the filter for good. A magnetic field is
+not as steep."""
 STILL_AIR = 1e-3
 """Airspeed below which its direction does not count [m/s]: there its derivatives are not defined."""
 
