@@ -20,7 +20,7 @@ from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, belief, schedule_of
-from lab.navigation.flight_piece import Piece
+from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.log_navigation import WITHHELD, navigate_log
 from lab.navigation.model_choice import chosen_model
@@ -174,7 +174,7 @@ class _Gathered:
         first, last = (self._velocity_n[np.searchsorted(self._wanted, end)] for end in self._ends)
         return first, last
 
-    def __call__(self, piece: Piece, written: slice) -> None:
+    def __call__(self, piece: FlightPiece, written: slice) -> None:
         """Take what is wanted of a piece."""
         edges = piece.before + written.start, piece.before + written.stop
         rows = slice(*np.searchsorted(self._wanted, edges))

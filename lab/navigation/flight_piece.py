@@ -14,7 +14,7 @@ import numpy as np
 from lab.navigation.solution import HISTORIES, Imu, Solution
 
 
-class Piece(NamedTuple):
+class FlightPiece(NamedTuple):
     """Samples of a flight.
 
     Attributes

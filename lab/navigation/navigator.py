@@ -23,7 +23,7 @@ from lab.navigation.compilation import is_ready
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
-from lab.navigation.flight_piece import Piece
+from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.frames import change, model_at
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
@@ -37,7 +37,7 @@ PIECE = 2**14
 """Samples of a long flight that are navigated in one call, with some 420 bytes each at 21 states."""
 
 
-Gather = Callable[[Piece, slice], None]
+Gather = Callable[[FlightPiece, slice], None]
 """Is given each piece of a flight with the samples in it that were written."""
 
 
@@ -208,7 +208,7 @@ def within_frame_in_piece(
 ) -> int:
     """Advance a navigator as `within_frame` does, over histories that the kernel cannot write."""
     fix, aid = int(run.counts[0]), int(run.counts[2])
-    piece = Piece.of(imu, out, first)
+    piece = FlightPiece.of(imu, out, first)
     used = within_frame(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
     piece.keep(out, used + 1, slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2])))
     if gather is not None:

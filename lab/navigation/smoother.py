@@ -32,7 +32,7 @@ from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.driver import PENDING, SETTLED, aid_due, loop, take_measurements
 from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
-from lab.navigation.flight_piece import Piece
+from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.frames import change, model_at
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import go_through, takes_aids, within_frame, within_frame_in_piece
@@ -196,7 +196,7 @@ def _smooth_block(
     if not is_long:
         back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
         return
-    piece = Piece.of(imu.until(end), out, first)
+    piece = FlightPiece.of(imu.until(end), out, first)
     back(own, piece.imu, fixes, piece.out, piece.first, there, kept, later, Later)
     taken = (slice(int(counts[0]), int(counts[-1])) for counts in (kept.fixes, kept.aids))
     piece.keep(out, piece.imu.time.size, *taken)

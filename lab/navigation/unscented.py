@@ -28,7 +28,7 @@ from lab.navigation import blocks, strapdown, wander, wander_models
 from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
-from lab.navigation.flight_piece import Piece
+from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.generation import Variant, generated
 from lab.navigation.kalman import (
     MEASUREMENTS,
@@ -108,7 +108,7 @@ def navigate(
         if not is_long:
             advance(run, imu, fixes, out, first, schedule)
             return
-        fix, aid, piece = int(run.counts[0]), int(run.counts[2]), Piece.of(imu, out, first)
+        fix, aid, piece = int(run.counts[0]), int(run.counts[2]), FlightPiece.of(imu, out, first)
         advance(run, piece.imu, fixes, piece.out, piece.first, schedule)
         used = slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2]))
         piece.keep(out, piece.imu.time.size, *used)
