@@ -229,25 +229,39 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     wait_for(page, f"{RANGE_END} > 0")
 
 
-def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
-    mine: Path, shared_page: Page, tmp_path: Path
-) -> None:
-    page, sent = shared_page, SimulatedFlight.of("montreal", 50.0, seed=3, rest=12.0)
-    capture = tmp_path / "drive.ubx"
-    encoder, parts = ENCODERS["ublox"](), []
+def capture_of(protocol: str, path: Path) -> Path:
+    """Write what a device with this protocol sends in 40 s, the first 12 of them at rest."""
+    sent, encoder, parts = SimulatedFlight.of("montreal", 50.0, seed=3, rest=12.0), ENCODERS[protocol](), []
     for second in range(40):
         of_imu, of_fix = (
             (rows["time"] >= second) & (rows["time"] < second + 1) for rows in (sent.imu, sent.fix)
         )
         parts.append(encoder.encode(sent.imu[of_imu], sent.fix[of_fix]))
-    capture.write_bytes(b"".join(parts))
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
+    mine: Path, shared_page: Page, tmp_path: Path
+) -> None:
+    """With those that are a flight too, and with those that no reader of flights knows."""
+    page = shared_page
     missions_tab(page, "My flight")
     part(page, "Import")
-    upload(page, capture)
+    add, add_log = (
+        page.get_by_role("button").filter(has_text=text) for text in ("Add mission", "Add as log")
+    )
+    upload(page, capture_of("vectornav", tmp_path / "drive.bin"))
+    expect(page.get_by_role("alert").filter(has_text="A sensor log")).to_be_visible()
+    expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()
+    expect(add_log).to_be_visible()
+    expect(add).to_be_hidden()
+    upload(page, capture_of("ublox", tmp_path / "drive.ubx"))
     expect(page.get_by_text("u-blox UBX", exact=True)).to_be_visible()
     expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()
+    expect(page.get_by_role("button").filter(has_text=re.compile("Add mission|Add anyway"))).to_be_visible()
     box(page, "Title").fill("My drive")
-    page.get_by_role("button").filter(has_text="Add as log").click()
+    add_log.click()
     expect(page.get_by_text("drive.ubx was added and chosen.")).to_be_visible()
     expect(chooser(page)).to_have_text("My drive")
     assert missions()["drive.ubx"].log.duration == pytest.approx(40.0, abs=1.0)

@@ -48,14 +48,20 @@ PREVIEW = """
 """The track beside the quantities over time, or above them where it is narrow."""
 
 
+_LOG_ALONE = (
+    "The file has the samples of an IMU and fixes as a device sends them, and no flight of its own: it is "
+    "added as a sensor log."
+)
+
+
 class _Read(NamedTuple):
-    flight: FlightImport
+    flight: FlightImport | None  # None for the bytes of a device that no reader of flights knows
     log: SensorLog | None
     log_refused: str
 
 
 class Draft:
-    """An imported flight to check and add.
+    """An imported flight, or a sensor log, to check and add.
 
     Parameters
     ----------
@@ -174,23 +180,34 @@ class Draft:
                     flight, settings, white_noise(sensors, "the chosen IMU"), paths, units, axes
                 )
             except MissionError as error:
+                alone = _log_alone(paths, axes) if raw is None else None
+                if alone is not None:
+                    return _Read(None, alone, "")
                 raise MissionError(self._columns.located(_without_folder(error, paths))) from error
             return _Read(read, *(before[1:] if before else _log_of(read, units)))
 
         self._job.start("Reading", work, self._show)
 
     def _show(self, read: _Read) -> None:
-        self._read, flight = read, read.flight
+        self._read = read
+        for part in (self._add, self._preview, self._report, self._fields.view):
+            part.visible = read.flight is not None
+        if read.flight is None:
+            self._verdict.say("A sensor log", "info", [_LOG_ALONE])
+        else:
+            self._show_flight(read.flight)
+        self._add_log.visible = read.log is not None
+        self._log_report.object = read_log_html(read.log, self._columns.located(read.log_refused))
+        self._body.visible = True
+
+    def _show_flight(self, flight: FlightImport) -> None:
         self._raw = flight.raw
         verdict = flight.report.verdict
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
         self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
-        self._add_log.visible = read.log is not None
         self._report.object = rows_html(flight.report)
         self._units.show(flight.raw.units)
-        self._log_report.object = read_log_html(read.log, self._columns.located(read.log_refused))
         self._preview[:] = list(_panes(flight))
-        self._body.visible = True
 
     def _start_adding(self, as_log: bool) -> None:
         read = self._read
@@ -203,7 +220,7 @@ class Draft:
             return
 
         def work(_progress: Progress) -> Mission:
-            if not as_log:
+            if not as_log and read.flight is not None:
                 return read.flight.add(name, title)
             assert read.log is not None
             return add_log(read.log, name, title=title)
@@ -228,6 +245,22 @@ def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | N
         return device_log(read.paths[0], axes=read.axes), read.log_refused
     except (ValueError, OSError) as error:  # of the log, the device or the recording
         return None, _without_folder(error, read.paths)
+
+
+def _log_alone(paths: Sequence[Path], axes: Sequence[str]) -> SensorLog | None:
+    """Return the log of a file with the bytes of a device; None for other files.
+
+    Raises
+    ------
+    MissionError
+        If the samples of the device make no log.
+    """
+    if len(paths) != 1:
+        return None
+    try:
+        return device_log(paths[0], axes=axes)
+    except (ValueError, OSError) as error:  # of the log, the device or the recording
+        raise MissionError(_without_folder(error, paths)) from error
 
 
 def _without_folder(error: Exception, paths: Sequence[Path]) -> str:
