@@ -36,6 +36,9 @@ _CLOSE = 1.04
 _MIN_CLIMB = 30.0
 """Range of the GPS heights from which those of a barometer are compared [m]: several σ of the vertical noise
 of consumer receivers, some metres."""
+_SLOW = 600.0
+"""Length of the pieces whose mean heights are left out [s]: over hours, the weather and the geoid change
+heights by tens of metres."""
 _HEIGHT_PERCENTILES = (5.0, 95.0)
 """Percentiles of the GPS heights between which their range counts: single wild fixes lie outside."""
 _MIN_CORRELATION = 0.95
@@ -130,7 +133,8 @@ def check_auxiliary(log: SensorLog, files: Mapping[str, Path | None]) -> None:
 def _check_heights(log: SensorLog, barometer: Series, column: str) -> None:
     """Compare the heights of a barometer with those of the GPS; its bias is free."""
     rows, readings = _at_fixes(log, barometer)
-    heights = log.gnss.position[rows, 2]
+    time = log.gnss.time[rows]
+    heights, readings = (_without_means(time, one) for one in (log.gnss.position[rows, 2], readings))
     if heights.size < _MIN_FIXES or np.ptp(np.percentile(heights, _HEIGHT_PERCENTILES)) < _MIN_CLIMB:
         return
     correlation = _correlation(readings, heights)
@@ -237,13 +241,14 @@ def _residual(turn: FloatArray, change: FloatArray) -> float:
 
 
 def _goes_forward(log: SensorLog) -> bool:
-    """Return whether the nose points along the course: the vehicle is one of these, or its IMU says so.
+    """Return whether the forward accelerometer shows that the nose points along the course.
 
-    The specific force along the path is the change of the speed plus gravity times the sine of the climb.
+    A car may drive backwards for long. The specific force along the path is the change of the speed plus
+    gravity times the sine of the climb.
     """
     vehicle = vehicle_of(log.auxiliary.vehicle)
-    if vehicle.name:
-        return vehicle.follows_nose
+    if vehicle.name and not vehicle.follows_nose:
+        return False
     time, speed = log.gnss.time - log.gnss.latency, _speeds(log)
     inside = np.flatnonzero((time >= log.time[0]) & (time <= log.time[-1]) & (speed > _MIN_SPEED))
     if inside.size < _MIN_FIXES:
@@ -275,6 +280,13 @@ def _at_fixes(log: SensorLog, series: Series) -> tuple[NDArray[np.intp], FloatAr
     after = np.clip(after, 1, max(series.time.size - 1, 1)) % series.time.size
     rows = np.flatnonzero(within & (series.time[after] - series.time[after - 1] < _MAX_APART))
     return rows, np.interp(time[rows], series.time, series.value)
+
+
+def _without_means(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values without their means over pieces of `_SLOW`."""
+    piece = np.floor((time - time[:1]) / _SLOW).astype(np.intp)
+    count = np.maximum(np.bincount(piece), 1)
+    return np.asarray(values - (np.bincount(piece, values) / count)[piece])
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:

@@ -199,7 +199,8 @@ class LogFiles:
         """The keys of the TOML that change how the files are read."""
         names = tuple(name for name, _ in self.comparisons)
         kept = self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
-        seldom = self.columns, self.forward_assumed, not self.check_sensors
+        unchecked = () if self.check_sensors else ("check_sensors", False)
+        seldom = self.columns, self.forward_assumed, unchecked
         return (*kept, *(one for one in seldom if one))
 
     @property

@@ -15,6 +15,7 @@ from lab.logs.auxiliary_check import check_auxiliary
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Series
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.missions import MissionError, read_sensor_log
+from lab.missions.log_mission import LogMission
 
 FloatArray = NDArray[np.float64]
 FILES = {name: Path(f"{name}.csv") for name in ("barometer", "odometer", "airspeed", "heading")}
@@ -96,6 +97,30 @@ def test_speeds_that_are_positive_backwards_are_refused_where_the_nose_is_known(
             checked(log, vehicle, odometer=-flown.forward)
     # A copter may fly backwards all the time.
     checked(log, "copter", odometer=-flown.forward)
+
+
+@pytest.mark.parametrize("vehicle", ["car", ""])
+def test_a_car_that_drives_backwards_passes(log: SensorLog, flown: Truth, vehicle: str) -> None:
+    """The same motion tail first: forces along and across are reversed, and so are the right speeds."""
+    turned = replace(log, dvelocity=log.dvelocity * (-1.0, -1.0, 1.0))
+    checked(turned, vehicle, odometer=-flown.forward)
+    with pytest.raises(MissionError, match="they look positive backwards"):
+        checked(log, vehicle, odometer=-flown.forward)
+
+
+def test_slow_changes_of_geoid_and_weather_pass(log: SensorLog) -> None:
+    """A ship of 20 h: the geoid falls by 40 m, and the air pressure by 5 hPa."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 72_000.0, 2.0)
+    part = time / time[-1]
+    height = rng.normal(-40 * part, 1.5)
+    position = np.column_stack((np.full((time.size, 2), 0.7), height))
+    unknown = np.full((time.size, 3), np.nan)
+    gnss = replace(log.gnss, time=time, position=position, velocity_n=unknown, latency=0.0)
+    readings = rng.normal(40 * part, 0.3)
+    sailed = replace(log, gnss=gnss)
+    check_auxiliary(
+        replace(sailed, auxiliary=AuxiliaryData(vehicle="boat", barometer=Series(time, readings))), FILES
+    )
 
 
 @pytest.mark.parametrize(
@@ -217,3 +242,12 @@ def test_a_log_is_refused_when_it_is_read_unless_it_says_otherwise(tmp_path: Pat
         read_sensor_log(folder)
     (folder / "log.toml").write_text("check_sensors = false\n")
     assert read_sensor_log(folder).auxiliary.barometer is not None
+
+
+def test_a_log_that_is_not_checked_is_another_one(tmp_path: Path) -> None:
+    """Each key has a hash of its own: the results of one are not taken for those of another."""
+    folder, hashes = write(tmp_path / "mine", tables(0.0, 20.0)), set()
+    for text in ("", "check_sensors = false\n", "forward_assumed = true\n"):
+        (folder / "log.toml").write_text(text)
+        hashes.add(LogMission.at(folder, "mine").content_hash)
+    assert len(hashes) == 3
