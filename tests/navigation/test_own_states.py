@@ -123,17 +123,8 @@ def flight(seed: int = 1, **settings: Any) -> Experiment:
     return made
 
 
-@pytest.mark.parametrize("misalignment", [0.0, 2.0])
-def test_a_filter_with_own_states_agrees_with_filterpy(misalignment: float) -> None:
-    """Beside misalignments of 2° too, which both take off to third order."""
-    declare()
-    estimated: dict[str, Any] = {
-        "sensors__own_errors": "g-sensitivity",
-        "navigator__own_states": "g-sensitivity",
-    }
-    if misalignment:
-        estimated |= {"navigator__estimate_misalignments": True}
-        estimated |= {f"sensors__{triad}__misalignment": misalignment for triad in ("gyro", "accelerometer")}
+def assert_agrees_with_filterpy(**estimated: Any) -> None:
+    """Compare all parts of a solution, relative to the largest value of each column."""
     a = flight(**estimated).run().solution_arrays
     b = flight(**estimated, navigator__engine="filterpy").run().solution_arrays
     for part in ("velocity_n", "q_nb", "bias", "further", "variance", "innovation"):
@@ -142,9 +133,19 @@ def test_a_filter_with_own_states_agrees_with_filterpy(misalignment: float) -> N
         assert np.nanmax(np.abs(found - expected) / scale, initial=0.0) < 1e-9, part
 
 
-def test_a_filter_with_own_states_tells_the_truth() -> None:
+def test_beside_misalignments_of_2_degrees_a_filter_agrees_with_filterpy() -> None:
+    """Both take misalignments off to third order."""
     declare()
+    sizes = {f"sensors__{triad}__misalignment": 2.0 for triad in ("gyro", "accelerometer")}
+    names = dict.fromkeys(("sensors__own_errors", "navigator__own_states"), "g-sensitivity")
+    assert_agrees_with_filterpy(**names, **sizes, navigator__estimate_misalignments=True)
+
+
+def test_a_filter_with_own_states_agrees_with_filterpy_and_tells_the_truth() -> None:
+    """Unit and scale are of this declaration alone; σ is 3·10⁻⁴ and 10⁻⁴ rad/s/(m/s²)."""
+    declare(shown_unit="mrad/s/(m/s²)", shown_scale=1e3)
     estimated = {"sensors__own_errors": "g-sensitivity", "navigator__own_states": "g-sensitivity"}
+    assert_agrees_with_filterpy(**estimated)
     nees, own = [], []
     for seed in range(16):
         result = flight(seed, **estimated).run()
@@ -163,24 +164,17 @@ def test_a_filter_with_own_states_tells_the_truth() -> None:
     for squares in (nees, own):
         assert np.mean(squares) == pytest.approx(1, abs=4 * np.std(squares) / 4 + 0.05)
     assert result.verdict.consistent, result.verdict
+    shown = result.observability.sel(quantity="gyro g x")
+    assert shown.unit.item() == "mrad/s/(m/s²)"
+    np.testing.assert_allclose(shown.sigma[0], np.hypot(0.3, 0.1), rtol=1e-9)
+    assert run_ensemble(flight(**estimated), 3).verdict.consistent
+    assert [one.model for one in lab.compare(flight(**estimated), ["phi"], seeds=2)] == ["phi"]
     states = result.further_states
     assert list(states.state.values) == ["gyro g x", "gyro g y", "gyro g z"]
     assert np.ptp(states.truth.values) > 0
     blind = flight(3, sensors__own_errors="g-sensitivity").run()
     assert not blind.verdict.consistent
     assert left_out(blind.experiment) == ["sensors.own_errors (errors that a notebook declared)"]
-
-
-def test_a_unit_of_ones_own_is_shown_wherever_states_are() -> None:
-    """Unit and scale are of this declaration alone; σ is 3·10⁻⁴ rad/s/(m/s²), shown as 0.3."""
-    declare(shown_unit="mrad/s/(m/s²)", shown_scale=1e3, drift_sigma=0.0)
-    base = flight(navigator__own_states="g-sensitivity", sensors__own_errors="g-sensitivity")
-    result = base.run()
-    shown = result.observability.sel(quantity="gyro g x")
-    assert shown.unit.item() == "mrad/s/(m/s²)"
-    np.testing.assert_allclose(shown.sigma[0], 0.3, rtol=1e-9)
-    assert run_ensemble(base, 3).verdict.consistent
-    assert len(lab.compare(base, ["phi", "psi"], seeds=2)) == 2
 
 
 def test_own_states_have_room_behind_all_others() -> None:

@@ -42,7 +42,7 @@ def pitch_when_seen(result: Result) -> NDArray[np.float64]:
     return np.abs(np.degrees(result.known_truth("the pitch").euler[at, 1]))
 
 
-@pytest.mark.parametrize("model", ["phi", "invariant", "nonlinear"])
+@pytest.mark.parametrize("model", ["phi", "nonlinear"])
 def test_the_filter_is_consistent_through_the_vertical(loops: Path, model: str) -> None:
     """NEES per state was 440 and 121 where every heading counted; its σ over these seeds is 0.1."""
     found = []
@@ -72,13 +72,13 @@ def test_only_headings_near_the_vertical_are_left_out(loops: Path) -> None:
 
 
 def test_filterpy_leaves_out_the_same(loops: Path) -> None:
-    for model in ("phi", "invariant"):
-        a = fly(loops, 3, model=model).solution_arrays
-        b = fly(loops, 3, model=model, engine="filterpy").solution_arrays
-        np.testing.assert_array_equal(a.aid_sample, b.aid_sample)
-        used = a.aid_sample >= 0
-        np.testing.assert_allclose(a.aid_variance[used], b.aid_variance[used], rtol=1e-8)
-        np.testing.assert_allclose(a.variance, b.variance, rtol=1e-7)
+    """With the model whose attitude errors are along the axes of the body."""
+    a = fly(loops, 3, model="invariant").solution_arrays
+    b = fly(loops, 3, model="invariant", engine="filterpy").solution_arrays
+    np.testing.assert_array_equal(a.aid_sample, b.aid_sample)
+    used = a.aid_sample >= 0
+    np.testing.assert_allclose(a.aid_variance[used], b.aid_variance[used], rtol=1e-8)
+    np.testing.assert_allclose(a.variance, b.variance, rtol=1e-7)
 
 
 @pytest.mark.parametrize("pitch", [60.0, 75.0, 82.0])
