@@ -7,7 +7,6 @@ the plots that the result has, and ``result.`` its datasets and methods. Inside 
 
 from __future__ import annotations
 
-import inspect
 import re
 import sys
 from collections.abc import Mapping
@@ -98,6 +97,8 @@ def _named(expression: str, names: Mapping[str, Any]) -> Any:
 
 def _part(owner: object, name: str) -> Any:
     """Return a part of an object of the lab that is there already: a group, an attribute, the plots."""
+    import inspect  # noqa: PLC0415 - takes a quarter of the import of the lab, and only a prompt needs it
+
     if not isinstance(owner, NotebookCard):
         return None
     if _is_settings(owner):
@@ -134,6 +135,8 @@ def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
 
 def _about(owner: object, name: str) -> str:
     """Return the first sentence about a method, a plot or a property, in a few words; nothing is computed."""
+    import inspect  # noqa: PLC0415 - takes a quarter of the import of the lab, and only a prompt needs it
+
     member = (
         getattr(owner, name)
         if isinstance(owner, ResultPlots)
