@@ -74,8 +74,7 @@ OF_FURTHER_STATES = {
     "sensors.gps.correlated_sigma": "estimate_gps_drift",
     "sensors.gps.correlation_time": "estimate_gps_drift",
 }
-"""Settings that the filter of a log assumes for further states, each with the setting that adds
-these states."""
+"""Settings that the filter of a log assumes for further states, and the settings that add these states."""
 
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(

@@ -51,11 +51,10 @@ NAMES = (
 """Names of the kinds, as shown."""
 SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2, ("m/s", 1.0))
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
-CLEAR = 5.0
-"""Least level part of an axis whose azimuth is a heading, in σ of the place of its end: nearer to the
-vertical, the distribution of the azimuth is far from the normal one. In 40 flights of three loops, NEES
-is 0.96 with 5, and 1.2 to 12 with 3, where some headings mislead the filter for good. A magnetic field is
-not as steep."""
+LEAST_LEVEL = 5.0
+"""Least level part of a nose whose heading counts, in σ of the displacement of its tip by tilts. Nearer to
+the vertical, the heading is far from normally distributed. In 40 flights of three loops, NEES is 0.96 with
+5, and 1.2 to 12 with 3, where some headings mislead the filter for good. A magnetic field is not as steep."""
 STILL_AIR = 1e-3
 """Airspeed below which its direction does not count [m/s]: there its derivatives are not defined."""
 
@@ -186,7 +185,7 @@ def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray)
 
 
 @inline_kernel
-def steep_variance(axis: Vector, tilt: float) -> float:
+def azimuth_variance(axis: Vector, tilt_variance: float) -> float:
     """Return the variance of the azimuth of an axis from the products of tilts [rad²].
 
     A tilt moves the end of an axis with the level part l and the part d downwards. An error a of it across
@@ -198,11 +197,11 @@ def steep_variance(axis: Vector, tilt: float) -> float:
     ----------
     axis
         The axis in n.
-    tilt
+    tilt_variance
         Variance p of the tilts about both level axes together [rad²].
     """
     level, down = axis[0] * axis[0] + axis[1] * axis[1], axis[2] * axis[2]
-    bend = 0.5 * tilt * down / level
+    bend = 0.5 * tilt_variance * down / level
     return bend * bend
 
 

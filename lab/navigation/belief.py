@@ -75,11 +75,7 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
         The sensors that it uses besides IMU and GPS, each of which has a state for its error; None for none.
     """
     chosen = list(blocks.SCALES if navigator.states > blocks.CORE else ())
-    chosen += [
-        name
-        for name, block in blocks.BLOCKS.items()
-        if block.setting and _is_on(block.setting, navigator, sensors)
-    ]
+    chosen += [name for name, one in blocks.BLOCKS.items() if _is_on(one.setting, navigator, sensors)]
     chosen += [own.block for own in declared_states(navigator.own_states, "navigator.own_states")]
     return blocks.in_order(chosen)
 

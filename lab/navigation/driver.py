@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.blocks import SCALES
 from lab.navigation.compilation import (
     embedded_kernel,
     inline_kernel,
@@ -215,8 +214,6 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
     }
     if not model.blocks:
         own |= strapdown.UNSCALED
-    if model.blocks == SCALES:
-        own |= strapdown.UNALIGNED
     if model.mechanization == WANDER_AZIMUTH:
         own |= wander.STEP | {leaves_frame: wander.leaves_frame}
     if model.in_body:

@@ -33,7 +33,7 @@ NAMES = {
 """What the groups of other sensors are called in a sentence."""
 
 
-class Recorded(NamedTuple):
+class LogReadings(NamedTuple):
     """What a log holds of one sensor, whether it can be used or not.
 
     Attributes
@@ -59,7 +59,7 @@ def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
         If a magnetic field is to be used where it does not show the heading.
     """
     found = {}
-    for name, one in _recorded(log, sensors).items():
+    for name, one in _held(log, sensors).items():
         if not sensors.groups()[name].get("fitted") or not one.usable.any():
             continue
         found[name] = _readings(log, sensors, name, one.usable)
@@ -71,9 +71,9 @@ def fitted_only(
 ) -> tuple[SensorSuite, list[str]]:
     """Return the sensors with only those fitted of which a log has readings, and remarks about the others."""
     own, remarks = sensors.copy(), []
-    recorded = _recorded(log, sensors)
+    held = _held(log, sensors)
     for name, words in NAMES.items():
-        fitted, there = sensors.groups()[name].get("fitted"), recorded.get(name)
+        fitted, there = sensors.groups()[name].get("fitted"), held.get(name)
         if fitted and name not in readings:
             cause = "" if there is None else _cause(log, sensors, name, there)
             remarks.append(
@@ -89,7 +89,7 @@ def fitted_only(
     return own, remarks
 
 
-def _recorded(log: SensorLog, sensors: SensorSuite) -> dict[str, Recorded]:
+def _held(log: SensorLog, sensors: SensorSuite) -> dict[str, LogReadings]:
     """Return what a log holds of each sensor that has a file; of the source of headings that is chosen."""
     auxiliary = log.auxiliary
     series = {name: getattr(auxiliary, name) for name in OF_ONE_NUMBER}
@@ -106,7 +106,7 @@ def _recorded(log: SensorLog, sensors: SensorSuite) -> dict[str, Recorded]:
             usable &= one.value >= float(si(sensors.airspeed, "slowest"))
         if not (usable & (one.time > _first_fix(log))).any():
             usable[:] = False  # nothing is navigated before the first fix
-        found[name] = Recorded(one.time, usable)
+        found[name] = LogReadings(one.time, usable)
     return found
 
 
@@ -153,7 +153,7 @@ def _of_field(
     return Readings(time, np.full(rows.size, declination), unknown, field)
 
 
-def _cause(log: SensorLog, sensors: SensorSuite, name: str, one: Recorded) -> str:
+def _cause(log: SensorLog, sensors: SensorSuite, name: str, one: LogReadings) -> str:
     """Return in a sentence why none of the readings that a log holds can be used."""
     what = "magnetometer" if name == "heading" and _is_magnetic(sensors) else NAMES[name]
     if not one.time.size:

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from lab.navigation import own_room, strapdown, wander
 from lab.navigation.aids import (
     AIRSPEED,
-    CLEAR,
     FORWARD,
     HEADING,
+    LEAST_LEVEL,
     MAGNETIC,
     STILL_AIR,
+    azimuth_variance,
     north_axes,
     north_variance,
     see_aid,
-    steep_variance,
 )
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.correction import corrected, has_estimate
@@ -306,19 +306,19 @@ def variance_across(state: FloatArray, axis: Vector, P: FloatArray) -> float:
 
 
 @inline_kernel
-def steepness(state: FloatArray, kind: int, field: FloatArray, P: FloatArray) -> float:
+def seen_azimuth_variance(state: FloatArray, kind: int, field: FloatArray, P: FloatArray) -> float:
     """Return the variance of a measured azimuth from the products of tilts [rad²]; 0 for other kinds.
 
     The azimuth is that of the axis forward, or of the magnetic field. The variance is infinite for an axis
-    forward that is steeper than `CLEAR` allows.
+    forward that is steeper than `LEAST_LEVEL` allows.
     """
     if kind not in (HEADING, MAGNETIC):
         return 0.0
     at = strapdown.Q_NB
     C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     axis = (C[0][0], C[1][0], C[2][0]) if kind == HEADING else rotate(C, get(field, 0))
-    variance = steep_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
-    return variance if kind == MAGNETIC or variance < CLEAR**-4 else math.inf
+    variance = azimuth_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
+    return variance if kind == MAGNETIC or variance < LEAST_LEVEL**-4 else math.inf
 
 
 @kernel
@@ -389,8 +389,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     seen, gains = out.aid_H[a], out.aid_gain[a]
     axes = north_axes(state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
-    steep = steepness(state, kind, field, run.P)
-    if steep == math.inf:
+    of_tilts = seen_azimuth_variance(state, kind, field, run.P)
+    if of_tilts == math.inf:
         return False
     residual = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(state, done)
@@ -402,7 +402,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     residual -= excess
     variance += 2 * excess * excess
     if HEADING <= kind <= MAGNETIC:
-        variance += steep + north_variance(state, position_variance(T, run.P))
+        variance += of_tilts + north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
     z, s = residual, variance
     for i in range(STATES):

@@ -36,7 +36,7 @@ from lab.navigation.error_models import (
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
 from lab.navigation.own_states import of_blocks
-from lab.navigation.reference_aids import as_biases, bent_airspeed, bent_speed, see_aid, steep_variance
+from lab.navigation.reference_aids import as_biases, azimuth_variance, bent_airspeed, bent_speed, see_aid
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
@@ -215,10 +215,10 @@ def _use_aid(
         excess = bent_airspeed(here, kalman.P[wind, wind])
         residual, R = residual - excess, R + 2 * excess**2
     if aids.kind[a] in (HEADING, MAGNETIC):
-        steep = steep_variance(here, aids, a, kalman.P[ATT, ATT], in_body=model.in_body)
-        if np.isinf(steep):
+        of_tilts = azimuth_variance(here, aids, a, kalman.P[ATT, ATT], in_body=model.in_body)
+        if np.isinf(of_tilts):
             return
-        R = R + steep
+        R = R + of_tilts
     out.aid_innovation[a] = residual
     out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])
     out.aid_H[a] = row

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.aids import AIRSPEED, CLEAR, FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
+from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +96,7 @@ def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
     return float(speed * (np.trace(P) - forward @ P @ forward) / 2)
 
 
-def steep_variance(state: FloatArray, aids: Aids, a: int, P: FloatArray, *, in_body: bool) -> float:
+def azimuth_variance(state: FloatArray, aids: Aids, a: int, P: FloatArray, *, in_body: bool) -> float:
     """Return the variance of an azimuth from the products of tilts [rad²], infinite if it is too steep.
 
     Parameters
@@ -114,7 +114,7 @@ def steep_variance(state: FloatArray, aids: Aids, a: int, P: FloatArray, *, in_b
     axis = C_nb @ (aids.field[a] if aids.kind[a] == MAGNETIC else np.array([1.0, 0.0, 0.0]))
     tilts = (C_nb @ P @ C_nb.T if in_body else P)[:2, :2]
     moved, level = axis[2] ** 2 * np.trace(tilts) / 2, axis[0] ** 2 + axis[1] ** 2
-    if aids.kind[a] == HEADING and level <= CLEAR**2 * moved:
+    if aids.kind[a] == HEADING and level <= LEAST_LEVEL**2 * moved:
         return np.inf
     return float((moved / level) ** 2)
 

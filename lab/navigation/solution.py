@@ -231,7 +231,7 @@ class Solution(NamedTuple):
         Mask of the samples after which the filter made an update at rest.
     aid_innovation, aid_variance : (a,) arrays
         Innovation of each measurement of the aids, navigator minus measurement, and its variance; NaN for
-        those that are outside the IMU data, and for headings of a nose that is too steep (`aids.CLEAR`).
+        those outside the IMU data, and for headings of a nose that is too steep (`aids.LEAST_LEVEL`).
     aid_sample : (a,) array
         Sample after which each was used; −1 for those without an innovation, and for rejected ones.
     aid_H, aid_gain : (a, states) arrays

@@ -287,19 +287,9 @@ def no_scale(state: FloatArray, scale: int) -> Vector:
     return 1.0, 1.0, 1.0
 
 
-@inline_kernel
-def scaled_alone(state: FloatArray, measured: Vector, dt: float, bias: int, scale: int, off: int) -> Vector:
-    """Return increments as `corrected` does without misalignments and second biases."""
-    x, y, z = per_scale(state, scale)
-    unbiased = plus(measured, -dt, get(state, bias))
-    return unbiased[0] * x, unbiased[1] * y, unbiased[2] * z
-
-
 UNSCALED: dict[Callable[..., Any], Callable[..., Any]] = {corrected: without_bias, per_scale: no_scale}
 """Kernels of a filter with 15 states in place of those above, with the same results but for rounding: a
 division takes as long as seven products."""
-UNALIGNED: dict[Callable[..., Any], Callable[..., Any]] = {corrected: scaled_alone}
-"""The same for a filter with 21 states."""
 
 
 @inline_kernel

@@ -20,7 +20,7 @@ from lab.navigation import strapdown
 from lab.navigation.aids import HEADING, MAGNETIC, north_axes, north_variance, see_aid
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.lane_points import point_of
-from lab.navigation.observation import steepness
+from lab.navigation.observation import seen_azimuth_variance
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport
 from lab.navigation.solution import Solution
@@ -61,8 +61,8 @@ def observe_aid(
     state, P, x, aids = run.state, run.P, run.x, run.aids
     kind, value, field, n = aids.kind[a], aids.value[a], aids.field[a], x.size
     row, gain = run.H[0], run.H[1]  # workspace
-    steep = steepness(state, kind, field, P)
-    if steep == math.inf:
+    of_tilts = seen_azimuth_variance(state, kind, field, P)
+    if of_tilts == math.inf:
         return False
     z = see_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
     spread(state, P, run.order, run.root, x, run.points, run.places)
@@ -81,7 +81,7 @@ def observe_aid(
             gain[i] += WEIGHT * d * size * run.root[i, point % n]
     nu, s = _difference(kind, z, mean), square - mean * mean + aids.variance[a]
     if kind in (HEADING, MAGNETIC):  # where even the points do not show how north and azimuth vary
-        s += steep + north_variance(state, 0.5 * (P[0, 0] + P[1, 1]))
+        s += of_tilts + north_variance(state, 0.5 * (P[0, 0] + P[1, 1]))
     out.aid_innovation[a], out.aid_variance[a] = nu, s
     if nu * nu > schedule.aid_gate * s:
         return False

@@ -46,16 +46,15 @@ PREVIEW = """
 }
 """
 """The track beside the quantities over time, or above them where it is narrow."""
-
-
-_LOG_ALONE = (
+LOG_ALONE = (
     "The file has the samples of an IMU and fixes as a device sends them, and no flight of its own: it is "
     "added as a sensor log."
 )
+"""What is told of the bytes of a device that no reader of flights knows."""
 
 
 class _Read(NamedTuple):
-    flight: FlightImport | None  # None for the bytes of a device that no reader of flights knows
+    flight: FlightImport | None  # None for a log alone
     log: SensorLog | None
     log_refused: str
 
@@ -193,7 +192,7 @@ class Draft:
         for part in (self._add, self._preview, self._report, self._fields.view):
             part.visible = read.flight is not None
         if read.flight is None:
-            self._verdict.say("A sensor log", "info", [_LOG_ALONE])
+            self._verdict.say("A sensor log", "info", [LOG_ALONE])
         else:
             self._show_flight(read.flight)
         self._add_log.visible = read.log is not None
