@@ -256,6 +256,7 @@ def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
     expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()
     expect(add_log).to_be_visible()
     expect(add).to_be_hidden()
+    expect(box(page, "Title")).to_have_value("Log of drive.bin")
     upload(page, capture_of("ublox", tmp_path / "drive.ubx"))
     expect(page.get_by_text("u-blox UBX", exact=True)).to_be_visible()
     expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()

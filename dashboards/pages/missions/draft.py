@@ -193,6 +193,7 @@ class Draft:
             part.visible = read.flight is not None
         if read.flight is None:
             self._verdict.say("A sensor log", "info", [LOG_ALONE])
+            self._naming.suggest(self._paths[0].name, f"Log of {self._paths[0].name}")
         else:
             self._show_flight(read.flight)
         self._add_log.visible = read.log is not None
