@@ -6,8 +6,8 @@ The frames of some devices become sensor logs all the same: `lab.live.capture`.
 from __future__ import annotations
 
 _TO_LOG = (
-    "ins-lab import FILE --as log makes a sensor log of it, and so does the page, if it has intact samples of "
-    "an IMU and fixes."
+    "ins-lab import FILE --as log makes a sensor log of it, and so does the page, if it has intact samples "
+    "of an IMU and fixes."
 )
 _TO_CONVERT = "Convert them with the maker's software to a csv with named columns, or to NMEA."
 _FRAMES = (
