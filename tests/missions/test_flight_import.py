@@ -249,9 +249,9 @@ def test_long_flights_take_time_in_proportion():
     def seconds(samples: int) -> float:
         raw = without(weave(np.arange(samples) * 0.01), "airspeed", "alpha", "beta")
         raw = replace(raw, latitude=np.radians(np.round(np.degrees(raw.latitude), 5)))
-        begin = time.process_time()
+        begin = time.thread_time()
         assert prepare_flight(raw).report.verdict == "plausible"
-        return time.process_time() - begin
+        return time.thread_time() - begin
 
     seconds(1000)
     short, long = min(seconds(20_000), seconds(20_000)), seconds(100_000)
