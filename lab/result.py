@@ -30,7 +30,6 @@ from lab.experiment_settings import ExperimentSettings
 from lab.frames.projection import Projection
 from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
-from lab.identification.identify import identify
 from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
 from lab.notebook_card import NotebookCard
@@ -369,6 +368,8 @@ class Result(NotebookCard, Repeatable):
         ResultError
             If a user's algorithm navigated, or there are too few fixes.
         """
+        from lab.identification.identify import identify  # noqa: PLC0415 - it is slow to import
+
         return identify(self, progress)
 
     @property

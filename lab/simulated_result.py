@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.run_evidence import Filtered
-from lab.identification import renavigation
 from lab.kinematics.ideal_imu import IdealImu
 from lab.navigation.rest_alignment import Aligned
 from lab.parameters.units import si
@@ -94,7 +93,11 @@ class SimulatedResult(Result):
     def filtered(self) -> Filtered:
         """The filter's own run; see `Result.filtered`."""
         is_smoothed = self.experiment.navigator.smoother and not self.algorithm
-        return renavigation.filtered(self) if self.is_long and is_smoothed else super().filtered
+        if not (self.is_long and is_smoothed):
+            return super().filtered
+        from lab.identification import renavigation  # noqa: PLC0415 - it is slow to import
+
+        return renavigation.filtered(self)
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:

@@ -6,9 +6,9 @@ names it uses, and the fields of the tuples given to it. It ignores comments, do
 
 from __future__ import annotations
 
-import dis
 import functools
 import hashlib
+import itertools
 import sys
 from collections.abc import Iterator
 from types import CodeType, FunctionType, ModuleType
@@ -26,26 +26,22 @@ def plain_function(value: object) -> FunctionType | None:
 
 
 @functools.cache
-def _names(code: CodeType) -> tuple[list[str], list[str]]:
-    """Return the names that a function looks up outside itself, and the attributes that it reads."""
-    found: dict[bool, dict[str, None]] = {True: {}, False: {}}
-    for step in dis.get_instructions(code):
-        if step.opname in {"LOAD_GLOBAL", "LOAD_ATTR", "LOAD_METHOD"}:
-            found[step.opname == "LOAD_GLOBAL"][step.argval] = None
-    for part in code.co_consts:
-        if isinstance(part, CodeType):
-            for names, inner in zip(found.values(), _names(part), strict=True):
-                names.update(dict.fromkeys(inner))
-    return list(found[True]), list(found[False])
+def _names(code: CodeType) -> list[str]:
+    """Return the names that a function looks up outside itself, and those of attributes, as one.
+
+    To tell them apart, its instructions must be read, which takes ten times as long as the rest.
+    """
+    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
+    return list(dict.fromkeys(itertools.chain(code.co_names, *inner)))
 
 
 def uses(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Iterate over what a function may use of its module, and of modules that it names, by name."""
-    names, attributes = _names(function.__code__)
+    names = _names(function.__code__)
     for name in names:
         value = function.__globals__.get(name)
         if isinstance(value, ModuleType):
-            yield from ((part, getattr(value, part)) for part in attributes if hasattr(value, part))
+            yield from ((part, getattr(value, part)) for part in names if hasattr(value, part))
         elif name in function.__globals__:
             yield name, value
 

@@ -9,11 +9,9 @@ np.float64(0.055)
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from lab.flying.flight import Flight, fly
-from lab.flying.flight_plan import FlightPlan
-from lab.flying.plan_kinds import read_plan
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions.catalogue import (
@@ -24,8 +22,6 @@ from lab.missions.catalogue import (
     own_folder,
     shipped_folder,
 )
-from lab.missions.flown_mission import fly_mission
-from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
@@ -33,8 +29,13 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 
 if TYPE_CHECKING:
+    from lab.flying.flight import Flight, fly
+    from lab.flying.flight_plan import FlightPlan
+    from lab.flying.plan_kinds import read_plan
     from lab.importing.import_settings import ImportSettings
     from lab.missions.flight_import import FlightImport, prepare_import
+    from lab.missions.flown_mission import fly_mission
+    from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 
 __all__ = [
     "Flight",
@@ -67,14 +68,30 @@ __all__ = [
 ]
 
 
+_HOMES = {
+    "Flight": "lab.flying.flight",
+    "FlightImport": "lab.missions.flight_import",
+    "FlightPlan": "lab.flying.flight_plan",
+    "ImportSettings": "lab.importing.import_settings",
+    "add_log": "lab.missions.library",
+    "add_mission": "lab.missions.library",
+    "delete_mission": "lab.missions.library",
+    "describe_mission": "lab.missions.library",
+    "fly": "lab.flying.flight",
+    "fly_mission": "lab.missions.flown_mission",
+    "prepare_import": "lab.missions.flight_import",
+    "read_plan": "lab.flying.plan_kinds",
+    "rename_mission": "lab.missions.library",
+}
+"""Modules of what is imported at its first use: a run flies, imports and writes no mission."""
+
+
 def __getattr__(name: str) -> Any:
-    """Import the rebuilding of flights at its first use: SciPy is slow to import."""
-    if name in {"FlightImport", "prepare_import"}:
-        from lab.missions import flight_import  # noqa: PLC0415
+    """Import what makes missions at its first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lab.missions' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
 
-        return getattr(flight_import, name)
-    if name == "ImportSettings":
-        from lab.importing.import_settings import ImportSettings  # noqa: PLC0415
 
-        return ImportSettings
-    raise AttributeError(f"module 'lab.missions' has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return __all__

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from lab.flying.plan_kinds import read_plan
 from lab.notebook_card import NotebookCard
 from lab.recordings.description_toml import check_keys, file_in_same_folder, read_toml
 from lab.recordings.flight_csv import flight_duration, read_flight_csv
@@ -144,6 +143,8 @@ class Mission(NotebookCard):
         MissionError
             If the mission has none, or it is not acceptable.
         """
+        from lab.flying.plan_kinds import read_plan  # noqa: PLC0415 - a run needs no plan
+
         if self.flight is None:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
         return read_plan(self.flight, f"{self.path}, flight")
