@@ -26,10 +26,10 @@ The language, the same everywhere:
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 from lab.views.cards import register_cards
-from lab.views.completion import register_completion
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
@@ -115,7 +115,10 @@ _MODULES = {
 
 
 register_cards()
-register_completion()
+if "IPython" in sys.modules:  # one that is not loaded does not run; loading it would take half a second
+    from lab.views.completion import register_completion
+
+    register_completion()
 
 
 def __getattr__(name: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from lab.readers.dataflash_file import MARKS
@@ -21,6 +22,7 @@ _REPLACED = 1000
 """Bytes for each U+FFFD from which a file was decoded as UTF-8: random bytes have one in 17 million."""
 _BINARY = 0.01
 """Least share of bytes beyond ASCII in a binary file; texts that a logger filled up with zeros have fewer."""
+_LONE_LINE_FEED = re.compile(rb"(?<!\r)\n")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _ASCII = bytes(range(128))
 """All bytes of ASCII."""
@@ -45,17 +47,18 @@ def copied_as_text(head: bytes) -> str:
     head
         Its first bytes, decompressed.
     """
-    ends, replaced = head.count(b"\n"), head.count("\ufffd".encode())
-    if b"\0" not in head or len(head.translate(None, _ASCII)) < _BINARY * len(head):
+    if b"\0" not in head:
         return ""
-    if replaced * _REPLACED > len(head):
+    is_decoded = head.count("\ufffd".encode()) * _REPLACED > len(head)
+    has_returns = head.count(b"\n") >= _LINE_ENDS and not _LONE_LINE_FEED.search(head)
+    if not (is_decoded or has_returns) or len(head.translate(None, _ASCII)) < _BINARY * len(head):
+        return ""
+    if is_decoded:
         return "Its bytes were decoded as text and are lost: copy it as a binary file."
-    if ends >= _LINE_ENDS and head.count(b"\r\n") == ends:
-        return (
-            "It was copied as text: each line feed has got a carriage return before it. Copy it as a binary "
-            "file (with ftp: the command binary)."
-        )
-    return ""
+    return (
+        "It was copied as text: each line feed has got a carriage return before it. Copy it as a binary file "
+        "(with ftp: the command binary)."
+    )
 
 
 def what_is_damaged(path: Path, head: bytes) -> str:

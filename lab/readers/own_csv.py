@@ -20,7 +20,8 @@ _UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
 
 def recognises(head: bytes) -> bool:
     """Return whether a file begins with remarks and a header with at least three of our columns."""
-    for line in head.decode("utf-8", "replace").splitlines():
+    lines = (part for line in head.split(b"\n") for part in line.decode("utf-8", "replace").splitlines())
+    for line in lines:
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
             cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
             return "time_s" in cells and len(cells & _NAMES) >= _MIN_COLUMNS

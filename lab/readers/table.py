@@ -125,7 +125,9 @@ def find_header(lines: Sequence[str], required: Required) -> tuple[int, Header] 
 
 def head_lines(head: bytes) -> list[str]:
     """Return the first bytes of a text file as lines; what is no text becomes replacement characters."""
-    return head.decode("utf-8", "replace").splitlines()[:_MAX_HEADER_LINE]
+    # Every table asks for them: what follows the last of these lines is not decoded.
+    first = b"\n".join(head.split(b"\n", _MAX_HEADER_LINE)[:_MAX_HEADER_LINE])
+    return first.decode("utf-8", "replace").splitlines()[:_MAX_HEADER_LINE]
 
 
 def read_table(

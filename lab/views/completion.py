@@ -8,7 +8,6 @@ the plots that the result has, and ``result.`` its datasets and methods. Inside 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +27,9 @@ _BACK = 2000
 
 def register_completion() -> None:
     """Add the completion to a running IPython; without one, do nothing."""
-    # IPython that is not loaded does not run; loading it would take half a second.
-    if "IPython" not in sys.modules:
-        return
-    shell = sys.modules["IPython"].get_ipython()
+    import IPython  # noqa: PLC0415 - it takes half a second, and is there where a notebook runs
+
+    shell: Any = IPython.get_ipython()
     if shell is None:
         return
 
