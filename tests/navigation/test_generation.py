@@ -110,10 +110,64 @@ def test_plain_python_calls_nothing_that_is_compiled() -> None:
     assert not hasattr(vars(sys.modules[plain.__module__])["untouched"], "py_func")
 
 
-def test_a_source_that_changed_meanwhile_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(generation.inspect, "getsource", lambda _: "@kernel\ndef outer(x):\n    return 7.0\n")
-    with pytest.raises(RuntimeError, match=r"test_generation\.py has changed"):
-        made(outer, SIZE=(3, 6))
+LAID_OUT = """
+from lab.navigation.compilation import kernel
+SIZE = 3
+
+@kernel
+def laid_out(
+    x: float,
+) -> float:
+    \'\'\'Return a product.
+
+    A text within.
+    \'\'\'
+    total = 0.0
+# A comment at the margin.
+    note = \'\'\'
+def other(x):
+\'\'\'
+    for _ in range(SIZE):
+        total += (
+            x
+        )
+
+    total += len(note)
+# Another one, before the end.
+    return total
+# Of what follows.
+@kernel
+def following(x: float) -> float:
+    return 7.0
+"""
+
+
+def laid_out(path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    path.write_text(LAID_OUT, "utf-8")
+    module = ModuleType("laid_out_module")
+    module.__file__ = str(path)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(LAID_OUT, str(path), "exec"), module.__dict__)
+    return module.laid_out
+
+
+def test_a_function_ends_where_the_next_statement_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However it is laid out; comments at the margin, and lines of texts, do not end it."""
+    changed = made(laid_out(tmp_path / "laid_out.py", monkeypatch), SIZE=(3, 5))
+    assert changed(2.0) == 5 * 2 + len("\ndef other(x):\n")
+    written = Path(str(sys.modules[changed.__module__].__file__)).read_text("utf-8")
+    assert "# Another one, before the end.\n    return total\n" in written
+    assert "following" not in written
+
+
+def test_a_source_that_changed_meanwhile_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "laid_out.py"
+    function = laid_out(path, monkeypatch)
+    path.write_text(LAID_OUT.replace("total += len(note)", "total += 1"), "utf-8")
+    with pytest.raises(RuntimeError, match=r"laid_out\.py has changed"):
+        made(function, SIZE=(3, 6))
 
 
 STEPPED = """
