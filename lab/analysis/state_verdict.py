@@ -100,7 +100,9 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             name,
             "too large" if ratio > 1 else "too small",
             max(ratio, 1 / ratio),
-            f"The {what} are {written(np.sqrt(ratio))} × as large as the filter says. {judged} explains it.",
+            # Each may fit its own σ: what does not fit may be their correlations in P.
+            f"Taken together, the {what} are {written(np.sqrt(ratio))} × as large as the filter says. "
+            f"{judged} explains it.",
             "Look for errors that the filter does not model: scale factors, drifting biases, an error "
             "model that does not fit, or attitude errors of degrees at the start, whose products a linear "
             "model neglects.",
