@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dis
 import sys
-from types import ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
 import pytest
 
+from lab.compiling import fingerprint as module
 from lab.compiling.fingerprint import fingerprint
+from lab.navigation import driver, generation, observation, own_states, strapdown
 
 TEXT = '''
 from __future__ import annotations
@@ -78,3 +81,31 @@ def test_it_changes_with_what_the_kernel_depends_on(old: str, new: str) -> None:
 )
 def test_it_does_not_change_with_anything_else(old: str, new: str) -> None:
     assert of(TEXT.replace(old, new)) == of(TEXT)
+
+
+def read_by(code: CodeType) -> tuple[set[str], set[str]]:
+    """Return the names that a function looks up outside itself, and the attributes, as `dis` tells them."""
+    found: tuple[set[str], set[str]] = set(), set()
+    for step in dis.get_instructions(code):
+        if step.opname in {"LOAD_GLOBAL", "LOAD_ATTR", "LOAD_METHOD"}:
+            found[step.opname != "LOAD_GLOBAL"].add(step.argval)
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            for names, inner in zip(found, read_by(part), strict=True):
+                names.update(inner)
+    return found
+
+
+def test_names_and_attributes_are_those_that_dis_tells() -> None:
+    """Also those of long functions, whose instructions have more than 256 names."""
+    long = "def long(x):\n" + "".join(f"    x = name_{k}(x.part_{k}, other_{k}.of())\n" for k in range(300))
+    scope: dict[str, Any] = {}
+    exec(long, scope)
+    functions = [scope["long"]]
+    for home in (driver, generation, observation, own_states, strapdown):
+        plain = (getattr(value, "py_func", value) for value in vars(home).values())
+        functions += [one for one in plain if isinstance(one, FunctionType)]
+    assert len(functions) > 100
+    for function in functions:
+        names, attributes = module._names(function.__code__)
+        assert (set(names), set(attributes)) == read_by(function.__code__)

@@ -6,15 +6,20 @@ names it uses, and the fields of the tuples given to it. It ignores comments, do
 
 from __future__ import annotations
 
+import dis
 import functools
 import hashlib
-import itertools
 import sys
 from collections.abc import Iterator
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
+
+_GLOBAL = dis.opmap["LOAD_GLOBAL"]
+_BITS = {"LOAD_GLOBAL": 1, "LOAD_ATTR": int(sys.version_info >= (3, 12)), "LOAD_METHOD": 0}
+_NAMING = {dis.opmap[name]: bits for name, bits in _BITS.items() if name in dis.opmap}
+"""Bits of an instruction's argument before the number of the name that it reads, as `dis` documents them."""
 
 
 def plain_function(value: object) -> FunctionType | None:
@@ -26,22 +31,33 @@ def plain_function(value: object) -> FunctionType | None:
 
 
 @functools.cache
-def _names(code: CodeType) -> list[str]:
-    """Return the names that a function looks up outside itself, and those of attributes, as one.
+def _names(code: CodeType) -> tuple[list[str], list[str]]:
+    """Return the names that a function looks up outside itself, and the attributes that it reads.
 
-    To tell them apart, its instructions must be read, which takes ten times as long as the rest.
+    `dis.get_instructions` finds the same in five times the time.
     """
-    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
-    return list(dict.fromkeys(itertools.chain(code.co_names, *inner)))
+    names, attributes, argument = dict[str, None](), dict[str, None](), 0
+    for operation, low in zip(code.co_code[::2], code.co_code[1::2], strict=True):
+        argument = argument << 8 | low
+        if operation in _NAMING:
+            name = code.co_names[argument >> _NAMING[operation]]
+            (names if operation == _GLOBAL else attributes)[name] = None
+        if operation != dis.EXTENDED_ARG:
+            argument = 0
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            for found, inner in zip((names, attributes), _names(part), strict=True):
+                found.update(dict.fromkeys(inner))
+    return list(names), list(attributes)
 
 
 def uses(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Iterate over what a function may use of its module, and of modules that it names, by name."""
-    names = _names(function.__code__)
+    names, attributes = _names(function.__code__)
     for name in names:
         value = function.__globals__.get(name)
         if isinstance(value, ModuleType):
-            yield from ((part, getattr(value, part)) for part in names if hasattr(value, part))
+            yield from ((part, getattr(value, part)) for part in attributes if hasattr(value, part))
         elif name in function.__globals__:
             yield name, value
 
