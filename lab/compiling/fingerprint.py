@@ -18,8 +18,9 @@ import numpy as np
 
 _GLOBAL = dis.opmap["LOAD_GLOBAL"]
 _BITS = {"LOAD_GLOBAL": 1, "LOAD_ATTR": int(sys.version_info >= (3, 12)), "LOAD_METHOD": 0}
-_NAMING = {dis.opmap[name]: bits for name, bits in _BITS.items() if name in dis.opmap}
 """Bits of an instruction's argument before the number of the name that it reads, as `dis` documents them."""
+_NAMING = {dis.opmap[name]: bits for name, bits in _BITS.items() if name in dis.opmap}
+"""The same by the number of the instruction; newer versions of Python have fewer of them."""
 
 
 def plain_function(value: object) -> FunctionType | None:
