@@ -368,7 +368,7 @@ class Result(NotebookCard, Repeatable):
         ResultError
             If a user's algorithm navigated, or there are too few fixes.
         """
-        from lab.identification.identify import identify  # noqa: PLC0415 - it is slow to import
+        from lab.identification.identify import identify  # noqa: PLC0415 - a run needs none of it
 
         return identify(self, progress)
 

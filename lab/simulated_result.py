@@ -95,7 +95,7 @@ class SimulatedResult(Result):
         is_smoothed = self.experiment.navigator.smoother and not self.algorithm
         if not (self.is_long and is_smoothed):
             return super().filtered
-        from lab.identification import renavigation  # noqa: PLC0415 - it is slow to import
+        from lab.identification import renavigation  # noqa: PLC0415 - most runs need none of it
 
         return renavigation.filtered(self)
 

@@ -10,8 +10,7 @@ from typing import Any
 import numba
 import pytest
 
-from lab.compiling import fingerprint as module
-from lab.compiling.fingerprint import fingerprint
+from lab.compiling.fingerprint import _names, fingerprint
 from lab.navigation import driver, generation, observation, own_states, strapdown
 
 TEXT = '''
@@ -107,5 +106,5 @@ def test_names_and_attributes_are_those_that_dis_tells() -> None:
         functions += [one for one in plain if isinstance(one, FunctionType)]
     assert len(functions) > 100
     for function in functions:
-        names, attributes = module._names(function.__code__)
+        names, attributes = _names(function.__code__)
         assert (set(names), set(attributes)) == read_by(function.__code__)

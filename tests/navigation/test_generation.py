@@ -143,6 +143,7 @@ def following(x: float) -> float:
 
 
 def laid_out(path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the first kernel of a module with the text above, which is in a file."""
     path.write_text(LAID_OUT, "utf-8")
     module = ModuleType("laid_out_module")
     module.__file__ = str(path)
