@@ -19,19 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
+from lab.navigation.blocks import NO_STATE
 from lab.navigation.compilation import inline_kernel, kernel
-from lab.navigation.propagation import (
-    AIRSPEED_SCALE,
-    BAROMETER_BIAS,
-    HEADING_BIAS,
-    ODOMETER_SCALE,
-    STATES,
-    WIND,
-)
+from lab.navigation.propagation import STATES
 from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
 
 FloatArray = NDArray[np.float64]
 
+BAROMETER_BIAS = HEADING_SENSOR_BIAS = ODOMETER_SCALE = WIND = AIRSPEED_SCALE = NO_STATE
+"""First states of the blocks with these names (`propagation.layout_constants`)."""
 HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING, MAGNETIC, AIRSPEED = range(10)
 """Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
 east, down [m/s]; true heading [rad]; declination of a magnetic field that is measured in b [rad]; true
@@ -178,8 +174,8 @@ def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray)
     north, east, down = axis
     per_level = 1 / (north * north + east * east)
     H[6], H[7], H[8] = down * north * per_level, down * east * per_level, -1.0
-    if HEADING_BIAS >= 0:
-        H[HEADING_BIAS] = 1.0
+    if HEADING_SENSOR_BIAS >= 0:
+        H[HEADING_SENSOR_BIAS] = 1.0
     off = math.atan2(east, north) - azimuth + state[strapdown.HEADING_BIAS]
     return float(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
 

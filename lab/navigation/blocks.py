@@ -308,6 +308,8 @@ def in_order(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in (*BLOCKS, *OWN) if name in names)
 
 
+NO_STATE = -1
+"""First state of a block that a filter does not have."""
 IMU_DENSITIES = 12
 """Process noise densities of every filter: of white noise and biases of the IMU. Those of blocks follow."""
 
@@ -318,9 +320,9 @@ def count(names: Sequence[str]) -> int:
 
 
 def first_state(names: Sequence[str], name: str) -> int:
-    """Return the first state of a block in a filter with some further blocks; −1 if it has no such block."""
+    """Return the first state of a block in a filter with some further blocks; `NO_STATE` if it lacks it."""
     if name not in names:
-        return -1
+        return NO_STATE
     at = CORE
     for other in in_order(names):
         if other == name:

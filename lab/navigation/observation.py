@@ -15,11 +15,13 @@ from lab.navigation.aids import (
     LEAST_LEVEL,
     MAGNETIC,
     STILL_AIR,
+    WIND,
     azimuth_variance,
     north_axes,
     north_variance,
     see_aid,
 )
+from lab.navigation.blocks import NO_STATE
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
@@ -39,11 +41,6 @@ from lab.navigation.kalman import (
 )
 from lab.navigation.lever_arm import see_antenna
 from lab.navigation.propagation import (
-    GPS_DRIFT,
-    GYRO_DRIFT,
-    GYRO_MISALIGNMENT,
-    LATENCY,
-    LEVER_ARM,
     NAV,
     OWN,
     OWN_SIZE,
@@ -51,7 +48,6 @@ from lab.navigation.propagation import (
     SCALES,
     STATES,
     WIDTH,
-    WIND,
     X,
 )
 from lab.navigation.schedule import Schedule
@@ -60,6 +56,9 @@ from lab.navigation.standstill import GATE, see_rest
 from lab.navigation.strapdown import LATITUDE, VELOCITY, Matrix, Vector, get, rotate
 
 FloatArray = NDArray[np.float64]
+
+GPS_DRIFT = GYRO_DRIFT = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
+"""First states of the blocks with these names (`propagation.layout_constants`)."""
 
 
 @kernel

@@ -45,16 +45,6 @@ class Layout(NamedTuple):
     PLACES: tuple[int, ...]  # of the states after those of navigation in the state of the navigator
     OWN: int  # first state of those that a user declared, and how many
     OWN_SIZE: int
-    GYRO_MISALIGNMENT: int  # first state of each further block; −1 without it
-    GYRO_DRIFT: int
-    GPS_DRIFT: int
-    BAROMETER_BIAS: int
-    HEADING_BIAS: int
-    LEVER_ARM: int
-    LATENCY: int
-    ODOMETER_SCALE: int
-    WIND: int
-    AIRSPEED_SCALE: int
 
     @property
     def product(self) -> int:
@@ -73,18 +63,6 @@ def layout(names: Sequence[str]) -> Layout:
     scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
     own = blocks.own_states(names)
     only_scales = states == blocks.CORE + scales
-    further = (
-        blocks.GYRO_MISALIGNMENT,
-        blocks.GYRO_DRIFT,
-        blocks.GPS_DRIFT,
-        blocks.BAROMETER_BIAS,
-        blocks.HEADING_BIAS,
-        blocks.LEVER_ARM,
-        blocks.LATENCY,
-        blocks.ODOMETER_SCALE,
-        blocks.WIND,
-        blocks.AIRSPEED_SCALE,
-    )
     return Layout(
         states,
         8 * (states // 8 + 1),
@@ -94,32 +72,26 @@ def layout(names: Sequence[str]) -> Layout:
         blocks.places(names),
         own.start,
         own.stop - own.start,
-        *(blocks.first_state(names, name) for name in further),
     )
 
 
 _FIFTEEN = layout(())
-STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN[:8]
+STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN
 """Sizes of the layout for which the kernels are written; see `Layout`."""
-(
-    GYRO_MISALIGNMENT,
-    GYRO_DRIFT,
-    GPS_DRIFT,
-    BAROMETER_BIAS,
-    HEADING_BIAS,
-    LEVER_ARM,
-    LATENCY,
-    ODOMETER_SCALE,
-    WIND,
-    AIRSPEED_SCALE,
-) = _FIFTEEN[8:]
-"""First states of the further blocks in this layout, which has none of them."""
 
 
 def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
-    """Return the layout of a filter with some further blocks as constants of a `generation.Variant`."""
+    """Return the layout of a filter with some further blocks as constants of a `generation.Variant`.
+
+    The first state of the block "gps drift" is the constant GPS_DRIFT, and so on. The kernels are written for
+    a filter without these blocks: a module whose kernels use the constant sets it to `NO_STATE`.
+    """
     old, new = _FIFTEEN._asdict(), layout(names)._asdict()
-    return {name: (old[name], new[name]) for name in old}
+    firsts = {
+        name.upper().replace(" ", "_"): (blocks.NO_STATE, blocks.first_state(names, name))
+        for name in blocks.BLOCKS
+    }
+    return {name: (old[name], new[name]) for name in old} | firsts
 
 
 ACCESS = {"number": number, "put_number": put_number}

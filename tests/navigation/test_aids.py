@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from lab.analysis.trial import advised
 from lab.ensembles.seeds import run_ensemble
 from lab.frames.rotation import wrap
 from lab.memory import bytes_per_aid
-from lab.navigation import aids, blocks, navigator, reference_aids, strapdown, wander
+from lab.navigation import aids, blocks, navigator, observation, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
 from lab.navigation.driver import Advance, driver
@@ -26,6 +27,7 @@ from lab.navigation.frames import keep_radii
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.generation import interpreted
 from lab.navigation.observation import north_axes
+from lab.navigation.propagation import layout_constants
 from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI
 from lab.run import ResultError
@@ -56,6 +58,18 @@ def test_blocks_follow_each_other_in_one_order() -> None:
     assert len(set(places(names))) == len(places(names)) == count(names) - 9
     assert min(places(names)) == strapdown.GYRO_BIAS
     assert max(places(names)) < strapdown.SINE
+
+
+@pytest.mark.parametrize("module", [aids, observation], ids=["aids", "observation"])
+def test_each_first_state_in_a_kernel_is_that_of_a_block(module: ModuleType) -> None:
+    """Another name would be the state of no filter, and its elements of H zero without a word."""
+    used = {name for name, value in vars(module).items() if name.isupper() and value == blocks.NO_STATE}
+    named = {name.lower().replace(" ", "_"): name for name in BLOCKS}
+    every = tuple(BLOCKS)
+    assert len(used) > 5
+    for name in used - {"NO_STATE"}:
+        first = first_state(every, named[name.lower()])
+        assert layout_constants(every)[name] == (blocks.NO_STATE, first)
 
 
 def test_memory_of_measurements_is_counted() -> None:
