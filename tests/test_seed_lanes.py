@@ -7,10 +7,12 @@ import operator
 import time
 from collections.abc import Sequence
 from functools import reduce
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from polar_flights import over_the_pole
 
 import lab.ensembles.seeds as seeds_module
 from lab.analysis.sums import Kept
@@ -25,6 +27,7 @@ from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
+from lab.recordings.flight_csv import write_flight_csv
 
 SLOW: dict[str, object] = {"mission": "los_angeles", "trajectory.imu_rate": 50.0}
 OUTAGE: dict[str, object] = {"sensors.gps.outages": [[30.0, 55.0]]}
@@ -129,20 +132,6 @@ def test_the_verdict_on_runs_abreast_names_the_causes_of_runs_alone() -> None:
 )
 def test_so_it_is_with_other_models(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
-
-
-def test_figures_near_a_pole_are_those_of_the_compiled_function() -> None:
-    """Two implementations, of which the one in NumPy holds up to a pole."""
-    lanes = SeedLanes.of(of(OUTAGE))
-    assert lanes is not None
-    (compiled,) = lanes.measure((3,))
-    lanes._near_pole = True
-    (plain,) = lanes.measure((3,))
-    assert compiled is not None
-    assert plain is not None
-    left, right = (numbers_in(run._replace(seconds=0.0)) for run in (compiled, plain))
-    for one, other in zip(left, right, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-8 * np.nanmax(np.abs(other), initial=0.0))
 
 
 @pytest.mark.parametrize(("changes", "asked"), [({}, False), ({"navigator.r_scale": 0.3}, True)])
@@ -288,6 +277,11 @@ def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str,
 )
 def test_what_lanes_do_not_cover_runs_alone(changes: dict[str, object]) -> None:
     assert SeedLanes.of(of(changes)) is None
+
+
+def test_a_flight_over_a_pole_runs_alone(tmp_path: Path) -> None:
+    write_flight_csv(tmp_path / "polar.csv", over_the_pole(40.0, duration=60.0))
+    assert SeedLanes.of(Experiment(mission=str(tmp_path / "polar.csv"))) is None
 
 
 @pytest.mark.benchmark

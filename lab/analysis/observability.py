@@ -26,6 +26,7 @@ from lab.frames.rotation import wrap
 from lab.navigation import strapdown
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.frames import lead
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
@@ -285,7 +286,7 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
             EVERY_FIX,
             model,
         )
-        coasting.lead(led.position[end], led.velocity_n[end], led.q_nb[end])
+        lead(coasting.state, led.position[end], led.velocity_n[end], led.q_nb[end])
         coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
         done = end
     return out

@@ -16,20 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
-from lab.analysis.budget import sigma_of_quantities
-from lab.analysis.errors import error_state
-from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
+from lab.analysis.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.innovation_evidence import may_have_outliers, needs_explanation, offered
-from lab.analysis.path_errors import errors_of, path_of
+from lab.analysis.path_errors import path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.ensembles import lane_sensors
-from lab.ensembles.ensemble import QUANTITIES
 from lab.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
-from lab.frames.ecef import near_pole
-from lab.frames.rotation import euler_from_quaternion
 from lab.histories import LONG
 from lab.missions import LogMission, mission
 from lab.navigation import rest_alignment
@@ -99,7 +94,6 @@ class SeedLanes:
         self._room = threading.local()
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
-        self._near_pole = bool(near_pole(self._truth.latitude).any())
         self._lay_out()
 
     @classmethod
@@ -123,6 +117,7 @@ class SeedLanes:
             fits(found._model, found._schedule, found._belief)
             and found._truth.time.size <= LONG
             and turn < LARGEST_TURN
+            and np.abs(found._truth.latitude).max() < MAX_LATITUDE
         )
         return found if usable else None
 
@@ -315,9 +310,7 @@ class SeedLanes:
         judged = None if means is None else self._evidence(one, solution, navigated, means)
         if means is not None and judged is None:
             return None
-        found = (self._figures_near_pole if self._near_pole else self._figures)(
-            one, solution, navigated.motion
-        )
+        found = self._figures(one, solution, navigated.motion)
         used = solution.fix_sample >= 0
         P, nu, S = _used(solution, used)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
@@ -351,42 +344,10 @@ class SeedLanes:
             solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
         )
 
-    def _figures_near_pole(self, one: _Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
-        """Return the same of a run that comes near a pole."""
-        used = solution.fix_sample >= 0
-        at = solution.fix_sample[used]
-        true = self._reference(one)
-        x = error_state(solution, at, self._there, true.bias, true.scale)
-        P, nu, S = _used(solution, used)
-        error, sigma, rms, largest = self._errors(solution, at, motion)
-        return FixFigures(
-            x,
-            consistency.normalised_squares(x, P),
-            consistency.normalised_squares(nu, S),
-            error,
-            sigma,
-            position_nees(solution, self._of_before, true)[0],
-            rms,
-            largest,
-        )
-
     def _in_stored(self, solution: Solution) -> Solution:
         """Return a solution whose fixes tell their places among the stored samples."""
         at = np.searchsorted(self._stored, solution.fix_sample)
         return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
-
-    def _errors(
-        self, solution: Solution, at: Samples, motion: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return errors and their σ (m, 9) at stored samples (m,), rms and largest size (9,) on the path."""
-        q_nb = solution.q_nb[at]
-        error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._there.taken(at))
-        variance, covariance = solution.variance[at], solution.covariance[at]
-        sigma = sigma_of_quantities(euler_from_quaternion(q_nb), variance, covariance, self._model.blocks)
-        path = motion[self._of_grid]
-        along = errors_of(path[:, :3], path[:, 3:6], path[:, 6:], self._on_grid)
-        sizes = np.sqrt(np.mean(along**2, axis=0)), np.abs(along).max(axis=0)
-        return error, sigma[:, : len(QUANTITIES)], *sizes
 
     def _evidence(
         self,

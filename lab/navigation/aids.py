@@ -103,21 +103,6 @@ NO_AIDS = _nothing()
 
 
 @inline_kernel
-def north_axes(state: FloatArray, age: float) -> Matrix:
-    """Return north, east and down `age` seconds ago in the navigation frame: its own axes, north-slaved."""
-    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-
-
-@inline_kernel
-def north_variance(state: FloatArray, variance: float) -> float:
-    """Return 0: a north-slaved navigator is so far from the poles that north is almost linear in position.
-
-    For another frame, see `wander.north_variance`.
-    """
-    return 0.0
-
-
-@inline_kernel
 def _see_height(state: FloatArray, age: float, down: float, height: float, H: FloatArray) -> float:
     """Return the height of the navigator minus that of a barometer, with its estimated bias."""
     H[2] = -1.0

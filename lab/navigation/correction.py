@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import allocating_kernel, inline_kernel, kernel
-from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_frame_map
+from lab.navigation.error_models import ErrorModel, write_frame_map
 from lab.navigation.generation import Kernel, Slot
 from lab.navigation.propagation import NAV, PLACES, STATES, WIDTH, X
 from lab.navigation.strapdown import LATITUDE, PREVIOUS_VELOCITY, VELOCITY, Vector, get, put
@@ -84,7 +84,7 @@ def bend_estimate(x: FloatArray) -> None:
 
 
 correct_frame = Slot("correct_frame")
-"""The correction by errors in the form that the mechanization takes."""
+"""The correction by errors in the form that the frame takes: `correct`, or `correct_in_wander`."""
 correct_linearly = Slot("correct_linearly")
 """`correct` by a pending estimate, which is linear like the fixes that it comes from: the exponential map
 would move a large one away from them."""
@@ -145,11 +145,10 @@ def corrected(
 
 def corrections(model: ErrorModel) -> dict[Kernel, Kernel]:
     """Return the kernels of a model in place of those above."""
-    in_frame = correct_in_wander if model.mechanization == WANDER_AZIMUTH else correct
     if model.write_map is None:
-        return {correct_linearly: in_frame}
+        return {correct_linearly: correct}
     return {
         correct: correct_group if model.in_body else correct_mapped,
         correct_linearly: correct_mapped,
-        correct_frame: in_frame,
+        correct_frame: correct,
     }

@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown, wander
+from lab.navigation import strapdown
 from lab.navigation.compilation import (
     embedded_kernel,
-    inline_kernel,
     kernel,
     loop_kernel,
     passing_loop_kernel,
 )
 from lab.navigation.correction import correct, corrected, corrections, has_estimate
-from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_f
+from lab.navigation.error_models import ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Generated, Kernel, Redecorated, Variant, generated
 from lab.navigation.kalman import RECOVERED, REJECTED
-from lab.navigation.observation import difference, observations, observe, observe_aid, observe_rest
+from lab.navigation.north_slaved import difference, leaves_frame
+from lab.navigation.observation import observations, observe, observe_aid, observe_rest
 from lab.navigation.own_states import own_kernels
 from lab.navigation.prediction import (
     add_noise,
@@ -42,16 +42,10 @@ from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import HELD, gather_rest, hold_attitude
 from lab.navigation.storage import store, store_fix, storing
-from lab.navigation.strapdown import LATITUDE, get, step
+from lab.navigation.strapdown import get, step
 
 FloatArray = NDArray[np.float64]
 Advance = Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]
-
-
-@inline_kernel
-def leaves_frame(state: FloatArray) -> bool:
-    """Return whether the navigator came too close to a pole for its frame."""
-    return bool(abs(state[LATITUDE]) > strapdown.MAX_LATITUDE)
 
 
 @embedded_kernel
@@ -204,18 +198,16 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         For measurements other than fixes.
     """
     own: dict[Any, Any] = {
-        **model.variant.kernels,
         **corrections(model),
         **observations(model),
         **storing(model),
+        **model.variant.kernels,
         **own_kernels(model.blocks),
         propagate: propagation_of(model),
         kept_part: kept_part_of(model),
     }
     if not model.blocks:
         own |= strapdown.UNSCALED
-    if model.mechanization == WANDER_AZIMUTH:
-        own |= wander.STEP | {leaves_frame: wander.leaves_frame}
     if model.in_body:
         own[add_noise] = add_noise_in_body
     if summed:

@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from lab.navigation import blocks, frames, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.error_models import PHI, ErrorModel
-from lab.navigation.generation import interpreted
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout
@@ -108,24 +106,6 @@ class Filter(NamedTuple):
             read_only(aids),
             np.zeros((max(kept_aids, 1), 1, 2 * n + 2)),
         )
-
-    def lead(self, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray) -> None:
-        """Set a navigator to a position, velocity and attitude in n, as of `Start`; its covariance stays.
-
-        In a wander-azimuth frame, the frame goes to the new place without a turn about the vertical.
-        """
-        state = self.state
-        if frames.in_wander(state):
-            interpreted(wander.move_to)(state, position)
-            C_wn = np.array(interpreted(wander.north_axes)(state)).T
-            velocity_n = C_wn @ velocity_n
-            q_nb = (Rotation.from_matrix(C_wn) * Rotation.from_quat(q_nb, scalar_first=True)).as_quat(
-                scalar_first=True
-            )
-        else:
-            interpreted(strapdown.set_position)(state, *position)
-        state[VELOCITY : VELOCITY + 3] = velocity_n
-        state[strapdown.Q_NB : strapdown.Q_NB + 4] = q_nb
 
 
 def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab.navigation import strapdown, wander
 from lab.navigation.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
@@ -92,6 +93,24 @@ def shown(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     out = Solution.empty(1, 0)
     interpreted(wander.store_state)(out, 0, state)
     return out.position[0], out.velocity_n[0], out.q_nb[0]
+
+
+def lead(state: FloatArray, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray) -> None:
+    """Set a navigator to a position, velocity and attitude in n, as of `Start`; its covariance stays.
+
+    In a wander-azimuth frame, the frame goes to the new place without a turn about the vertical.
+    """
+    if in_wander(state):
+        interpreted(wander.move_to)(state, position)
+        C_wn = np.array(interpreted(wander.north_axes)(state)).T
+        velocity_n = C_wn @ velocity_n
+        q_nb = (Rotation.from_matrix(C_wn) * Rotation.from_quat(q_nb, scalar_first=True)).as_quat(
+            scalar_first=True
+        )
+    else:
+        interpreted(strapdown.set_position)(state, *position)
+    state[VELOCITY : VELOCITY + 3] = velocity_n
+    state[Q_NB : Q_NB + 4] = q_nb
 
 
 def change(state: FloatArray, P: FloatArray, model: ErrorModel) -> FloatArray:

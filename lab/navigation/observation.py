@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import own_room, strapdown, wander
+from lab.navigation import own_room, strapdown
 from lab.navigation.aids import (
     AIRSPEED,
     FORWARD,
@@ -17,14 +17,12 @@ from lab.navigation.aids import (
     STILL_AIR,
     WIND,
     azimuth_variance,
-    north_axes,
-    north_variance,
     see_aid,
 )
 from lab.navigation.blocks import NO_STATE
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.correction import corrected, has_estimate
-from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
+from lab.navigation.error_models import ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Kernel
 from lab.navigation.kalman import (
@@ -40,6 +38,7 @@ from lab.navigation.kalman import (
     weight,
 )
 from lab.navigation.lever_arm import see_antenna
+from lab.navigation.north_slaved import fix_axes, frame_rate, north_axes, north_variance
 from lab.navigation.propagation import (
     NAV,
     OWN,
@@ -53,35 +52,12 @@ from lab.navigation.propagation import (
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Solution
 from lab.navigation.standstill import GATE, see_rest
-from lab.navigation.strapdown import LATITUDE, VELOCITY, Matrix, Vector, get, rotate
+from lab.navigation.strapdown import VELOCITY, Matrix, Vector, get, rotate
 
 FloatArray = NDArray[np.float64]
 
 GPS_DRIFT = GYRO_DRIFT = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
 """First states of the blocks with these names (`propagation.layout_constants`)."""
-
-
-@kernel
-def difference(
-    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
-) -> None:
-    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
-    v = get(state, VELOCITY)
-    before = get(state, strapdown.PREVIOUS_VELOCITY)
-    mean = (0.5 * (v[0] + before[0]), 0.5 * (v[1] + before[1]), 0.5 * (v[2] + before[2]))
-    east = state[strapdown.LONGITUDE] - position[1]
-    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
-    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN] - age * mean[0]
-    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE] - age * mean[1]
-    z[2] = position[2] - state[strapdown.HEIGHT] - age * mean[2]
-    for i in range(3):
-        z[3 + i] = v[i] - fraction * (v[i] - before[i]) - velocity[i]
-
-
-@inline_kernel
-def fix_axes(state: FloatArray) -> Matrix:
-    """Return north, east and down of the last fix in the navigation frame: its own axes, north-slaved."""
-    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @inline_kernel
@@ -221,13 +197,6 @@ def observe(
             used[i, j] = R[i, j]
     update(w, z, H, R, scalars)
     return became
-
-
-@inline_kernel
-def frame_rate(state: FloatArray) -> Vector:
-    """Return the Earth's rate in the navigation frame."""
-    sine = state[strapdown.SINE]
-    return strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
 
 
 @inline_kernel
@@ -428,14 +397,6 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
 def observations(model: ErrorModel) -> dict[Kernel, Kernel]:
     """Return the kernels of a model in place of those above."""
     found: dict[Kernel, Kernel] = {}
-    if model.mechanization == WANDER_AZIMUTH:
-        found |= {
-            difference: wander.difference,
-            fix_axes: wander.fix_axes,
-            north_axes: wander.north_axes_before,
-            north_variance: wander.north_variance,
-            frame_rate: wander.frame_rate,
-        }
     if model.in_body:
         found[own_attitude] = own_attitude_in_body
     if model.write_map:

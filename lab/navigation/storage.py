@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown, wander
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
-from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_map
+from lab.navigation.error_models import ErrorModel, write_map
 from lab.navigation.generation import Kernel
+from lab.navigation.north_slaved import store_state
 from lab.navigation.propagation import (
     BIASES,
     NAV,
@@ -23,19 +23,9 @@ from lab.navigation.propagation import (
     projection_of,
 )
 from lab.navigation.solution import Solution
-from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE, LATITUDE, VELOCITY
+from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE
 
 FloatArray = NDArray[np.float64]
-
-
-@embedded_kernel
-def _store_state(out: Solution, k: int, state: FloatArray) -> None:
-    """Write position, velocity and attitude of sample k."""
-    for i in range(3):
-        out.position[k, i] = state[LATITUDE + i]
-        out.velocity_n[k, i] = state[VELOCITY + i]
-    for i in range(4):
-        out.q_nb[k, i] = state[strapdown.Q_NB + i]
 
 
 @embedded_kernel
@@ -52,7 +42,7 @@ def _store_sensor_errors(out: Solution, k: int, state: FloatArray) -> None:
 @inline_kernel
 def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Write sample k of the solution."""
-    _store_state(out, k, state)
+    store_state(out, k, state)
     _store_sensor_errors(out, k, state)
     for i in range(STATES):
         out.variance[k, i] = w[(WIDTH + 1) * i]
@@ -74,7 +64,7 @@ def store_fix(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatArray) ->
 @inline_kernel
 def store_mapped(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Write sample k of the solution of a model with its own coordinates, mapped by T."""
-    _store_state(out, k, state)
+    store_state(out, k, state)
     _store_sensor_errors(out, k, state)
     write_map(state, T)
     project(T, w, k, out.variance, out.covariance)
@@ -105,8 +95,6 @@ def store_fix_mapped(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatAr
 def storing(model: ErrorModel) -> dict[Kernel, object]:
     """Return the kernels of a model in place of those above."""
     found: dict[Kernel, object] = {}
-    if model.mechanization == WANDER_AZIMUTH:
-        found[_store_state] = wander.store_state
     if model.write_map:
         found |= {store: store_mapped, store_fix: store_fix_mapped, project: projection_of(model)}
     return found

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import SINGLE
-from lab.navigation import blocks, strapdown, wander, wander_models
-from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
+from lab.navigation import blocks, strapdown, wander_models
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
 from lab.navigation.flight_piece import FlightPiece
@@ -472,11 +472,10 @@ def filter_all(
 @functools.cache
 def driver(*, aided: bool) -> Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
-    own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, **wander.STEP, step_abreast: step_kernel()}
+    own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, step_abreast: step_kernel()}
     name = "nonlinear"
     if aided:
         own[aid_due], own[take_aids] = _aid_due, _take_aids
-        own[north_axes], own[north_variance] = wander.north_axes_before, wander.north_variance
         name = "nonlinear aids"
     made: Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None] = generated(
         name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)

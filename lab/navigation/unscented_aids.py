@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.aids import HEADING, MAGNETIC, north_axes, north_variance, see_aid
+from lab.navigation.aids import HEADING, MAGNETIC, see_aid
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.lane_points import point_of
+from lab.navigation.north_slaved import north_axes, north_variance
 from lab.navigation.observation import seen_azimuth_variance
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport

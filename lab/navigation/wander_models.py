@@ -13,12 +13,15 @@ error modeling*, JGCD 15 (1992).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.frames import earth
-from lab.navigation import error_models, strapdown
+from lab.navigation import error_models, north_slaved, strapdown, wander
 from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.correction import correct_frame, correct_in_wander
 from lab.navigation.error_models import (
     WANDER_AZIMUTH,
     A,
@@ -249,11 +252,25 @@ def _north_map(state: FloatArray, T: FloatArray) -> None:
     to_north(state, T)
 
 
+IN_WANDER: dict[Any, Any] = {
+    **wander.STEP,
+    north_slaved.leaves_frame: wander.leaves_frame,
+    north_slaved.store_state: wander.store_state,
+    north_slaved.difference: wander.difference,
+    north_slaved.fix_axes: wander.fix_axes,
+    north_slaved.north_axes: wander.north_axes_before,
+    north_slaved.north_variance: wander.north_variance,
+    north_slaved.frame_rate: wander.frame_rate,
+    correct_frame: correct_in_wander,
+}
+"""All that the frame changes besides the models: kernels of `wander` in place of the north-slaved ones."""
+
+
 def _model(name: str, write: Write, map_: Write, *, in_body: bool = False) -> ErrorModel:
     """Return a model, given its F and the map of its errors to those of the computer frame."""
-    kernels = (own_map, map_), (error_models.gravitation_gradient, gravitation_gradient)
+    kernels = {**IN_WANDER, own_map: map_, error_models.gravitation_gradient: gravitation_gradient}
     maps = _north_map, _fix_map, _frame_map
-    return ErrorModel(name, (write,), *maps, in_body, WANDER_AZIMUTH, kernels=kernels)
+    return ErrorModel(name, (write,), *maps, in_body, WANDER_AZIMUTH, kernels=tuple(kernels.items()))
 
 
 PHI = _model("phi", phi, phi_map)

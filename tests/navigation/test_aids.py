@@ -26,7 +26,7 @@ from lab.navigation.filter import Filter
 from lab.navigation.frames import keep_radii
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.generation import interpreted
-from lab.navigation.observation import north_axes
+from lab.navigation.north_slaved import north_axes
 from lab.navigation.propagation import layout_constants
 from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI

@@ -14,12 +14,13 @@ from scipy.spatial.transform import Rotation
 from lab.frames import ecef
 from lab.frames.rotation import wrap
 from lab.navigation import aids, blocks, strapdown, wander
-from lab.navigation.aids import Aids, north_axes, north_variance
+from lab.navigation.aids import Aids
 from lab.navigation.blocks import in_order
 from lab.navigation.checks import check_own_states
 from lab.navigation.frames import keep_radii
 from lab.navigation.generation import Variant, interpreted
 from lab.navigation.lane_step import numbers, plain_numbers
+from lab.navigation.north_slaved import north_axes, north_variance
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
