@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
+from lab.blas_threads import keep_one_blas_thread
 from lab.experiment import Experiment
 from lab.missions import MissionError
 from lab.parameters.settings import SettingError
@@ -36,8 +37,9 @@ T = TypeVar("T")
 
 
 def share_interpreter() -> None:
-    """Make the threads of this process take turns more often, for a server of pages."""
+    """Make the threads of this process take turns more often, one for each run, for a server of pages."""
     sys.setswitchinterval(TURN)
+    keep_one_blas_thread()
 
 
 class SupersededError(Exception):

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan_covariance import LETTERS, covariance
+from lab.blas_threads import OneBlasThread
 
 FloatArray = NDArray[np.float64]
 
@@ -204,6 +205,7 @@ def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
     return np.asarray(np.minimum.reduce((quantisation, white, flicker, walk)))
 
 
+@OneBlasThread()
 def fit(allan: AllanDeviation) -> NoiseTerms:
     """Fit quantisation noise Q, white noise N, bias instability B, random walk K and ramp R to a deviation.
 

@@ -14,6 +14,7 @@ from lab.analysis.fix_causes import CAUSES
 from lab.analysis.outliers import outliers
 from lab.analysis.pattern import binned
 from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.blas_threads import OneBlasThread
 from lab.frames import ecef
 from lab.frames.rotation import wrap
 from lab.navigation.error_models import POS, VEL
@@ -76,6 +77,7 @@ class FixErrors(Sum):
     span: Kept
 
 
+@OneBlasThread()
 def fix_errors(
     belief: Belief,
     fixes: Fixes,

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from lab.blas_threads import OneBlasThread
 from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
 from lab.parameters.settings import SettingError
@@ -105,7 +106,7 @@ def working(task: str) -> Iterator[ProgressLine]:
     CommandError
         In place of a `ValueError` without a message of the lab, and of a `MemoryError`.
     """
-    with contextlib.redirect_stdout(sys.stderr), ProgressLine(task) as progress:
+    with contextlib.redirect_stdout(sys.stderr), OneBlasThread(), ProgressLine(task) as progress:
         try:
             yield progress
         except (CommandError, MissionError, SettingError):

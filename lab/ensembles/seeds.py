@@ -24,6 +24,7 @@ from lab.analysis.evidence import position_nees, whole_seconds
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
+from lab.blas_threads import OneBlasThread
 from lab.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.ensembles.seed_lanes import LANES, SeedLanes
@@ -50,6 +51,7 @@ AHEAD = 16
 wait in memory until they are added."""
 
 
+@OneBlasThread()
 def run_ensemble(
     experiment: Experiment,
     seeds: int | Sequence[int],

@@ -25,6 +25,7 @@ from lab.analysis.likelihood import (
     squares,
 )
 from lab.analysis.spread import spread
+from lab.blas_threads import OneBlasThread
 from lab.experiment_settings import ExperimentSettings
 from lab.identification.assumptions import (
     LATENCY,
@@ -121,6 +122,7 @@ def _seconds_apart(stamps: FloatArray) -> Flags:
     return np.asarray(np.diff(np.floor(stamps + 1e-6), prepend=-1.0) > 0)
 
 
+@OneBlasThread()
 def identify(run: Run, progress: Progress | None = None) -> Identification:
     """Identify the sensors of a run from its innovations.
 
