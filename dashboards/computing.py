@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from lab.blas_threads import keep_one_blas_thread
 from lab.experiment import Experiment
 from lab.missions import MissionError
 from lab.parameters.settings import SettingError
+from lab.processors import processors
 from lab.progress import Progress
 from lab.result import Result
 
@@ -25,9 +25,9 @@ TURN = 0.001
 """How long a page waits for the interpreter while a run works in Python [s]; Python's 5 ms add up over a
 change."""
 
-POOL = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="experiment")
+POOL = ThreadPoolExecutor(max_workers=processors(), thread_name_prefix="experiment")
 """Pool for the runs of all sessions; the kernels release the interpreter lock, so all cores are used."""
-LONG = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="long")
+LONG = ThreadPoolExecutor(max_workers=processors(), thread_name_prefix="long")
 """Pool for work that takes longer than a run, so that no run waits for it."""
 WRITING = ThreadPoolExecutor(max_workers=1, thread_name_prefix="writing")
 """Pool for changes of missions, one at a time because of the lock of their folder; no other pool waits for

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 
 from lab.cache import StageCache, digest
 from lab.ensembles.ensemble import Ensemble
 from lab.ensembles.seeds import run_ensemble
+from lab.processors import processors
 from lab.progress import Progress
 from lab.result import Result
 
@@ -15,7 +15,7 @@ KEPT = StageCache(limit=192 * 2**20)
 """Ensembles by the settings they were run with; of a flight of three minutes, each takes 3 to 20 MB, most of
 it evidence."""
 
-WORKERS = max(1, (os.cpu_count() or 1) - 1)
+WORKERS = max(1, processors() - 1)
 """Threads of an ensemble: one core is left for the runs of the sliders."""
 
 

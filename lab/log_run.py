@@ -15,7 +15,7 @@ from lab.log_result import LogResult
 from lab.logs.coverage import clock_text
 from lab.logs.log_section import piece
 from lab.logs.vehicle import vehicle_of
-from lab.memory import check_memory
+from lab.memory import bytes_per_run, check_memory
 from lab.missions import LogMission, SensorLog
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -154,16 +154,16 @@ def run_log(
     log = piece(whole, navigator.log_from, navigator.log_to)
     outages = outages_in(log, sensors.gps.outages)
     progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
-    check_memory(
+    needed = bytes_per_run(
         log.time.size,
         log.gnss.time.size,
-        log.time.size / max(log.duration, 1.0),
         states=navigator.states,
         drifting=0,
         exact=False,
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
         aids=sum(one.time.size for one in readings_of(log, sensors).values()),
     )
+    check_memory(needed, log.time.size, log.time.size / max(log.duration, 1.0))
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, navigator)}
     made, seconds = cache.get(
         "log navigation",

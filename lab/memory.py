@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from lab import control_groups
 from lab.histories import SINGLE
 from lab.navigation.kalman import MEASUREMENTS
 
@@ -44,50 +45,35 @@ _changing = threading.Lock()
 _very_long: list[int] = []
 """Numbers of samples of the very long flights that are worked on, in any thread."""
 
-_CONTROL_GROUPS = Path("/sys/fs/cgroup")
+_GROUP_FILES = {
+    1: ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+    2: ("memory.max", "memory.current", "inactive_file"),
+}
+"""By the version of a control group, the files with its limit and with what it uses, and the name of its
+file cache, which the system can release."""
 
 
 class TooLongError(ValueError):
     """A run needs more memory than is available."""
 
 
-def check_memory(
-    samples: int,
-    fixes: int,
-    rate: float,
-    *,
-    states: int,
-    drifting: int,
-    exact: bool,
-    arm: bool,
-    aids: int = 0,
-) -> None:
+def check_memory(needed: int, samples: int, rate: float) -> None:
     """Raise `TooLongError` if a run needs more memory than is available.
 
     Parameters
     ----------
-    samples, fixes
-        Numbers of samples and fixes.
+    needed
+        Memory that it needs [bytes]; see `bytes_per_run`.
+    samples
+        Number of samples.
     rate
-        Rate of the samples [Hz].
-    states
-        Number of error states of the filter.
-    drifting
-        Number of triads with a varying bias.
-    exact
-        Whether all histories are float64, as for the engine filterpy.
-    arm
-        Whether the filter assumes a lever arm.
-    aids
-        Number of measurements besides fixes.
+        Their rate [Hz].
 
     Raises
     ------
     TooLongError
         If it needs more; the message gives the longest possible flight.
     """
-    each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
-    needed = samples * each + fixes * bytes_per_fix(states) + aids * bytes_per_aid(states)
     if needed <= ALWAYS:
         return
     there = SPARE * available()
@@ -100,8 +86,52 @@ def check_memory(
         )
 
 
+def at_once(needed: int, wanted: int) -> int:
+    """Return how many runs fit into the available memory, one or more, of those that are wanted at once.
+
+    Parameters
+    ----------
+    needed
+        Memory that each needs [bytes].
+    wanted
+        Number of runs.
+    """
+    return max(min(wanted, int(SPARE * available() / max(needed, 1))), 1)
+
+
+def bytes_per_run(
+    samples: int,
+    fixes: int,
+    *,
+    states: int,
+    drifting: int,
+    exact: bool,
+    arm: bool,
+    aids: int = 0,
+) -> int:
+    """Return the memory that a run needs [bytes].
+
+    Parameters
+    ----------
+    samples, fixes
+        Numbers of samples and fixes.
+    states
+        Number of error states of the filter.
+    drifting
+        Number of triads with a varying bias.
+    exact
+        Whether all histories are float64, as for the engine filterpy.
+    arm
+        Whether the filter assumes a lever arm.
+    aids
+        Number of measurements besides fixes.
+    """
+    each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
+    return samples * each + fixes * bytes_per_fix(states) + aids * bytes_per_aid(states)
+
+
 def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool, arm: bool) -> int:
-    """Return the memory per sample of a run [bytes]; see `check_memory`."""
+    """Return the memory per sample of a run [bytes]; see `bytes_per_run`."""
     position, others = 3, 7 + states + 12 + (states - 15)
     precise = exact or samples <= SINGLE
     return BESIDE + DRIFT * drifting + ARM * arm + 8 * position + (8 if precise else 4) * others
@@ -215,7 +245,7 @@ def available() -> int:
 
 def address_space() -> int:
     """Return the address space of this process [bytes]."""
-    pages = _read(Path("/proc/self/statm")).split()
+    pages = control_groups.text(Path("/proc/self/statm")).split()
     return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
 
@@ -232,7 +262,7 @@ def _sources() -> Iterator[int]:
 
 def _of_system() -> int:
     """Return the available memory of the system; if unknown, so much that nothing is refused."""
-    for line in _read(Path("/proc/meminfo")).splitlines():
+    for line in control_groups.text(Path("/proc/meminfo")).splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
     try:
@@ -244,36 +274,17 @@ def _of_system() -> int:
 
 def _of_groups() -> Iterator[int]:
     """Iterate over the remaining memory of this process's control groups and their parents."""
-    for line in _read(Path("/proc/self/cgroup")).splitlines():
-        _, kinds, path = [*line.split(":", 2), "", ""][:3]
-        if not kinds:  # version 2
-            root, names = _CONTROL_GROUPS, ("memory.max", "memory.current", "inactive_file")
-        elif "memory" in kinds.split(","):
-            root = _CONTROL_GROUPS / "memory"
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-        else:
-            continue
-        group = root / path.lstrip("/")
-        # In a container, the path may be that of the host, and only the root is visible.
-        for folder in (group, *group.parents):
-            limit, used = (_read(folder / name).strip() for name in names[:2])
-            if limit.isdigit() and used.isdigit():
-                yield int(limit) - int(used) + _cached(folder, names[2])
-            if folder == root:
-                break
+    for folder, version in control_groups.folders("memory"):
+        limit, used, cached = _GROUP_FILES[version]
+        numbers = [control_groups.text(folder / name).strip() for name in (limit, used)]
+        if all(number.isdigit() for number in numbers):
+            yield int(numbers[0]) - int(numbers[1]) + _cached(folder, cached)
 
 
 def _cached(folder: Path, name: str) -> int:
     """Return the file cache within the memory of a control group, which the system can release."""
-    for line in _read(folder / "memory.stat").splitlines():
+    for line in control_groups.text(folder / "memory.stat").splitlines():
         key, _, value = line.partition(" ")
         if key == name and value.strip().isdigit():
             return int(value)
     return 0
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return ""

@@ -21,7 +21,7 @@ from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, SINGLE, kept
 from lab.kinematics.ideal_imu import IdealImu
 from lab.log_run import timed
-from lab.memory import Retiring, check_memory, give_back, large_blocks_given_back
+from lab.memory import Retiring, bytes_per_run, check_memory, give_back, large_blocks_given_back
 from lab.missions import Mission
 from lab.navigation import blocks, rest_alignment, smoother, unscented
 from lab.navigation.aiding import aids_of, most_aids, needs_rest
@@ -235,12 +235,15 @@ class Stages:
 
     def check_memory(self, samples: int) -> None:
         """Raise `TooLongError` if a flight with this number of samples needs too much memory."""
+        check_memory(self.memory(samples), samples, float(self.experiment.trajectory.imu_rate))
+
+    def memory(self, samples: int) -> int:
+        """Return the memory that a run with this number of samples needs [bytes]."""
         rate, navigator = float(self.experiment.trajectory.imu_rate), self.navigator
         triads = (self.sensors.gyro, self.sensors.accelerometer)
-        check_memory(
+        return bytes_per_run(
             samples,
             int(samples / rate / self.sensors.gps.period),
-            rate,
             states=blocks.count(chosen_blocks(navigator, self.sensors)),
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.engine == "filterpy",

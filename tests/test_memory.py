@@ -1,4 +1,4 @@
-"""Memory: rows that were used and freed blocks are given back, and a container has less."""
+"""Memory: rows that were used and freed blocks are given back."""
 
 from __future__ import annotations
 
@@ -82,40 +82,3 @@ def test_a_very_long_flight_gives_large_blocks_back_at_once_and_others_keep_them
     assert others < 30e6
     assert one_of_two > 100e6, "another is still worked on"
     assert after < 30e6
-
-
-@pytest.mark.parametrize(
-    ("groups", "files"),
-    [
-        (
-            "0::/lab/run\n",
-            {
-                "lab/memory.max": "3000",
-                "lab/memory.current": "2500",
-                "lab/memory.stat": "anon 1\ninactive_file 400\n",
-                "lab/run/memory.max": "max",
-                "lab/run/memory.current": "2000",
-            },
-        ),
-        (
-            "5:cpu,memory:/of/the/host\n",
-            {
-                "memory/memory.limit_in_bytes": "1000",
-                "memory/memory.usage_in_bytes": "200",
-                "memory/memory.stat": "total_inactive_file 100\n",
-            },
-        ),
-    ],
-)
-def test_a_container_has_less(
-    groups: str, files: dict[str, str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    for name, text in files.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    read = memory._read
-    monkeypatch.setattr(
-        memory, "_read", lambda path: groups if path == Path("/proc/self/cgroup") else read(path)
-    )
-    monkeypatch.setattr(memory, "_CONTROL_GROUPS", tmp_path)
-    assert memory.available() == 900

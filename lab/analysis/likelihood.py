@@ -15,7 +15,6 @@ Econometrica 55 (1987), for scores that are correlated in time.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
+from lab.processors import processors
 from lab.progress import Progress
 
 FloatArray = NDArray[np.float64]
@@ -208,7 +208,7 @@ def maximise(
     if not np.isfinite(value):
         raise ValueError("the innovations are not finite where the search begins")
     damping, rounds = DAMPING, 0
-    with ThreadPoolExecutor(max_workers=min(AT_ONCE, os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(max_workers=min(AT_ONCE, processors())) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
         while free.size and rounds < most:
             progress("maximising the likelihood", rounds / most)

@@ -7,7 +7,6 @@ than a hundred.
 from __future__ import annotations
 
 import operator
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -29,12 +28,16 @@ from lab.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment import Experiment
-from lab.missions import LogMission, mission
+from lab.memory import at_once
+from lab.missions import LogMission, MissionError, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
+from lab.parameters.settings import SettingError
+from lab.processors import processors
 from lab.progress import Progress
 from lab.result import Result
+from lab.stages import Stages
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +76,8 @@ def run_ensemble(
         Called with a sentence about the current work and the fraction done, from 0 to 1. An exception that it
         raises ends the work.
     workers
-        Number of threads; by default one for each core.
+        Number of threads; by default one for each processor. There are fewer if so many runs at once do not
+        fit into the memory.
     algorithm
         The user's navigator; it is called from one thread only.
     partial
@@ -93,8 +97,8 @@ def run_ensemble(
         )
 
     # The user's code need not be thread-safe.
-    threads = thread_count(workers)
-    pool = ThreadPoolExecutor(1 if algorithm is not None else threads, thread_name_prefix="ensemble")
+    threads = 1 if algorithm is not None else at_once(memory_of(experiment), thread_count(workers))
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
     try:
         lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
@@ -115,7 +119,7 @@ def run_ensemble(
 
 
 def thread_count(workers: int | None) -> int:
-    """Return the number of threads that a user asks for; None stands for one for each core.
+    """Return the number of threads that a user asks for; None stands for one for each processor.
 
     Raises
     ------
@@ -123,7 +127,7 @@ def thread_count(workers: int | None) -> int:
         If it is no whole number from 1.
     """
     if workers is None:
-        return os.cpu_count() or 1
+        return processors()
     try:
         count = operator.index(workers)
     except TypeError:
@@ -131,6 +135,18 @@ def thread_count(workers: int | None) -> int:
     if count < 1:
         raise ValueError(f"workers: {workers!r} is no number of threads; accepted is a whole number from 1")
     return count
+
+
+def memory_of(experiment: Experiment) -> int:
+    """Return the memory that a run needs [bytes]; none if it is refused, or is that of a log."""
+    try:
+        found = mission(experiment.mission)
+        if isinstance(found, LogMission):
+            return 0
+        samples = int(found.duration * experiment.trajectory.imu_rate) + 1
+        return Stages(experiment, found, lambda _stage, _done: None).memory(samples)
+    except (SettingError, MissionError):
+        return 0
 
 
 def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[int, ...]:

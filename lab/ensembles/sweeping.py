@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.blas_threads import OneBlasThread
 from lab.cache import StageCache, digest
 from lab.ensembles.ensemble import QUANTITIES, UNITS
-from lab.ensembles.seeds import seed_numbers, thread_count
+from lab.ensembles.seeds import memory_of, seed_numbers, thread_count
 from lab.experiment import Experiment
+from lab.memory import at_once
 from lab.missions import LogMission, mission
 from lab.parameters.setting_help import value_text
 from lab.parameters.settings import SettingError
@@ -55,6 +57,7 @@ class Numbers(NamedTuple):
     refusal: str
 
 
+@OneBlasThread()
 def sweep(
     experiment: Experiment,
     settings: Mapping[str, Sequence[Any]],
@@ -77,7 +80,9 @@ def sweep(
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
     tasks = [(index, seed) for seed in numbers for index in range(len(points))]
     found: dict[tuple[int, int], Numbers] = {}
-    pool = ThreadPoolExecutor(thread_count(workers), thread_name_prefix="sweep")
+    lengths = {(point.mission, point.trajectory.imu_rate): point for point in points}
+    threads = at_once(max(map(memory_of, lengths.values())), thread_count(workers))
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
     told = time.monotonic()
     try:
         running = {pool.submit(one, *task): task for task in tasks}
