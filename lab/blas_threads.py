@@ -50,7 +50,7 @@ class OneBlasThread(contextlib.ContextDecorator):
 
 @functools.cache
 def keep_one_blas_thread() -> None:
-    """Limit BLAS to one thread until the process ends: for a server, or a command."""
+    """Limit BLAS to one thread until the process ends, for a server."""
     OneBlasThread().__enter__()
 
 
