@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +12,14 @@ from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.own_states import OwnStates, declared_states, of_blocks
 from lab.parameters.units import si
-from lab.sensors import airspeed, gps, imu, processes
+from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer, processes
 from lab.sensors.draws import unit_draws
-from lab.sensors.readings import Readings
 from lab.sensors.suite import TRIADS
 
 FloatArray = NDArray[np.float64]
 
-_BIASES = {
-    blocks.BAROMETER_BIAS: "barometer",
-    blocks.HEADING_BIAS: "heading",
-    blocks.ODOMETER_SCALE: "odometer",
-    blocks.AIRSPEED_SCALE: "airspeed",
-}
-"""Sensors whose slow error is a block."""
 
-
-def further_truth(
-    experiment: ExperimentSettings,
-    readings: Mapping[str, Readings],
-    names: tuple[str, ...],
-    time: FloatArray,
-) -> FloatArray:
+def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: FloatArray) -> FloatArray:
     """Return the true values (n, k) of the further states after the scale factors at some times.
 
     The slow errors are known at the times of readings and fixes, and interpolated between them.
@@ -44,19 +28,17 @@ def further_truth(
     ----------
     experiment
         The settings.
-    readings
-        Readings by the sensor's group in the settings.
     names
         The further blocks of the filter.
     time : (n,) array
         Times [s].
     """
     columns: list[FloatArray] = []
+    sensors, seed = experiment.sensors, experiment.seed
     for name in names:
         if name in blocks.SCALES:
             continue
         if name in blocks.MISALIGNMENTS:
-            sensors = experiment.sensors
             triad = sensors.gyro if name == blocks.GYRO_MISALIGNMENT else sensors.accelerometer
             columns += [np.full(time.size, value) for value in si(triad, "misalignment")]
         elif name in blocks.DRIFTS:
@@ -67,12 +49,11 @@ def further_truth(
         elif name == blocks.GPS_DRIFT:
             columns += list(_drift(experiment, time).T)
         elif name == blocks.WIND:
-            columns += list(airspeed.wind_at(experiment.sensors.airspeed, experiment.seed, time).T)
-        elif name in _BIASES:
-            found = readings[_BIASES[name]]
-            columns.append(
-                np.interp(time, found.time, found.bias) if found.time.size else np.full(time.size, np.nan)
-            )
+            columns += list(airspeed.wind_at(sensors.airspeed, seed, time).T)
+        elif name == blocks.BAROMETER_BIAS:
+            columns.append(barometer.bias_at(sensors.barometer, seed, time))
+        elif name == blocks.HEADING_BIAS:
+            columns.append(heading_sensor.bias_at(sensors.heading, seed, time))
         else:
             columns += [np.full(time.size, value) for value in _constant(experiment, name)]
     return np.stack(columns, axis=-1) if columns else np.zeros((time.size, 0))
@@ -197,6 +178,10 @@ def _drift(experiment: ExperimentSettings, time: FloatArray) -> FloatArray:
 def _constant(experiment: ExperimentSettings, name: str) -> FloatArray:
     """Return what a constant is off from its assumed value."""
     navigator, receiver = experiment.navigator, experiment.sensors.gps
+    if name == blocks.ODOMETER_SCALE:
+        return np.array([odometer.true_scale(experiment.sensors.odometer, experiment.seed)])
+    if name == blocks.AIRSPEED_SCALE:
+        return np.array([airspeed.true_scale(experiment.sensors.airspeed, experiment.seed)])
     if name == blocks.LEVER_ARM:
         true = si(receiver, "lever_arm")
         return np.asarray(true - assumed_lever_arm(navigator, true))

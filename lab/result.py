@@ -102,9 +102,9 @@ class Result(NotebookCard, Repeatable):
         """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
 
     @cached_property
-    def feedforward_drift(self) -> float:
-        """Largest attitude error of a navigator that is not corrected at each fix [rad]; else zero."""
-        return feedforward.drift_of(self)
+    def free_run(self) -> feedforward.FreeRun:
+        """How far the navigator runs free."""
+        return feedforward.free_run_of(self)
 
     @made_when_asked
     def truth(self) -> xr.Dataset:
@@ -266,9 +266,7 @@ class Result(NotebookCard, Repeatable):
 
     def _of_linear(self, verdict: Verdict, nees: Squares | None = None) -> Verdict:
         """Return a verdict, with a navigator that runs free beyond the linear model as its only cause."""
-        return feedforward.judge(
-            self.feedforward_drift, feedforward.limit_of(self), verdict, self.experiment.navigator, nees
-        )
+        return feedforward.judge(self.free_run, verdict, self.experiment.navigator, nees)
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -341,8 +339,7 @@ class Result(NotebookCard, Repeatable):
                 "row were so implausible that the filter took itself to be wrong; it raised P and used the "
                 "fix."
             )
-        free = self.feedforward_drift, feedforward.limit_of(self), self.experiment.navigator
-        beyond = feedforward.remark(*free)
+        beyond = feedforward.remark(self.free_run, self.experiment.navigator)
         # A navigator that is far off contradicts all that is measured.
         remarks += [beyond] if beyond else aiding.larger_than_assumed(self)
         if not self.fixes.time.size:

@@ -237,7 +237,7 @@ class Run(ABC):
 
     def true_further(self) -> FloatArray:
         """Return the true values (n + 1, k) of the states after the scale factors, at the IMU times."""
-        return further_truth(self.simulated_settings, self.readings, self.blocks, self.time)
+        return further_truth(self.simulated_settings, self.blocks, self.time)
 
     @property
     def is_aided(self) -> bool:

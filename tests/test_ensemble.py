@@ -233,3 +233,26 @@ def test_flights_without_fixes_give_no_figures_and_no_complaints() -> None:
     assert ensemble.time.size == 0
     assert np.isnan(ensemble.inside()).all()
     assert ensemble.coverage["within ±3σ [%]"].isna().all()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"navigator.correction": "feedforward"},
+        {"navigator.correction": "feedforward", "sensors.barometer.fitted": True},
+        {"navigator.correction_period": 60.0},
+    ],
+    ids=["feedforward", "with a barometer", "seldom corrected"],
+)
+def test_a_navigator_that_runs_free_beyond_the_linear_model_is_the_cause(changes: dict[str, object]) -> None:
+    """As for each run alone: nothing else can be judged, though the barometer is off by ten σ."""
+    experiment = Experiment(mission="montreal").update({"trajectory.imu_rate": 20.0, **changes})
+    many = run_ensemble(experiment, 3)
+    (cause,) = experiment.copy().update({"seed": 2}).run().verdict.findings
+    for verdict in (many.verdict, many.innovation_verdict, *many.verdicts):
+        (finding,) = verdict.findings
+        assert finding.quantity == cause.quantity
+        assert finding.changes == cause.changes
+    (farthest,) = many.verdict.findings
+    assert farthest.factor == max(verdict.findings[0].factor for verdict in many.verdicts)
+    assert "linear" in many.remark

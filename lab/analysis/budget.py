@@ -177,7 +177,7 @@ def check_rest(run: Run) -> None:
 
 def check_feedforward(run: Run) -> None:
     """Raise `SettingError` for a run whose navigator runs free beyond the linear model."""
-    drift, limit = feedforward.drift_of(run), feedforward.limit_of(run)
+    drift, limit = feedforward.free_run_of(run)
     if drift > limit:
         waits = run.experiment.navigator.correction == "feedback"
         raise SettingError(

@@ -12,6 +12,7 @@ P. S. Maybeck, *Stochastic Models, Estimation, and Control*, vol. 1, ch. 6.4 (fe
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,32 @@ a fix, up to which the filter is linear enough. Measured on los_angeles with the
 to 30 s: NEES is 1.0 below, 1.4 to 2.4 from 0.5 to 3, and 2 to 120 beyond."""
 
 
+class FreeRun(NamedTuple):
+    """How far a navigator runs free, and how far its filter is linear.
+
+    Attributes
+    ----------
+    drift : float
+        Largest attitude error while it runs free, as estimated [rad]; zero if it is corrected at each fix.
+    limit : float
+        That up to which the filter is linear enough [rad].
+    """
+
+    drift: float
+    limit: float
+
+    @property
+    def excess(self) -> float:
+        """The drift as a part of the limit."""
+        return self.drift / self.limit
+
+
+CORRECTED = FreeRun(0.0, float(LINEAR))
+"""Of a navigator that is corrected at each fix."""
+
+
 def judge(
-    drift: float, limit: float, verdict: Verdict, navigator: NavigatorSettings, nees: Squares | None = None
+    free: FreeRun, verdict: Verdict, navigator: NavigatorSettings, nees: Squares | None = None
 ) -> Verdict:
     """Return the verdict, with a free-running navigator as the cause of an inconsistency if it is.
 
@@ -61,9 +86,8 @@ def judge(
 
     Parameters
     ----------
-    drift, limit
-        Largest attitude error of the free-running navigator [rad], see `drift_of`, and that up to which the
-        filter is linear enough, see `limit_of`.
+    free
+        How far it runs free; of several runs, the farthest.
     verdict
         The verdict from the evidence.
     navigator
@@ -79,6 +103,7 @@ def judge(
         and is_right(float(nees.total), float(nees.number))
     ):
         return verdict
+    drift, limit = free
     waits = navigator.correction == "feedback"
     if not waits and all(finding.quantity in (*UNEXPLAINED, *AIDS) for finding in verdict.findings):
         limit = min(limit, float(SUSPECTED))
@@ -103,8 +128,9 @@ def judge(
     return Verdict(headline((finding,), ""), (finding,), verdict.basis)
 
 
-def remark(drift: float, limit: float, navigator: NavigatorSettings) -> str:
+def remark(free: FreeRun, navigator: NavigatorSettings) -> str:
     """Return a sentence about a navigator that runs free beyond the linear model; empty if it does not."""
+    drift, limit = free
     if drift <= limit:
         return ""
     reaches = f"reaches {np.degrees(drift):.3g}°"
@@ -124,6 +150,11 @@ def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
     """Return attitudes in e: north at two places is not the same, least of all close to a pole."""
     C_en = Rotation.from_matrix(ecef.axes(position[:, 0], position[:, 1]))
     return C_en * Rotation.from_quat(q_nb, scalar_first=True)
+
+
+def free_run_of(run: Run) -> FreeRun:
+    """Return how far the navigator of a run runs free."""
+    return FreeRun(drift_of(run), limit_of(run))
 
 
 def drift_of(run: Run) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, trial
+from lab.analysis import consistency, feedforward, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
@@ -23,6 +23,7 @@ from lab.ensembles.error_histogram import ErrorHistogram
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
 from lab.navigation.checks import DivergedError
+from lab.navigation.settings import NavigatorSettings
 from lab.notebook_card import NotebookCard
 from lab.progress import Progress
 
@@ -87,6 +88,8 @@ class Ensemble(NotebookCard):
         Computing time of the navigator for each run [s]; close to zero for a cached solution.
     evidence : tuple of Evidence
         Evidence of each of the first `JUDGED` runs.
+    free : tuple of FreeRun
+        How far the navigator of each of them runs free.
     algorithm : str
         Name of the user's own navigator; empty for those of the lab.
     diverged : dict of int to str
@@ -110,12 +113,18 @@ class Ensemble(NotebookCard):
     mean_nis: FloatArray
     seconds: FloatArray
     evidence: tuple[Evidence, ...]
+    free: tuple[feedforward.FreeRun, ...]
     algorithm: str
     diverged: dict[int, str] = field(default_factory=dict)
 
     @property
     def remark(self) -> str:
-        """A sentence about the runs that diverged; empty if none did."""
+        """Sentences about runs that diverged, or whose navigator runs free beyond the linear model."""
+        beyond = feedforward.remark(self._farthest, self._navigator)
+        return " ".join(filter(None, (self._diverged_runs(), beyond)))
+
+    def _diverged_runs(self) -> str:
+        """Return a sentence about the runs that diverged; empty if none did."""
         if not self.diverged:
             return ""
         seeds = sorted(self.diverged)
@@ -139,7 +148,8 @@ class Ensemble(NotebookCard):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter from the first `JUDGED` runs together."""
-        return judge(reduce(operator.add, self.evidence))
+        whole = reduce(operator.add, self.evidence)
+        return feedforward.judge(self._farthest, judge(whole), self._navigator, whole.nees)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -159,12 +169,26 @@ class Ensemble(NotebookCard):
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The verdict from the innovations alone."""
-        return judge(reduce(operator.add, self.evidence).without_truth())
+        without_truth = reduce(operator.add, self.evidence).without_truth()
+        return feedforward.judge(self._farthest, judge(without_truth), self._navigator)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdict on each of the first `JUDGED` runs alone."""
-        return tuple(judge(one) for one in self.evidence)
+        return tuple(
+            feedforward.judge(free, judge(one), self._navigator, one.nees)
+            for free, one in zip(self.free, self.evidence, strict=True)
+        )
+
+    @property
+    def _navigator(self) -> NavigatorSettings:
+        found: NavigatorSettings = self.experiment.navigator
+        return found
+
+    @property
+    def _farthest(self) -> feedforward.FreeRun:
+        """How far the navigator that is farthest off runs free."""
+        return max(self.free, key=lambda free: free.excess, default=feedforward.CORRECTED)
 
     @cached_property
     def consistency(self) -> xr.Dataset:
@@ -311,6 +335,7 @@ class Collected:
         self._innovations: ChannelSums | None = None
         self._of_runs: list[tuple[FloatArray, FloatArray, float, float, float]] = []
         self._evidence: list[Evidence] = []
+        self._free: list[feedforward.FreeRun] = []
         self._diverged: dict[int, str] = {}
         self._count = 0
 
@@ -351,6 +376,7 @@ class Collected:
         self._of_runs.append((run.rms, run.largest, _mean(run.nees), _mean(run.nis), run.seconds))
         if run.evidence is not None:
             self._evidence.append(run.evidence)
+            self._free.append(run.free)
         self._seeds.append(seed)
         self._count += 1
         self._last = run
@@ -394,6 +420,7 @@ class Collected:
             mean_nis=nis,
             seconds=seconds,
             evidence=tuple(self._evidence),
+            free=tuple(self._free),
             algorithm=last.algorithm,
             diverged=dict(self._diverged),
         )

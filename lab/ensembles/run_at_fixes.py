@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
+from lab.analysis.feedforward import FreeRun
 from lab.analysis.innovation_evidence import Innovations, sizes
 from lab.analysis.sums import Squares, Sum
 
@@ -68,6 +69,8 @@ class RunAtFixes(NamedTuple):
         Start and end of the flight [s].
     evidence : Evidence or None
         Evidence of the run; None for one that is not judged.
+    free : FreeRun
+        How far its navigator runs free.
     seconds : float
         Computing time of the navigator [s].
     algorithm : str
@@ -89,5 +92,6 @@ class RunAtFixes(NamedTuple):
     innovations: ChannelSums
     span: tuple[float, float]
     evidence: Evidence | None
+    free: FreeRun
     seconds: float
     algorithm: str

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.evidence import Evidence, evidence, whole_seconds
+from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.path_errors import path_of
@@ -331,6 +332,7 @@ class SeedLanes:
             innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
             span=self._span,
             evidence=judged,
+            free=CORRECTED,
             seconds=seconds,
             algorithm="",
         )

@@ -20,6 +20,7 @@ from lab.analysis.budget import believed_sigma
 from lab.analysis.consistency import normalised_squares, uncertain
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import position_nees, whole_seconds
+from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
@@ -292,6 +293,7 @@ def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAt
         innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
         span=(float(result.time[0]), float(result.time[-1])),
         evidence=found,
+        free=result.free_run if judged else CORRECTED,
         seconds=result.seconds,
         algorithm=result.algorithm,
     )

@@ -90,9 +90,7 @@ def aids_of(
 def fast_enough(airspeeds: Readings, slowest: float) -> Readings:
     """Return the airspeeds that are not below the slowest one that a filter uses [m/s]."""
     keep = airspeeds.value >= slowest
-    return airspeeds._replace(
-        time=airspeeds.time[keep], value=airspeeds.value[keep], bias=airspeeds.bias[keep]
-    )
+    return airspeeds._replace(time=airspeeds.time[keep], value=airspeeds.value[keep])
 
 
 def zero_velocity(time: FloatArray, navigator: NavigatorSettings) -> list[Aids]:

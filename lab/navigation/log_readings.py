@@ -115,17 +115,13 @@ def _readings(log: SensorLog, sensors: SensorSuite, name: str, usable: NDArray[n
     auxiliary = log.auxiliary
     if name != "heading":
         one = getattr(auxiliary, name)
-        return _of_numbers(one.time[usable], one.value[usable])
+        return Readings(one.time[usable], one.value[usable])
     if _is_magnetic(sensors):
         assert auxiliary.magnetometer is not None
         return _of_field(log, auxiliary.magnetometer, usable, float(sensors.heading.period))
     headings = auxiliary.headings
     assert headings is not None
-    return _of_numbers(headings.time[usable], headings.heading[usable])._replace(sigma=headings.sigma[usable])
-
-
-def _of_numbers(time: FloatArray, value: FloatArray) -> Readings:
-    return Readings(time, value, np.full(time.size, np.nan))
+    return Readings(headings.time[usable], headings.heading[usable], sigma=headings.sigma[usable])
 
 
 def _of_field(
@@ -147,10 +143,9 @@ def _of_field(
     declination = magnetometer.declination
     if not np.isfinite(declination):
         declination, _ = magnetic_declination(log.gnss.position[0])
-    time, unknown = magnetometer.time[rows], np.full(rows.size, np.nan)
     field = magnetometer.field[rows]
     field = field / np.linalg.norm(field, axis=1, keepdims=True)
-    return Readings(time, np.full(rows.size, declination), unknown, field)
+    return Readings(magnetometer.time[rows], np.full(rows.size, declination), field)
 
 
 def _cause(log: SensorLog, sensors: SensorSuite, name: str, one: LogReadings) -> str:

@@ -106,8 +106,13 @@ def wind_at(errors: AirspeedErrors, seed: Seed, time: FloatArray) -> FloatArray:
     return constant + drift * np.stack([np.interp(time, _STEP * samples, one) for one in slow.T], axis=-1)
 
 
+def true_scale(errors: AirspeedErrors, seed: Seed) -> float:
+    """Return the relative error of the scale of a run."""
+    return float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "airspeed.scale", (1,))[0])
+
+
 def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readings:
-    """Return the readings of an airspeed sensor [m/s]; the bias is the relative error of the scale.
+    """Return the readings of an airspeed sensor [m/s].
 
     Parameters
     ----------
@@ -122,6 +127,5 @@ def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readi
     through_air = trajectory.at(times).velocity_n.copy()
     through_air[:, :2] -= wind_at(errors, seed, times)
     true = np.linalg.norm(through_air, axis=1)
-    scale = float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "airspeed.scale", (1,))[0])
-    found = read(seed, "airspeed", times, true, scale * true, errors.noise, errors.outages)
-    return found._replace(bias=np.full(found.time.size, scale))
+    scale = true_scale(errors, seed)
+    return read(seed, "airspeed", times, true, scale * true, errors.noise, errors.outages)

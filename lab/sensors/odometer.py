@@ -72,8 +72,13 @@ def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> Floa
     return np.asarray(of_imu + np.cross(trajectory.rates(times)[0], place))
 
 
+def true_scale(errors: OdometerErrors, seed: Seed) -> float:
+    """Return the relative error of the scale of a run."""
+    return float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "odometer.scale", (1,))[0])
+
+
 def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readings:
-    """Return the readings of an odometer: speeds forward [m/s]; the bias is the relative error of the scale.
+    """Return the readings of an odometer: speeds forward [m/s].
 
     Parameters
     ----------
@@ -85,7 +90,6 @@ def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readi
         Seed of the run.
     """
     times = reading_times(errors.period, trajectory.duration)
-    scale = float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "odometer.scale", (1,))[0])
+    scale = true_scale(errors, seed)
     forward = speeds(trajectory, si(errors, "lever_arm"), times)[:, 0]
-    found = read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)
-    return found._replace(bias=np.full(found.time.size, scale))
+    return read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)

@@ -37,8 +37,6 @@ class Readings(NamedTuple):
         Times [s].
     value : (a,) array
         What it reads.
-    bias : (a,) array
-        The slow part of its error, which a filter may estimate.
     field : (a, 3) array, or (0, 3)
         Direction of the magnetic field in b, if that is measured; the value is then the declination.
     sigma : (a,) array, or (0,)
@@ -47,7 +45,6 @@ class Readings(NamedTuple):
 
     time: FloatArray
     value: FloatArray
-    bias: FloatArray
     field: FloatArray = NO_FIELD
     sigma: FloatArray = NO_SIGMA
 
@@ -141,6 +138,32 @@ def slow_error(
     return error
 
 
+def slow_error_at(
+    seed: Seed,
+    name: str,
+    time: FloatArray,
+    period: float,
+    constant: float,
+    drift: float,
+    correlation_time: float,
+) -> FloatArray:
+    """Return the slow error (n,) of a sensor at some times, also where an outage has no readings.
+
+    Parameters
+    ----------
+    seed, name, constant, drift, correlation_time
+        As of `slow_error`.
+    time : (n,) array
+        Times up to the end of the flight, not decreasing [s]; the error is interpolated between readings.
+    period
+        Time from reading to reading [s].
+    """
+    if not time.size:
+        return np.zeros(0)
+    times = reading_times(period, max(float(time[-1]), period))
+    return np.interp(time, times, slow_error(seed, name, times, constant, drift, correlation_time))
+
+
 def read(
     seed: Seed,
     name: str,
@@ -165,4 +188,4 @@ def read(
     """
     value = true + bias + noise * unit_draws(seed, f"{name}.noise", times.shape)
     keep = ~within(outages, times)
-    return Readings(times[keep], value[keep], bias[keep])
+    return Readings(times[keep], value[keep])

@@ -110,7 +110,7 @@ def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path:
     mission = polar(tmp_path, "straight over the north pole", duration=160.0)
     for seed in (11, 12, 15):
         free = run(mission, seed, **WANDER, **quiet, navigator__correction="feedforward")
-        assert free.feedforward_drift < feedforward.LINEAR
+        assert free.free_run.drift < feedforward.LINEAR
         (finding,) = free.verdict.findings
         assert finding.quantity == "feedforward"
         followed = free.repeated(advised(free, finding.changes))

@@ -80,7 +80,7 @@ def test_memory_of_measurements_is_counted() -> None:
     made.set("navigator.no_slip", True)
     made.set("navigator.zero_velocity", True)
     time = np.arange(1.0, duration / period + 1) * period
-    readings = {name: Readings(time, np.full(time.size, 20.0), np.full(time.size, np.nan)) for name in KINDS}
+    readings = {name: Readings(time, np.full(time.size, 20.0)) for name in KINDS}
     imu_time = np.arange(0.0, duration + 0.1, 0.1)
     imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
     standing = np.ones(imu_time.size - 1, np.bool_)

@@ -139,7 +139,7 @@ def test_feedforward_keeps_to_the_fixes_where_the_navigator_runs_off(model: str)
     result = experiment.run()
     errors = np.abs(result.errors.position.values[4000:])
     print(f"\n{model}: position error at most {errors.max():.2g} m")
-    assert np.degrees(result.feedforward_drift) > 2
+    assert np.degrees(result.free_run.drift) > 2
     assert errors.max() < 2.0
 
 

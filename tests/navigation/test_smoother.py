@@ -293,7 +293,7 @@ def test_a_smoothed_navigator_that_runs_free_too_far_is_named() -> None:
         navigator__attitude_error=off,
     )
     wrong = attitude_error(after.aligned.start.q_nb[None], after.flown.q_nb[:1])
-    at_start, drift = np.degrees(np.linalg.norm(wrong)), np.degrees(after.feedforward_drift)
+    at_start, drift = np.degrees(np.linalg.norm(wrong)), np.degrees(after.free_run.drift)
     print(f"\nattitude error of the free navigator: {drift:.2f}°, at the start {at_start:.2f}°")
     assert at_start > 1
     assert drift == pytest.approx(at_start, abs=0.2)
