@@ -8,6 +8,7 @@ A. Gelb (ed.), *Applied Optimal Estimation*, ch. 4.2.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -105,29 +106,53 @@ def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update |
     place : (e, 2) array
         True latitude and longitude at each [rad].
     """
-    for start in range(0, epochs.sample.size, _TOGETHER):
-        some = slice(start, start + _TOGETHER)
+    for some in _parts(epochs.sample):
         part = Epochs(epochs.sample[some], epochs.fix[some], epochs.aid[some], epochs.shown[some])
         solution = run.solution_arrays
         maps = output_map(solution.position[part.sample], solution.velocity_n[part.sample])
         at_fix, at_aid = part.fix >= 0, part.aid >= 0
-        maps[at_aid] = _maps_before(run, part.sample[at_aid])
+        maps[at_aid] = _maps_before(run, part.aid[at_aid])
         fixes = iter(_fix_updates(run, part.fix[at_fix], maps[at_fix], place[some][at_fix]))
         for fix, aid, here in zip(part.fix, part.aid, maps, strict=True):
             yield next(fixes) if fix >= 0 else _aid_update(run, int(aid), here) if aid >= 0 else None
 
 
-def _maps_before(run: Run, samples: NDArray[np.int64]) -> FloatArray:
-    """Return `output_map` (m, 9, 9) of the estimates before the measurements of some samples.
+def _parts(samples: NDArray[np.int64]) -> Iterator[slice]:
+    """Iterate over parts of the epochs, given their samples; all epochs of a sample are in one part."""
+    begins = np.append(np.flatnonzero(np.diff(samples, prepend=-1) > 0), samples.size)
+    cuts = np.unique(begins[np.searchsorted(begins, np.arange(0, samples.size, _TOGETHER))])
+    for first, last in pairwise([*cuts.tolist(), samples.size]):
+        yield slice(first, last)
 
-    A fix of the same sample comes after the other measurements. Near a pole, the north that those were
-    measured from is another one than that of the corrected position.
+
+def _maps_before(run: Run, aids: NDArray[np.int64]) -> FloatArray:
+    """Return `output_map` (m, 9, 9) of the estimates before some measurements of the aids.
+
+    Those of one sample follow one another, and each corrects the navigator before the next; a fix comes after
+    them. Near a pole, north is another one after each correction.
     """
-    solution, before = run.solution_arrays, samples - 1
+    solution = run.solution_arrays
+    samples = solution.aid_sample[aids]
+    before = samples - 1
     there = solution.position[before]
     velocity_e = np.einsum("nij,nj->ni", ecef.axes(*there[:, :2].T), solution.velocity_n[before])
     step = (run.time[samples] - run.time[before])[:, None]
-    here = ecef.geodetic(ecef.position(there) + step * velocity_e)
+    r_e = ecef.position(there) + step * velocity_e
+    maps = _output_map_at(r_e, velocity_e)
+    x = solution.aid_gain[aids, :NAV] * solution.aid_innovation[aids, None]
+    number = np.arange(aids.size) - np.searchsorted(samples, samples)  # within the sample
+    for rank in range(1, int(number.max(initial=0)) + 1):
+        now = np.flatnonzero(number == rank)
+        x_e = np.linalg.solve(maps[now - 1], x[now - 1, :, None])[..., 0]
+        r_e[now] = r_e[now - 1] - x_e[:, POS]
+        velocity_e[now] = velocity_e[now - 1] - x_e[:, VEL]
+        maps[now] = _output_map_at(r_e[now], velocity_e[now])
+    return maps
+
+
+def _output_map_at(r_e: FloatArray, velocity_e: FloatArray) -> FloatArray:
+    """Return `output_map` (m, 9, 9) at positions and velocities (m, 3) in e."""
+    here = ecef.geodetic(r_e)
     return output_map(here, np.einsum("nji,nj->ni", ecef.axes(*here[:, :2].T), velocity_e))
 
 
