@@ -22,19 +22,23 @@ class OneBlasThread(contextlib.ContextDecorator):
     """A context, or a decorator, in which BLAS has one thread in the whole process.
 
     It may be entered from several threads, and within itself: when the last one leaves, BLAS has as many
-    threads as before the first.
+    threads as before the first. A library that is loaded inside counts from the next entry on.
     """
 
     _lock: ClassVar[threading.Lock] = threading.Lock()
     _inside: ClassVar[int] = 0
+    _known: ClassVar[int] = 0
     _limits: ClassVar[contextlib.ExitStack] = contextlib.ExitStack()
 
     def __enter__(self) -> None:
         """Limit BLAS to one thread."""
         everyone = OneBlasThread
+        # SciPy has a BLAS of its own, which may be loaded at any time, by one of many modules.
+        loaded = sum(name.startswith("scipy.") for name in list(sys.modules))
         with everyone._lock:
-            if everyone._inside == 0:
-                everyone._limits.enter_context(_libraries("scipy.linalg" in sys.modules).limit(limits=1))
+            if everyone._inside == 0 or everyone._known != loaded:
+                everyone._limits.enter_context(_libraries(loaded).limit(limits=1))
+                everyone._known = loaded
             everyone._inside += 1
 
     def __exit__(
@@ -54,9 +58,9 @@ def keep_one_blas_thread() -> None:
     OneBlasThread().__enter__()
 
 
-@functools.cache
-def _libraries(_scipy_is_loaded: bool) -> ThreadpoolController:
-    """Return the BLAS libraries of the process; SciPy has one of its own, which may be loaded later."""
+@functools.lru_cache(maxsize=1)
+def _libraries(_loaded: int) -> ThreadpoolController:
+    """Return the BLAS libraries of the process, found anew when another number of modules is loaded."""
     from threadpoolctl import ThreadpoolController  # noqa: PLC0415 - importing the lab does without
 
     found: ThreadpoolController = ThreadpoolController().select(user_api="blas")

@@ -63,7 +63,7 @@ class Experiment(Runnable):
         *,
         workers: int | None = None,
     ) -> Sweep:
-        """Run all combinations of values of settings over seeds, on all cores.
+        """Run all combinations of values of settings over seeds, on all processors.
 
         Runs that were done before are taken from a cache. An interrupt, or an exception raised by `progress`,
         ends the sweep; the runs that are done stay in the cache.
@@ -80,7 +80,8 @@ class Experiment(Runnable):
             Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
             notebook shows a bar.
         workers
-            Number of threads; by default one for each core.
+            Number of threads; by default one for each processor. There are fewer if so many runs at once do
+            not fit into the memory.
 
         Raises
         ------

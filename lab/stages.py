@@ -55,6 +55,7 @@ from lab.navigation.standstill import at_rest, standing_still
 from lab.parameters.settings import SettingError
 from lab.parameters.units import si
 from lab.progress import Progress
+from lab.recordings.recording import Recording
 from lab.result import Runnable
 from lab.run import in_one
 from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer
@@ -217,12 +218,17 @@ class Stages:
         """Return the flight, computed once for all experiments with the same."""
         return CACHE.get("flight", self.flight_key, self.flight)
 
+    def recording(self) -> Recording:
+        """Return the recording, kept by itself: another IMU rate or curve needs no other reading."""
+        return CACHE.get("recording", self.mission.content_hash, lambda: self.mission.recording)
+
+    def samples(self) -> int:
+        """Return the number of samples of the flight."""
+        return int(self.recording().duration * self.experiment.trajectory.imu_rate) + 1
+
     def flight(self) -> SampledFlight:
         """Compute the trajectory, and truth and ideal IMU on its grid."""
-        settings = self.experiment.trajectory
-        # Kept by itself: another IMU rate or curve needs no other reading.
-        recording = CACHE.get("recording", self.mission.content_hash, lambda: self.mission.recording)
-        samples = int(recording.duration * settings.imu_rate) + 1
+        settings, recording, samples = self.experiment.trajectory, self.recording(), self.samples()
         self.check_memory(samples)
         with large_blocks_given_back(samples):
             trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)

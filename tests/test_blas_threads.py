@@ -93,14 +93,32 @@ share_interpreter()
 share_interpreter()
 print(threads())
 """
+LOADING = """
+import numpy
+from threadpoolctl import threadpool_info
+from lab.blas_threads import OneBlasThread
+def threads():
+    return sorted(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+with OneBlasThread():
+    import scipy.special
+    with OneBlasThread():
+        print(threads())
+print(threads())
+"""
+
+
+def printed(code: str) -> list[set[int]]:
+    """Return the numbers of threads that a process with two of them prints."""
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2", "MKL_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    return [set(json.loads(line)) for line in done.stdout.splitlines()]
 
 
 def test_libraries_that_are_loaded_later_count_too_and_a_server_keeps_one() -> None:
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2", "MKL_NUM_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-c", PROCESS], env=environment, capture_output=True, text=True, check=True
-    )
-    inside, outside, served = (json.loads(line) for line in done.stdout.splitlines())
-    assert set(inside) == {1}
-    assert set(outside) == {2}
-    assert set(served) == {1}
+    assert printed(PROCESS) == [{1}, {2}, {1}]
+
+
+def test_a_library_that_is_loaded_inside_counts_from_the_next_entry_on() -> None:
+    assert printed(LOADING) == [{1}, {2}]

@@ -114,6 +114,15 @@ def test_an_ensemble_and_a_sweep_run_as_many_at_once_as_fit(monkeypatch: pytest.
     assert pools == [4, 4, 2, 2]
 
 
+@pytest.mark.parametrize("values", [[21, 15], [15, 21]])
+def test_the_largest_run_of_a_sweep_has_to_fit(values: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment = Experiment(mission="montreal").update({"trajectory.imu_rate": 10.0})
+    sizes = []
+    monkeypatch.setattr(sweeping, "at_once", lambda needed, wanted: sizes.append(needed) or wanted)
+    experiment.sweep({"navigator.states": values}, 1, workers=1)
+    assert sizes == [memory_of(experiment.update({"navigator.states": 21}))]
+
+
 def test_a_refused_run_needs_no_memory() -> None:
     experiment = Experiment(mission="montreal")
     experiment.mission = "nowhere"

@@ -46,6 +46,7 @@ from lab.analysis.errors import euler_sigma
 from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
+from lab.blas_threads import OneBlasThread
 from lab.frames.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.frames.rotation import euler_from_quaternion, euler_jacobian
 from lab.navigation import blocks
@@ -91,6 +92,7 @@ def shown_scales(names: Sequence[str]) -> FloatArray:
     return np.array([*(1 / TO_SI[unit] for unit in units[:own]), *scales])
 
 
+@OneBlasThread()
 def error_budget(run: Run) -> xr.Dataset:
     """Return the error budget of a run.
 

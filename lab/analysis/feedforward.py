@@ -153,8 +153,8 @@ def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
 
 
 def free_run_of(run: Run) -> FreeRun:
-    """Return how far the navigator of a run runs free."""
-    return FreeRun(drift_of(run), limit_of(run))
+    """Return how far the navigator of a run runs free; a user's algorithm corrects its own."""
+    return CORRECTED if run.algorithm else FreeRun(drift_of(run), limit_of(run))
 
 
 def drift_of(run: Run) -> float:

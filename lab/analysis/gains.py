@@ -121,7 +121,7 @@ def _parts(samples: NDArray[np.int64]) -> Iterator[slice]:
     """Iterate over parts of the epochs, given their samples; all epochs of a sample are in one part."""
     begins = np.append(np.flatnonzero(np.diff(samples, prepend=-1) > 0), samples.size)
     cuts = np.unique(begins[np.searchsorted(begins, np.arange(0, samples.size, _TOGETHER))])
-    for first, last in pairwise([*cuts.tolist(), samples.size]):
+    for first, last in pairwise(np.union1d(cuts, samples.size).tolist()):
         yield slice(first, last)
 
 

@@ -6,6 +6,7 @@ Of the runs only sums are kept, and a few numbers of each; see `lab.ensembles.se
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, ClassVar
@@ -148,8 +149,8 @@ class Ensemble(NotebookCard):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter from the first `JUDGED` runs together."""
-        whole = reduce(operator.add, self.evidence)
-        return feedforward.judge(self._farthest, judge(whole), self._navigator, whole.nees)
+        free, evidence = self._linear_runs()
+        return feedforward.judge(free, judge(evidence), self._navigator, evidence.nees)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -169,8 +170,8 @@ class Ensemble(NotebookCard):
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The verdict from the innovations alone."""
-        without_truth = reduce(operator.add, self.evidence).without_truth()
-        return feedforward.judge(self._farthest, judge(without_truth), self._navigator)
+        free, evidence = self._linear_runs()
+        return feedforward.judge(free, judge(evidence.without_truth()), self._navigator)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -187,8 +188,18 @@ class Ensemble(NotebookCard):
 
     @property
     def _farthest(self) -> feedforward.FreeRun:
-        """How far the navigator that is farthest off runs free."""
-        return max(self.free, key=lambda free: free.excess, default=feedforward.CORRECTED)
+        """How far the navigator of the farthest run runs free."""
+        return _farthest(self.free)
+
+    def _linear_runs(self) -> tuple[feedforward.FreeRun, Evidence]:
+        """Return the evidence of the runs to judge, and how far the farthest of their navigators runs free.
+
+        These are the runs within the linear model; all, if that is not the most of them.
+        """
+        runs = list(zip(self.free, self.evidence, strict=True))
+        within = [run for run in runs if run[0].excess <= 1]
+        free, evidence = zip(*(within if 2 * len(within) > len(runs) else runs), strict=True)
+        return _farthest(free), reduce(operator.add, evidence)
 
     @cached_property
     def consistency(self) -> xr.Dataset:
@@ -424,6 +435,11 @@ class Collected:
             algorithm=last.algorithm,
             diverged=dict(self._diverged),
         )
+
+
+def _farthest(free: Sequence[feedforward.FreeRun]) -> feedforward.FreeRun:
+    """Return that of the navigator which runs farthest beyond what is linear."""
+    return max(free, key=lambda one: one.excess, default=feedforward.CORRECTED)
 
 
 def _mean(values: FloatArray) -> float:

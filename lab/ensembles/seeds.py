@@ -1,4 +1,4 @@
-"""Seeds: one experiment run with many seeds, on all cores.
+"""Seeds: one experiment run with many seeds, on all processors.
 
 The runs are added up in the order of their seeds, as they are done, so that ten thousand take no more memory
 than a hundred.
@@ -65,7 +65,7 @@ def run_ensemble(
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
 ) -> Ensemble:
-    """Run an experiment over seeds, on all cores: the kernels release the interpreter.
+    """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def memory_of(experiment: Experiment) -> int:
         found = mission(experiment.mission)
         if isinstance(found, LogMission):
             return 0
-        samples = int(found.duration * experiment.trajectory.imu_rate) + 1
-        return Stages(experiment, found, lambda _stage, _done: None).memory(samples)
+        stages = Stages(experiment, found, lambda _stage, _done: None)
+        return stages.memory(stages.samples())
     except (SettingError, MissionError):
         return 0
 

@@ -1,4 +1,4 @@
-"""Sweeping: an experiment run over values of settings and over seeds, on all cores.
+"""Sweeping: an experiment run over values of settings and over seeds, on all processors.
 
 Of each run, only some numbers are kept. They stay in a cache, so the same sweep is there at once, and a
 sweep that was ended goes on where it stopped.
@@ -80,8 +80,7 @@ def sweep(
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
     tasks = [(index, seed) for seed in numbers for index in range(len(points))]
     found: dict[tuple[int, int], Numbers] = {}
-    lengths = {(point.mission, point.trajectory.imu_rate): point for point in points}
-    threads = at_once(max(map(memory_of, lengths.values())), thread_count(workers))
+    threads = at_once(max(map(memory_of, points)), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
     told = time.monotonic()
     try:

@@ -84,7 +84,11 @@ def file_in_same_folder(path: Path, key: str, name: str) -> Path:
 
 def _leads_out(path: Path) -> bool:
     """Return whether a plain name in a folder is a link to somewhere else."""
+    if not path.is_symlink():
+        return False
     try:
-        return path.is_symlink() and path.resolve().parent != path.parent.resolve()
+        target = path.resolve()
+        # From Python 3.13 on, a loop of links is left as it is.
+        return target.parent != path.parent.resolve() or target.is_symlink()
     except (OSError, RuntimeError):  # a loop of links
         return True

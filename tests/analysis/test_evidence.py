@@ -114,18 +114,23 @@ WILD = {
 """Bounds of the settings: P0 is so much larger than R that rounding spoils recomputed covariances."""
 
 
-@pytest.mark.parametrize("seed", [3, 5])
-def test_causes_that_rounding_hides_are_withheld_and_the_rest_is_judged(seed: int) -> None:
-    experiment = Experiment(mission="los_angeles", seed=seed).update(WILD)
-    result = experiment.run()
-    assert not result.evidence.innovations.likelihoods.any()
-    assert not result.evidence.innovations.causes.matrix.any()
-    by_truth = {finding.quantity: finding.direction for finding in result.verdict.findings}
-    assert by_truth["R position"] == "too small"
-    assert by_truth["Q"] == "too large"
-    (finding,) = result.innovation_verdict.findings
-    assert finding.quantity == "NIS"
-    assert "rounding" in finding.sentence
+def test_causes_that_rounding_hides_are_withheld_and_the_rest_is_judged() -> None:
+    """All of them, or those whose covariance is spoilt; which, depends on the rounding of each processor."""
+    withheld = []
+    for seed in range(1, 9):
+        result = Experiment(mission="los_angeles", seed=seed).update(WILD).run()
+        found = result.evidence.innovations
+        withheld.append(not found.likelihoods.any())
+        assert withheld[-1] == (not found.causes.matrix.any())
+        assert withheld[-1] or np.isneginf(found.likelihoods).any()
+        by_truth = {finding.quantity: finding.direction for finding in result.verdict.findings}
+        assert by_truth["R position"] == "too small"
+        assert by_truth["Q"] == "too large"
+        if withheld[-1]:
+            (finding,) = result.innovation_verdict.findings
+            assert finding.quantity == "NIS"
+            assert "rounding" in finding.sentence
+    assert any(withheld)
 
 
 def test_a_run_whose_causes_are_withheld_does_not_stop_an_ensemble() -> None:

@@ -193,6 +193,20 @@ def test_a_gain_that_is_wrong_shows_in_the_innovations(scale: float, words: str)
     assert any(words in finding.sentence for finding in verdict.findings)
 
 
+def test_an_algorithm_corrects_its_own_navigator() -> None:
+    """A period of corrections, or feedforward, is none of its settings."""
+    experiment = Experiment(mission=MISSION, seed=3)
+    algorithm = Informed(experiment.run().belief, 0.1)
+    plain = run_ensemble(experiment, 2, algorithm=algorithm)
+    for changes in ({"navigator.correction_period": 30.0}, {"navigator.correction": "feedforward"}):
+        changed = experiment.copy().update(changes)
+        many, one = run_ensemble(changed, 2, algorithm=algorithm), changed.run(algorithm=algorithm)
+        assert many.verdict.headline == plain.verdict.headline
+        assert many.remark == ""
+        assert one.verdict.headline == plain.verdicts[0].headline
+        assert not any("linear" in remark for remark in one.remarks)
+
+
 def test_the_settings_of_the_navigator_say_nothing_of_an_algorithm() -> None:
     """What is wrong with the filter of the settings must not be held against one that does not use them."""
     experiment = Experiment(mission=MISSION, seed=3)
