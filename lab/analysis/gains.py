@@ -111,7 +111,8 @@ def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update |
         solution = run.solution_arrays
         maps = output_map(solution.position[part.sample], solution.velocity_n[part.sample])
         at_fix, at_aid = part.fix >= 0, part.aid >= 0
-        maps[at_aid] = _maps_before(run, part.aid[at_aid])
+        if at_aid.any():
+            maps[at_aid] = _maps_before(run, part.aid[at_aid])
         fixes = iter(_fix_updates(run, part.fix[at_fix], maps[at_fix], place[some][at_fix]))
         for fix, aid, here in zip(part.fix, part.aid, maps, strict=True):
             yield next(fixes) if fix >= 0 else _aid_update(run, int(aid), here) if aid >= 0 else None
