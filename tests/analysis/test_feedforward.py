@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.feedforward import judge
+from lab.analysis.feedforward import FreeRun, judge
 from lab.analysis.finding import Finding, Verdict
 from lab.analysis.sums import Squares
 from lab.experiment import Experiment
 
-DRIFT, LIMIT = np.radians(2.0), np.radians(0.8)
+FAR, NEAR = (FreeRun(float(np.radians(drift)), float(np.radians(0.8))) for drift in (2.0, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_what_is_wrong_beside_right_errors_keeps_its_name(quantity, nees, named)
     navigator = Experiment().navigator
     navigator.correction = "feedforward"
     squares = None if nees is None else Squares(np.array(60 * nees), np.array(60.0))
-    (found,) = judge(DRIFT, LIMIT, verdict, navigator, squares).findings
+    (found,) = judge(FAR, verdict, navigator, squares).findings
     assert found.quantity == named
 
 
@@ -38,9 +38,7 @@ def test_a_small_drift_is_suspected_where_only_other_sensors_disagree(quantity, 
     verdict = Verdict("It is wrong.", (finding,), "1 run, errors and innovations")
     navigator = Experiment().navigator
     navigator.correction = "feedforward"
-    (found,) = judge(
-        np.radians(0.5), LIMIT, verdict, navigator, Squares(np.array(240.0), np.array(60.0))
-    ).findings
+    (found,) = judge(NEAR, verdict, navigator, Squares(np.array(240.0), np.array(60.0))).findings
     assert found.quantity == named
 
 
