@@ -1,8 +1,7 @@
 """BLAS threads: one thread for linear algebra, since the matrices of the lab are small.
 
 The threads of one product wait for each other in a loop. With 200 rows there is nothing to gain; beside
-another busy process, the verdict on a run takes four times as long with two threads as with one, and more
-with more.
+another busy process, a run with its verdict takes two to four times as long with two threads as with one.
 """
 
 from __future__ import annotations

@@ -12,8 +12,9 @@ from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.own_states import OwnStates, declared_states, of_blocks
 from lab.parameters.units import si
-from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer, processes
+from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
+from lab.sensors.readings import scale_error, slow_error_at
 from lab.sensors.suite import TRIADS
 
 FloatArray = NDArray[np.float64]
@@ -51,9 +52,9 @@ def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: 
         elif name == blocks.WIND:
             columns += list(airspeed.wind_at(sensors.airspeed, seed, time).T)
         elif name == blocks.BAROMETER_BIAS:
-            columns.append(barometer.bias_at(sensors.barometer, seed, time))
+            columns.append(slow_error_at(sensors.barometer, seed, "barometer", time))
         elif name == blocks.HEADING_BIAS:
-            columns.append(heading_sensor.bias_at(sensors.heading, seed, time))
+            columns.append(slow_error_at(sensors.heading, seed, "heading", time))
         else:
             columns += [np.full(time.size, value) for value in _constant(experiment, name)]
     return np.stack(columns, axis=-1) if columns else np.zeros((time.size, 0))
@@ -179,9 +180,9 @@ def _constant(experiment: ExperimentSettings, name: str) -> FloatArray:
     """Return what a constant is off from its assumed value."""
     navigator, receiver = experiment.navigator, experiment.sensors.gps
     if name == blocks.ODOMETER_SCALE:
-        return np.array([odometer.true_scale(experiment.sensors.odometer, experiment.seed)])
+        return np.array([scale_error(experiment.sensors.odometer, experiment.seed, "odometer")])
     if name == blocks.AIRSPEED_SCALE:
-        return np.array([airspeed.true_scale(experiment.sensors.airspeed, experiment.seed)])
+        return np.array([scale_error(experiment.sensors.airspeed, experiment.seed, "airspeed")])
     if name == blocks.LEVER_ARM:
         true = si(receiver, "lever_arm")
         return np.asarray(true - assumed_lever_arm(navigator, true))

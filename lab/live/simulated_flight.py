@@ -171,8 +171,7 @@ def _measure_pressure(imu: NDArray[np.void], result: Result) -> None:
     """Write the pressures that a barometer measures, with the errors in the settings, in each sample."""
     errors, time = result.experiment.sensors.barometer, result.time[1:]
     seed = result.experiment.seed
-    slow = float(errors.bias_sigma), float(errors.drift_sigma), float(errors.correlation_time)
-    bias = slow_error(seed, "barometer", time, *slow)
+    bias = slow_error(errors, seed, "barometer", time)
     height = result.known_truth("pressures").height[1:]
     found = read(seed, "barometer", time, height, bias, float(errors.noise), errors.outages)
     imu["pressure"][np.searchsorted(time, found.time)] = pressure_at(found.value)

@@ -83,7 +83,7 @@ STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN
 def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
     """Return the layout of a filter with some further blocks as constants of a `generation.Variant`.
 
-    The first state of the block "gps drift" is the constant GPS_DRIFT, and so on. The kernels are written for
+    The first state of the block "GPS drift" is the constant GPS_DRIFT, and so on. The kernels are written for
     a filter without these blocks: a module whose kernels use the constant sets it to `NO_STATE`.
     """
     old, new = _FIFTEEN._asdict(), layout(names)._asdict()

@@ -20,7 +20,7 @@ from lab.parameters.settings import Settings
 from lab.parameters.units import si
 from lab.sensors import processes, readings
 from lab.sensors.draws import Seed, unit_draws
-from lab.sensors.readings import Readings, read, reading_times
+from lab.sensors.readings import Readings, read, reading_times, scale_error
 from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -106,11 +106,6 @@ def wind_at(errors: AirspeedErrors, seed: Seed, time: FloatArray) -> FloatArray:
     return constant + drift * np.stack([np.interp(time, _STEP * samples, one) for one in slow.T], axis=-1)
 
 
-def true_scale(errors: AirspeedErrors, seed: Seed) -> float:
-    """Return the relative error of the scale of a run."""
-    return float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "airspeed.scale", (1,))[0])
-
-
 def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readings:
     """Return the readings of an airspeed sensor [m/s].
 
@@ -127,5 +122,5 @@ def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readi
     through_air = trajectory.at(times).velocity_n.copy()
     through_air[:, :2] -= wind_at(errors, seed, times)
     true = np.linalg.norm(through_air, axis=1)
-    scale = true_scale(errors, seed)
+    scale = scale_error(errors, seed, "airspeed")
     return read(seed, "airspeed", times, true, scale * true, errors.noise, errors.outages)

@@ -8,16 +8,11 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lab.parameters.settings import Settings
 from lab.sensors import readings
 from lab.sensors.draws import Seed
-from lab.sensors.readings import Readings, read, reading_times, slow_error, slow_error_at
+from lab.sensors.readings import Readings, read, reading_times, slow_error
 from lab.truth.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 
 class BarometerErrors(Settings):
@@ -48,26 +43,6 @@ def measure(trajectory: Trajectory, errors: BarometerErrors, seed: Seed) -> Read
         Seed of the run.
     """
     times = reading_times(errors.period, trajectory.duration)
-    bias = slow_error(seed, "barometer", times, *_slow(errors))
+    bias = slow_error(errors, seed, "barometer", times)
     height = trajectory.at(times).height
     return read(seed, "barometer", times, height, bias, errors.noise, errors.outages)
-
-
-def bias_at(errors: BarometerErrors, seed: Seed, time: FloatArray) -> FloatArray:
-    """Return the true bias (n,) of a barometer at some times of a flight [m]; see `slow_error_at`.
-
-    Parameters
-    ----------
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    time : (n,) array
-        Times [s].
-    """
-    return slow_error_at(seed, "barometer", time, errors.period, *_slow(errors))
-
-
-def _slow(errors: BarometerErrors) -> tuple[float, float, float]:
-    """Return σ of the constant and the slow part of the bias, and its correlation time."""
-    return errors.bias_sigma, errors.drift_sigma, errors.correlation_time

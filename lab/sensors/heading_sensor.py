@@ -20,7 +20,7 @@ from lab.parameters.settings import SettingError, Settings
 from lab.parameters.units import si
 from lab.sensors import readings
 from lab.sensors.draws import Seed
-from lab.sensors.readings import Readings, read, reading_times, slow_error, slow_error_at
+from lab.sensors.readings import Readings, read, reading_times, slow_error
 from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -73,32 +73,12 @@ def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readin
         Seed of the run.
     """
     times = reading_times(errors.period, trajectory.duration)
-    bias = slow_error(seed, "heading", times, *_slow(errors))
+    bias = slow_error(errors, seed, "heading", times)
     heading = trajectory.at(times).euler[:, 2]
     found = read(seed, "heading", times, heading, bias, float(si(errors, "noise")), errors.outages)
     if errors.source == HEADING:
         return found._replace(value=np.asarray(wrap(found.value)))
     return _of_field(trajectory, found)
-
-
-def bias_at(errors: HeadingErrors, seed: Seed, time: FloatArray) -> FloatArray:
-    """Return the true bias (n,) of a heading sensor at some times of a flight [rad]; see `slow_error_at`.
-
-    Parameters
-    ----------
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    time : (n,) array
-        Times [s].
-    """
-    return slow_error_at(seed, "heading", time, errors.period, *_slow(errors))
-
-
-def _slow(errors: HeadingErrors) -> tuple[float, float, float]:
-    """Return σ of the constant and the slow part of the bias [rad], and its correlation time [s]."""
-    return float(si(errors, "bias_sigma")), float(si(errors, "drift_sigma")), float(errors.correlation_time)
 
 
 WEAKEST_FIELD = 2.0

@@ -16,8 +16,8 @@ from lab.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.parameters.settings import Settings
 from lab.parameters.units import si
 from lab.sensors import readings
-from lab.sensors.draws import Seed, unit_draws
-from lab.sensors.readings import Readings, read, reading_times
+from lab.sensors.draws import Seed
+from lab.sensors.readings import Readings, read, reading_times, scale_error
 from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -72,11 +72,6 @@ def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> Floa
     return np.asarray(of_imu + np.cross(trajectory.rates(times)[0], place))
 
 
-def true_scale(errors: OdometerErrors, seed: Seed) -> float:
-    """Return the relative error of the scale of a run."""
-    return float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "odometer.scale", (1,))[0])
-
-
 def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readings:
     """Return the readings of an odometer: speeds forward [m/s].
 
@@ -90,6 +85,6 @@ def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readi
         Seed of the run.
     """
     times = reading_times(errors.period, trajectory.duration)
-    scale = true_scale(errors, seed)
+    scale = scale_error(errors, seed, "odometer")
     forward = speeds(trajectory, si(errors, "lever_arm"), times)[:, 0]
     return read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)

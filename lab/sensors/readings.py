@@ -13,6 +13,8 @@ import param
 from numpy.typing import NDArray
 
 from lab.parameters.setting_kinds import Intervals, Quantity
+from lab.parameters.settings import Settings
+from lab.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within
@@ -112,56 +114,49 @@ def reading_times(period: float, duration: float) -> FloatArray:
     return period * np.arange(1.0, int(duration / period + 1e-9) + 1)
 
 
-def slow_error(
-    seed: Seed, name: str, times: FloatArray, constant: float, drift: float, correlation_time: float
-) -> FloatArray:
-    """Return a constant plus a first-order Gauss-Markov process (a,).
+def slow_error(errors: Settings, seed: Seed, name: str, times: FloatArray) -> FloatArray:
+    """Return the bias (a,) of a sensor in SI units: a constant plus a first-order Gauss-Markov process.
 
     Parameters
     ----------
+    errors
+        Errors with `bias_sigma`, `drift_sigma` and `correlation_time`.
     seed
         Seed of the run.
     name
         Name of the sensor, which names its draws.
     times : (a,) array
         Times, one period apart [s].
-    constant, drift
-        Standard deviations of both parts.
-    correlation_time
-        Of the process [s].
     """
+    constant, drift = float(si(errors, "bias_sigma")), float(si(errors, "drift_sigma"))
     error = np.full(times.size, constant * float(unit_draws(seed, f"{name}.constant", (1,))[0]))
     if drift and times.size:
         draws = unit_draws(seed, f"{name}.drift", (times.size, 1))
-        decay = float(np.exp(-times[0] / correlation_time))
+        decay = float(np.exp(-times[0] / float(si(errors, "correlation_time"))))
         error += drift * processes.gauss_markov(draws[0], draws, decay)[:, 0]
     return error
 
 
-def slow_error_at(
-    seed: Seed,
-    name: str,
-    time: FloatArray,
-    period: float,
-    constant: float,
-    drift: float,
-    correlation_time: float,
-) -> FloatArray:
-    """Return the slow error (n,) of a sensor at some times, also where an outage has no readings.
+def slow_error_at(errors: Settings, seed: Seed, name: str, time: FloatArray) -> FloatArray:
+    """Return the bias (n,) of a sensor at some times, also where an outage has no readings.
 
     Parameters
     ----------
-    seed, name, constant, drift, correlation_time
-        As of `slow_error`.
+    errors, seed, name
+        As of `slow_error`; the errors have a `period` too.
     time : (n,) array
-        Times up to the end of the flight, not decreasing [s]; the error is interpolated between readings.
-    period
-        Time from reading to reading [s].
+        Times up to the end of the flight, not decreasing [s]; the bias is interpolated between readings.
     """
     if not time.size:
         return np.zeros(0)
+    period = float(si(errors, "period"))
     times = reading_times(period, max(float(time[-1]), period))
-    return np.interp(time, times, slow_error(seed, name, times, constant, drift, correlation_time))
+    return np.interp(time, times, slow_error(errors, seed, name, times))
+
+
+def scale_error(errors: Settings, seed: Seed, name: str) -> float:
+    """Return the relative error of the scale of a sensor with a `scale_factor_sigma`."""
+    return float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, f"{name}.scale", (1,))[0])
 
 
 def read(
