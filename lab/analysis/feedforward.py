@@ -105,8 +105,9 @@ def judge(
         return verdict
     drift, limit = free
     waits = navigator.correction == "feedback"
-    if not waits and all(finding.quantity in (*UNEXPLAINED, *AIDS) for finding in verdict.findings):
-        limit = min(limit, float(SUSPECTED))
+    within = drift <= limit and not waits
+    if within and all(finding.quantity in (*UNEXPLAINED, *AIDS) for finding in verdict.findings):
+        limit = float(SUSPECTED)
     if not verdict.findings or drift <= limit:
         return verdict
     degrees = np.degrees(drift)
