@@ -69,6 +69,8 @@ def serve(
     from dashboards.origins import is_loopback  # noqa: PLC0415
     from dashboards.teaching.teacher import PATH, TeachHandler  # noqa: PLC0415
     from dashboards.upload import remove_all_here  # noqa: PLC0415
+    from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components  # noqa: PLC0415
+    from dashboards.upstream.exits import outlive_exits  # noqa: PLC0415
     from dashboards.warming import Warming  # noqa: PLC0415
 
     _offer(algorithms, lessons, homework)
@@ -77,6 +79,8 @@ def serve(
     warming = Warming() if warm else None
     _on_end(remove_all_here, *([warming.end] if warming else ()))
     admission = _admission(address, port, origins, password)
+    give_files_of_loaded_components(PACKAGES)
+    outlive_exits(IOLoop.current())
     where = "localhost" if loopback else address
     # The loop of events runs once the server listens: a browser that is opened before is refused.
     IOLoop.current().add_callback(print, _greeting(where, address, port, teacher=teacher), flush=True)

@@ -1,14 +1,19 @@
 """The simulator, for ``panel serve dashboards/simulator.py``."""
 
 import panel as pn
+from tornado.ioloop import IOLoop
 
 from dashboards.computing import share_interpreter
 from dashboards.headers import PROTECTED
 from dashboards.log_limit import limit_log
 from dashboards.messages import bound_messages
 from dashboards.page import SimulatorPage
+from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components
+from dashboards.upstream.exits import outlive_exits
 from dashboards.upstream.server import speed_up
 
+give_files_of_loaded_components(PACKAGES)
+outlive_exits(IOLoop.current())
 limit_log()
 bound_messages()
 speed_up()

@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
+from addresses import MODULES
 from mutations import WORDS, mutated
 from websockets.exceptions import WebSocketException
 
@@ -77,7 +78,7 @@ EVENTS = (
 PATHS = (
     "/", "/metadata", "/autoload.js", "/ws", "/static/js/bokeh.min.js", "/static/../../../etc/passwd",
     "/favicon.ico", "/login", "/viser/", "/viser/x/", "/static/extensions/panel/", "/components/", "/%00",
-    "/..%2f..%2f",
+    "/..%2f..%2f", *(f"/components/{module}/x/__css__/y/z" for module in MODULES),
 )  # fmt: skip
 METHODS = ("GET", "GET", "GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "TRACE", "\0")
 
