@@ -10,10 +10,12 @@ from dashboards.messages import bound_messages
 from dashboards.page import SimulatorPage
 from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components
 from dashboards.upstream.exits import outlive_exits
+from dashboards.upstream.page_address import read_any_address
 from dashboards.upstream.server import speed_up
 
 give_files_of_loaded_components(PACKAGES)
 outlive_exits(IOLoop.current())
+read_any_address()
 limit_log()
 bound_messages()
 speed_up()

@@ -48,14 +48,15 @@ class Served:
         self.port, self.popen, self.log = port, process, log
         self.process = psutil.Process(process.pid)
 
-    def page(self, host: str = "127.0.0.1") -> str:
+    def page(self, host: str = "127.0.0.1", path: str = "/", **headers: str) -> str:
         """Return the page that a browser is given first."""
-        with urlopen(f"http://{host}:{self.port}/", timeout=START) as answer:
+        request = Request(f"http://{host}:{self.port}{path}", headers=headers)
+        with urlopen(request, timeout=START) as answer:
             return str(answer.read().decode())
 
-    def token(self, host: str = "127.0.0.1") -> str:
+    def token(self, host: str = "127.0.0.1", path: str = "/", **headers: str) -> str:
         """Return the token of a new session."""
-        found = re.search(r'"token":\s*"([^"]+)"', self.page(host))
+        found = re.search(r'"token":\s*"([^"]+)"', self.page(host, path, **headers))
         assert found is not None
         return found[1]
 
@@ -79,9 +80,9 @@ class Served:
         )
 
     @asynccontextmanager
-    async def visitor(self) -> AsyncIterator[Visitor]:
+    async def visitor(self, path: str = "/", **headers: str) -> AsyncIterator[Visitor]:
         """Open a session as a browser does, and pull its document."""
-        token = await asyncio.to_thread(self.token)
+        token = await asyncio.to_thread(self.token, path=path, **headers)
         async with self.socket(token, f"http://127.0.0.1:{self.port}") as way:
             visitor = Visitor(way)
             await visitor.answer()  # its acknowledgement

@@ -7,7 +7,9 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlencode
+from types import SimpleNamespace
+from typing import Any
+from urllib.parse import urlencode, urlsplit
 
 import panel as pn
 import pytest
@@ -19,8 +21,11 @@ from processor_time import takes_less_than
 
 from dashboards import exchange
 from dashboards.exchange import Files, experiment_of, experiment_of_query, query
+from dashboards.headers import sockets
 from dashboards.session import Session
+from dashboards.upstream.page_address import address_parts
 from lab import Experiment, SettingError
+from tests.security.conftest import Served
 
 Uploading = tuple[Files, Session, Document]
 
@@ -52,6 +57,51 @@ def test_a_hostile_address_costs_little_and_is_answered_in_a_sentence(name: str)
     assert experiment.to_dict() == Experiment().to_dict() or name == "a long mission"
     assert problems or name == "a long mission"
     assert len("".join(problems)) < 20_000
+
+
+@pytest.mark.parametrize(
+    ("path", "host"),
+    [
+        ("/?seed=7", "[::1]:{}"),
+        ("/?seed=7", "[fe80::1%25eth0]"),
+        ("/?seed=7", "a:b:c"),
+        (f"/?seed={'1' * 5000}", "localhost:{}"),
+        ("/?seed=%C2%B2", "localhost:{}"),  # ², a digit that is no number for Python
+        ("/?title=a?b", "localhost:{}"),
+    ],
+)
+def test_a_page_is_made_whatever_its_address_is(served: Served, run: Any, path: str, host: str) -> None:
+    before = len(served.log.read_text())
+
+    async def tabs() -> int:
+        async with served.visitor(path, Host=host.format(served.port)) as visitor:
+            return sum(1 for one in visitor.models(active=1) if "visible" not in one["attributes"])
+
+    assert run(tabs()) == 1
+    assert "Traceback" not in served.log.read_text()[before:]
+
+
+HOST = st.sampled_from(["localhost:5006", "[::1]:5006", "[::1]", "lab.example.org", "192.0.2.7:80", ""])
+
+
+@given(HOST, st.text("ab/?=&.%", max_size=30))
+def test_an_address_has_the_parts_that_the_standard_library_finds(host: str, rest: str) -> None:
+    parts, expected = address_parts("http", host, f"/{rest}"), urlsplit(f"http://{host}/{rest}")
+    assert parts["hostname"].strip("[]") == (expected.hostname or "")
+    assert parts["port"] == str(expected.port or "")
+    assert parts["pathname"] == expected.path
+    assert parts["search"] == (f"?{expected.query}" if expected.query else "")
+    assert parts["href"] == f"http:{f'//{host}' if host else ''}/{rest}"
+
+
+@given(st.text(max_size=20), st.text(max_size=20))
+def test_no_host_and_no_path_is_beyond_a_page(host: str, uri: str) -> None:
+    assert address_parts("http", host, uri)["hostname"] in host
+
+
+def test_a_policy_names_only_hosts_that_a_browser_accepts_there() -> None:
+    for host, named in (("a.example:5006", "ws://a.example:5006 wss://a.example:5006"), ("[::1]:5006", "")):
+        assert sockets(SimpleNamespace(host=host)) == named
 
 
 def test_an_address_sets_only_what_it_names() -> None:
