@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis import consistency, verdict
-from lab.analysis.evidence import Evidence, Reference, nees_squares, usage
+from lab.analysis.agreement import Told, judge_agreement
+from lab.analysis.evidence import Evidence, Reference, nees_squares, state_means, usage
 from lab.analysis.finding import (
     MANY_SIGMA,
     NOTHING,
@@ -23,10 +25,19 @@ from lab.analysis.finding import (
     judge_size,
     sorted_findings,
 )
-from lab.analysis.innovation_evidence import none_given, sizes
+from lab.analysis.innovation_evidence import nis_means, none_given, sizes
 from lab.analysis.sums import Squares
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Solution
+
+FloatArray = NDArray[np.float64]
+
+TOLD = Told(
+    "the algorithm states",
+    "This is less than half too much or too little for the flight as a whole.",
+    "Check what the algorithm assumes about the sensors, its start and the fixes.",
+)
+"""How a disagreement is told that only many runs, or parts of them, show."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +45,19 @@ class AlgorithmEvidence(Evidence):
     """The evidence of runs of a user's algorithm: none on fixes, noise and start."""
 
 
-def algorithm_evidence(solution: Solution, reference: Reference | None) -> AlgorithmEvidence:
+def algorithm_evidence(
+    solution: Solution, time: FloatArray, span: tuple[float, float], reference: Reference | None
+) -> AlgorithmEvidence:
     """Return the evidence of a run of a user's algorithm, from its covariance and innovations.
 
     Parameters
     ----------
     solution
         Its solution; arrays that it did not return are NaN and have no effect.
+    time : (m,) array
+        Times of all fixes [s].
+    span
+        Start and end of the flight [s].
     reference
         The truth; None if unknown.
     """
@@ -50,14 +67,21 @@ def algorithm_evidence(solution: Solution, reference: Reference | None) -> Algor
     squares, sums, lagged = sizes(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
     nis = consistency.normalised_squares(nu, S)
     has_covariance = used.size > 0 and bool(np.isfinite(solution.fix_covariance[used]).all())
-    return AlgorithmEvidence(
+    found = AlgorithmEvidence(
         runs=1,
         innovations=replace(
-            none_given(squares, sums, lagged),
+            none_given(squares, sums, lagged, nis_means(time[given], nu, S, np.isfinite(nu), span)),
             nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
         ),
         usage=usage(solution, 0.0),
-        nees=nees_squares(solution, used, reference) if has_covariance and reference is not None else None,
+    )
+    if not has_covariance or reference is None:
+        return found
+    samples = np.maximum(solution.fix_sample[used], 0)
+    return replace(
+        found,
+        nees=nees_squares(solution, used, reference),
+        states=state_means(solution, used, samples, reference),
     )
 
 
@@ -83,7 +107,7 @@ def judge(evidence: Evidence) -> Verdict:
                 f"Check what the algorithm assumes about {where}.",
                 what,
             )
-    findings = sorted_findings(weighed)
+    findings = sorted_findings(weighed or judge_agreement(evidence.means, TOLD))
     said = headline(findings, f"Consistent: {judged} are as large as the algorithm states.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")

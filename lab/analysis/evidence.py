@@ -24,6 +24,7 @@ from lab.analysis.aid_verdict import aid_squares
 from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
+from lab.analysis.run_means import ALL, BETWEEN, FURTHER, NEES, Figure, RunMeans, Series, run_means
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.sums import Kept, Squares, Sum
 from lab.navigation.aids import NAMES, NO_AIDS
@@ -60,7 +61,9 @@ BLOCKS = {
     "gyro scale": GYRO_SCALE,
     "accelerometer scale": ACCEL_SCALE,
 }
-"""Groups of states for the test of P0."""
+"""Groups of states."""
+APART = {"position": SETTLING, "velocity": SETTLING, "attitude": SETTLING}
+"""Time after which the errors of a group are other ones [s]; those of other groups stay for the flight."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +106,9 @@ class Evidence(Sum):
         Initial error relative to P0, for all states (first) and each of `BLOCKS`.
     nees : Squares or None
         Sum of NEES and its degrees of freedom, reduced for its correlation in time.
-    between : Squares or None
-        NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
-        reduced as `nees`.
+    states : RunMeans or None
+        Mean NEES of all states and of each group of them after the fixes, and of the position on the time
+        grid, once a second, and just before the fixes, where outages show; needs the truth.
     aids : Squares
         Squared innovations of each kind of measurement other than fixes.
     """
@@ -118,8 +121,13 @@ class Evidence(Sum):
     sensors: SensorErrors | None = None
     start: Squares | None = None
     nees: Squares | None = None
-    between: Squares | None = None
+    states: RunMeans | None = None
     aids: Squares = field(default_factory=lambda: Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES))))
+
+    @property
+    def means(self) -> RunMeans:
+        """Mean NEES, if the truth is known, and mean NIS."""
+        return self.innovations.means if self.states is None else self.states.beside(self.innovations.means)
 
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
@@ -210,7 +218,7 @@ def evidence(
         ),
         sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,
         start=_start(solution, belief, reference),
-        between=between_squares(shown, samples, reference),
+        states=state_means(shown, used, samples, reference),
         nees=nees_squares(shown, used, reference),
     )
 
@@ -275,15 +283,35 @@ def nees_squares(
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
 
 
-def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:
-    """Return NEES of the position once a second and just before each fix, at samples (m,); see `Evidence`."""
+def state_means(
+    solution: Solution, used: NDArray[np.intp], samples: NDArray[np.intp], reference: Reference
+) -> RunMeans:
+    """Return mean NEES after the used fixes, and between the fixes at samples (m,); see `Evidence`."""
     time = reference.truth.time
-    at = np.unique(np.concatenate((whole_seconds(time), np.maximum(samples - 1, 1))))
-    if not at.size:
-        return Squares(np.zeros(()), np.zeros(()))
-    nees, degrees = position_nees(solution, at, reference)
-    epochs = max(1.0, float(np.ptp(time)) / SETTLING)
-    return Squares(np.array(epochs * nees.mean()), np.array(epochs * degrees))
+    span = float(time[0]), float(time[-1])
+    at, P = solution.fix_sample[used], of_fixes(solution.fix_covariance, used)
+    x = _errors(solution, at, reference)
+
+    def series(group: str, block: slice, apart: float) -> Series:
+        own = P[:, block, block]
+        degrees = np.full(used.size, float(consistency.uncertain(own).size if own.size else 0))
+        nees = consistency.normalised_squares(x[:, block], own) if own.size else np.zeros(used.size)
+        return Series(Figure(NEES, group), time[at], nees, degrees, apart, quartered=group == ALL)
+
+    after = [series(ALL, slice(None), SETTLING)]
+    for group, block in (BLOCKS | {FURTHER: _further(solution)}).items():
+        missing = block in (GYRO_SCALE, ACCEL_SCALE) and not solution.scale.shape[1]
+        own = slice(0, 0) if missing else block  # other states may be there
+        after.append(series(group, own, APART.get(group, np.inf)))
+    seconds = np.unique(np.concatenate((whole_seconds(time), np.maximum(samples - 1, 1))))
+    nees, degrees = position_nees(solution, seconds, reference) if seconds.size else (np.zeros(0), 0)
+    between = Series(Figure(BETWEEN), time[seconds], nees, np.full(seconds.size, float(degrees)), SETTLING)
+    return run_means([*after, between], span)
+
+
+def _further(solution: Solution) -> slice:
+    """Return the states beyond those of the inertial sensors."""
+    return slice(solution.states - solution.further.shape[1], solution.states)
 
 
 def whole_seconds(time: FloatArray) -> NDArray[np.intp]:

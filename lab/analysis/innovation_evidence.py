@@ -19,6 +19,7 @@ from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, mat
 from lab.analysis.imu_causes import Steps, columns, steps, steps_in_parts
 from lab.analysis.outliers import CHANCE, NEIGHBOURS, outliers
 from lab.analysis.pattern import BINS, binned
+from lab.analysis.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.selection import gain_of
 from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.navigation.kalman import MEASUREMENTS
@@ -84,6 +85,8 @@ class Innovations(Sum):
         innovations are not suspicious, or none can be computed.
     outliers, refused : int
         Numbers of non-Gaussian fixes, among the used and among the rejected ones.
+    means : RunMeans
+        Mean NIS of these, of the whole fix, its position and its velocity.
     """
 
     squares: Squares
@@ -98,6 +101,7 @@ class Innovations(Sum):
     likelihoods: FloatArray
     outliers: int
     refused: int
+    means: RunMeans
 
 
 def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -155,6 +159,7 @@ def innovations(
         likelihoods=np.zeros(len(hypotheses.HYPOTHESES)),
         outliers=int(np.sum(apart & used)),
         refused=int(np.sum(apart & ~used)),
+        means=nis_means(fixes.time[seen][~apart], nu[~apart], S[~apart], known[~apart], span),
     )
     if aided or not seen.size:
         return found
@@ -276,7 +281,7 @@ class Record(NamedTuple):
         )
 
 
-def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray) -> Innovations:
+def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray, means: RunMeans) -> Innovations:
     """Return the statistics of sizes and correlations only, as for a user's algorithm."""
     empty = Squares(np.zeros((2, 2, BINS)), np.zeros((2, 2, BINS)))
     nothing = Squares(np.zeros(()), np.zeros(()))
@@ -295,7 +300,34 @@ def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray) -> Innova
         likelihoods,
         outliers=0,
         refused=0,
+        means=means,
     )
+
+
+def nis_means(
+    time: FloatArray, nu: FloatArray, S: FloatArray, known: NDArray[np.bool_], span: tuple[float, float]
+) -> RunMeans:
+    """Return mean NIS of a run: of whole fixes, and of the kinds of innovation.
+
+    Parameters
+    ----------
+    time : (m,) array
+        Times of the fixes [s].
+    nu, S : (m, 6) and (m, 6, 6) arrays
+        Innovations, zero where nothing is measured, and their covariances.
+    known : (m, 6) array
+        Mask of what is measured.
+    span
+        Start and end of the flight [s].
+    """
+
+    def series(group: str, own: slice) -> Series:
+        nis = consistency.normalised_squares(nu[:, own], S[:, own, own])
+        degrees = known[:, own].sum(axis=1).astype(np.float64)
+        return Series(Figure(NIS, group), time, nis, degrees, 0.0, quartered=group == ALL)
+
+    kinds = (ALL, slice(0, 6)), ("position", slice(0, 3)), ("velocity", slice(3, 6))
+    return run_means([series(group, own) for group, own in kinds], span)
 
 
 def _nothing() -> Fit:

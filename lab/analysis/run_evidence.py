@@ -53,7 +53,8 @@ def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Eviden
     """
     reference = None if run.lacks("consistency") else reference_of(run)
     if run.algorithm:
-        return algorithm_evidence(run.solution_arrays, reference)
+        span = float(run.time[0]), float(run.time[-1])
+        return algorithm_evidence(run.solution_arrays, run.fixes.time, span, reference)
     fixes, navigator = run.fixes, run.experiment.navigator
     return evidence(
         filtered.solution,

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-import numpy as np
-
+from lab.analysis.agreement import Told, judge_agreement
 from lab.analysis.evidence import BLOCKS, Evidence
-from lab.analysis.finding import (
-    DOUBT,
-    Finding,
-    Weighed,
-    is_right,
-    judge_size,
-    mean_square,
-    size_weight,
-    written,
-)
+from lab.analysis.finding import DOUBT, Weighed, is_right, judge_size, size_weight
+from lab.analysis.run_means import NEES
 from lab.analysis.selection import PRICE
 from lab.analysis.sums import Squares
 
@@ -86,27 +77,12 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
     used = bool(evidence.usage.used)
     if not used or (evidence.start is not None and evidence.fixes is None):
         judged = "Neither Q nor P₀"  # without fixes, or as the filter estimates errors of the receiver
-    position = ("NEES between fixes", "errors of the position between the fixes")
-    found = []
-    for squares, name, what in (
-        (evidence.nees, "NEES", "errors of the states"),
-        (evidence.between, *(position if used else ("NEES", "errors of the position"))),
-        (evidence.innovations.nis, "NIS", "innovations"),
-    ):
-        if squares is None or not squares.number or is_right(float(squares.total), float(squares.number)):
-            continue
-        ratio = max(float(squares.mean), 1e-12)
-        finding = Finding(
-            name,
-            "too large" if ratio > 1 else "too small",
-            max(ratio, 1 / ratio),
-            # Each may fit its own σ: what does not fit may be their correlations in P.
-            f"Taken together, the {what} are {written(np.sqrt(ratio))} × as large as the filter says. "
-            f"{judged} explains it.",
-            "Look for errors that the filter does not model: scale factors, drifting biases, an error "
-            "model that does not fit, or attitude errors of degrees at the start, whose products a linear "
-            "model neglects.",
-            mean_square(squares, f"{what} (by {name})"),
-        )
-        found.append(Weighed(size_weight(float(squares.total), float(squares.number)), finding))
-    return found
+    told = Told(
+        "the filter says",
+        f"{judged} is wrong by enough to explain it.",
+        "Look for errors that the filter does not model: scale factors, drifting biases, an error model that "
+        "does not fit, or attitude errors of degrees, whose products a linear model neglects.",
+    )
+    if not used:
+        told = told._replace(between=(NEES, "errors of the position"))
+    return judge_agreement(evidence.means, told)

@@ -100,7 +100,9 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
 
 
 def _by_innovations(evidence: Evidence) -> list[Weighed]:
-    return judge_innovations(evidence) + judge_aids(evidence.aids)
+    found = judge_innovations(evidence) + judge_aids(evidence.aids)
+    # Of a single run, they were judged above, by the figures that tell causes apart.
+    return found or (judge_states(evidence) if evidence.runs > 1 else [])
 
 
 def _by_truth(evidence: Evidence) -> list[Weighed]:

@@ -7,8 +7,9 @@ import pytest
 
 from lab.analysis import hypotheses, imu_causes, innovation_evidence
 from lab.analysis.errors import error_state
-from lab.analysis.evidence import BLOCKS, Reference, between_squares, nees_squares, usage
+from lab.analysis.evidence import BLOCKS, Reference, nees_squares, state_means, usage
 from lab.analysis.run_evidence import evidence_of
+from lab.analysis.run_means import BETWEEN, NEES, QUARTERS, Figure
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
@@ -55,12 +56,41 @@ def test_between_fixes_the_position_is_judged_each_second_and_just_before_each_f
     # 6 m too deep half a second before the fixes, far off where nobody looks.
     solution.position[1::2, 2] += 1e3
     solution.position[[1, 31, 63], 2] = 494.0
-    found = between_squares(solution, fixes, reference)
+    unused = np.array([], dtype=np.int64)
+    found = state_means(solution, unused, fixes, reference)
+    at = found.figures.index(Figure(BETWEEN))
     # The inverse of [[4, 2], [2, 4]] has 1/3 on its diagonal; 239 whole seconds, and three samples beside.
-    assert found.total == pytest.approx(4 * 3 * 36 / 3 / (239 + 3))
-    assert found.number == 4 * 3
+    assert found.together(at).mean == pytest.approx(36 / 3 / 3 * 3 / (239 + 3))
+    assert found.together(at).number == 4 * 3
+    # All three are in the first quarter, with 59 whole seconds.
+    quarters = found.means.values[0, at + 1 : at + 5]
+    assert quarters * [59 + 3, 60, 60, 60] == pytest.approx([36 / 3 / 3 * 3, 0, 0, 0])
+    assert np.isnan(found.means.values[0, found.figures.index(Figure(NEES))])
     still, short = flown(0.5, 0)
-    assert between_squares(still, fixes[:0], short).number == 0
+    assert not np.isfinite(state_means(still, unused, fixes[:0], short).means.values).any()
+
+
+def test_groups_of_states_and_quarters_have_their_own_mean_nees() -> None:
+    """A σ of 2 in all states; errors of the velocity in one quarter, of an accelerometer bias in another."""
+    solution, reference = flown(240.0, 8)
+    solution.fix_sample[:] = 40, 80, 160, 200, 280, 320, 400, 470  # two in each quarter of 120 samples
+    solution.velocity_n[80] = 2.0, 4.0, 0.0
+    solution.bias[400, 5] = 6.0
+    found = state_means(solution, np.arange(8), np.zeros(0, dtype=np.int64), reference)
+    means = dict(zip(found.figures, found.means.values[0], strict=True))
+    assert means[Figure(NEES)] == pytest.approx((5 + 9) / 15 / 8)
+    assert [means[Figure(NEES, "", name)] for name in QUARTERS] == pytest.approx(
+        [5 / 15 / 2, 0, 0, 9 / 15 / 2]
+    )
+    assert means[Figure(NEES, "velocity")] == pytest.approx(5 / 3 / 8)
+    assert means[Figure(NEES, "accelerometer bias")] == pytest.approx(9 / 3 / 8)
+    assert means[Figure(NEES, "position")] == 0
+    assert np.isnan([means[Figure(NEES, name)] for name in ("gyro scale", "further states")]).all()
+    number = dict(zip(found.figures, found.independent.values[0], strict=True))
+    assert number[Figure(NEES)] == 15 * 4
+    assert number[Figure(NEES, "", "last")] == 15
+    assert number[Figure(NEES, "velocity")] == 3 * 4
+    assert number[Figure(NEES, "gyro bias")] == 3
 
 
 def test_usage_counts_what_the_gate_should_reject() -> None:
