@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from param.parameterized import ParameterizedABC
 
 from lab import result_files
-from lab.analysis import budget, feedforward, observability, trial
+from lab.analysis import budget, feedforward, linear_verdict, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import Filtered, evidence_of
-from lab.analysis.sums import Squares
 from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
 from lab.datasets import aiding, flight, innovations, sensors, tables
@@ -32,6 +31,7 @@ from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
 from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.error_models import ATT
 from lab.notebook_card import NotebookCard
 from lab.progress import Progress
 from lab.registry import find
@@ -247,7 +247,7 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter, from errors and innovations."""
-        return self._of_linear(judge(self.evidence), self.evidence.nees)
+        return self._of_linear(self.evidence)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -262,11 +262,13 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The verdict from the innovations alone, as for a flight with unknown truth."""
-        return self._of_linear(judge(self.evidence.without_truth()))
+        return self._of_linear(self.evidence.without_truth())
 
-    def _of_linear(self, verdict: Verdict, nees: Squares | None = None) -> Verdict:
-        """Return a verdict, with a navigator that runs free beyond the linear model as its only cause."""
-        return feedforward.judge(self.free_run, verdict, self.experiment.navigator, nees)
+    def _of_linear(self, evidence: Evidence) -> Verdict:
+        """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
+        navigator = self.experiment.navigator
+        found = linear_verdict.judge(judge(evidence), evidence, navigator)
+        return feedforward.judge(self.free_run, found, navigator, evidence.nees)
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -342,6 +344,9 @@ class Result(NotebookCard, Repeatable):
         beyond = feedforward.remark(self.free_run, self.experiment.navigator)
         # A navigator that is far off contradicts all that is measured.
         remarks += [beyond] if beyond else aiding.larger_than_assumed(self)
+        start = float(np.sqrt(np.diag(self.belief.P0)[ATT].max()))
+        wide = "" if self.algorithm else linear_verdict.remark(start, self.experiment.navigator)
+        remarks += [wide] if wide else []
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "

@@ -24,6 +24,7 @@ from lab.analysis.aid_verdict import aid_squares
 from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
+from lab.analysis.linearity import Linearity, linearity
 from lab.analysis.run_means import ALL, BETWEEN, FURTHER, NEES, Figure, RunMeans, Series, run_means
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.sums import Kept, Squares, Sum
@@ -109,6 +110,8 @@ class Evidence(Sum):
     states : RunMeans or None
         Mean NEES of all states and of each group of them after the fixes, and of the position on the time
         grid, once a second, and just before the fixes, where outages show; needs the truth.
+    linearity : Linearity or None
+        How far attitude errors are from small; None for a user's algorithm.
     aids : Squares
         Squared innovations of each kind of measurement other than fixes.
     """
@@ -122,6 +125,7 @@ class Evidence(Sum):
     start: Squares | None = None
     nees: Squares | None = None
     states: RunMeans | None = None
+    linearity: Linearity | None = None
     aids: Squares = field(default_factory=lambda: Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES))))
 
     @property
@@ -131,7 +135,9 @@ class Evidence(Sum):
 
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
-        return type(self)(self.runs, self.innovations, self.usage, self.told, aids=self.aids)
+        return type(self)(
+            self.runs, self.innovations, self.usage, self.told, linearity=self.linearity, aids=self.aids
+        )
 
 
 def evidence(
@@ -198,6 +204,7 @@ def evidence(
         ),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
+        linearity=linearity(solution, belief, motion, seen),
         aids=aid_squares(solution, aid_kinds, gate),
     )
     if reference is None:

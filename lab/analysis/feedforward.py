@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis import aid_verdict
 from lab.analysis.finding import Change, Finding, Verdict, headline, is_right
+from lab.analysis.linear_verdict import UNEXPLAINED
 from lab.analysis.sums import Squares
 from lab.frames import ecef
 from lab.frames.earth import STANDARD_GRAVITY
@@ -42,8 +43,6 @@ montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5�
 SUSPECTED = np.radians(0.4)
 """The same, from which feedforward is named if no other cause explains the errors [rad]. Measured on straight
 flights over a pole with quiet gyros: from 0.5° to 0.8°, NEES is 1.1 to 5 × too large, with feedback right."""
-UNEXPLAINED = ("NEES", "NEES between fixes", "NIS")
-"""Findings without a cause."""
 AIDS = aid_verdict.QUANTITIES
 """Findings that a navigator off the truth causes too: it is then off what other sensors measure."""
 NEGLECTED = 0.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab.analysis import aid_verdict, feedforward
+from lab.analysis import aid_verdict, linear_verdict
 from lab.analysis.evidence import BLOCKS
 from lab.analysis.imu_causes import CAUSES
 from lab.analysis.innovation_verdict import EITHER
@@ -23,8 +23,8 @@ FINDING_NAMES: tuple[str, ...] = tuple(
             *CAUSES,
             *(f"gyro {what}" for what in ("temperature", "range")),
             *(f"accelerometer {what}" for what in ("temperature", "g-sensitivity", "range")),
-            *("feedforward", "correction period", "gate", "gain"),
-            *feedforward.UNEXPLAINED,
+            *("feedforward", "correction period", linear_verdict.NAME, "gate", "gain"),
+            *linear_verdict.UNEXPLAINED,
             *("covariance", "innovation covariance"),
         )
     )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, feedforward, trial
+from lab.analysis import consistency, feedforward, linear_verdict, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
@@ -120,9 +120,11 @@ class Ensemble(NotebookCard):
 
     @property
     def remark(self) -> str:
-        """Sentences about runs that diverged, or whose navigator runs free beyond the linear model."""
+        """Sentences about runs that diverged, or whose attitude errors are beyond the linear model."""
         beyond = feedforward.remark(self._farthest, self._navigator)
-        return " ".join(filter(None, (self._diverged_runs(), beyond)))
+        starts = [float(one.linearity.start.values.max()) for one in self.evidence if one.linearity]
+        wide = linear_verdict.remark(max(starts, default=0.0), self._navigator)
+        return " ".join(filter(None, (self._diverged_runs(), beyond, wide)))
 
     def _diverged_runs(self) -> str:
         """Return a sentence about the runs that diverged; empty if none did."""
@@ -150,7 +152,7 @@ class Ensemble(NotebookCard):
     def verdict(self) -> Verdict:
         """The verdict on the filter from the first `JUDGED` runs together."""
         free, evidence = self._linear_runs()
-        return feedforward.judge(free, judge(evidence), self._navigator, evidence.nees)
+        return self._of_linear(free, evidence)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -171,15 +173,17 @@ class Ensemble(NotebookCard):
     def innovation_verdict(self) -> Verdict:
         """The verdict from the innovations alone."""
         free, evidence = self._linear_runs()
-        return feedforward.judge(free, judge(evidence.without_truth()), self._navigator)
+        return self._of_linear(free, evidence.without_truth())
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdict on each of the first `JUDGED` runs alone."""
-        return tuple(
-            feedforward.judge(free, judge(one), self._navigator, one.nees)
-            for free, one in zip(self.free, self.evidence, strict=True)
-        )
+        return tuple(self._of_linear(free, one) for free, one in zip(self.free, self.evidence, strict=True))
+
+    def _of_linear(self, free: feedforward.FreeRun, evidence: Evidence) -> Verdict:
+        """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
+        found = linear_verdict.judge(judge(evidence), evidence, self._navigator)
+        return feedforward.judge(free, found, self._navigator, evidence.nees)
 
     @property
     def _navigator(self) -> NavigatorSettings:

@@ -1,0 +1,108 @@
+"""Linear verdict: attitude errors beyond the linear model are named as the cause, or before they are one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lab.analysis.finding import Finding, Verdict
+from lab.analysis.fix_causes import MotionAtFixes
+from lab.analysis.linear_verdict import NAME, judge
+from lab.analysis.linearity import Linearity, linearity
+from lab.analysis.run_means import NEES
+from lab.analysis.sums import Kept
+from lab.analysis.trial import advised
+from lab.ensembles.seeds import run_ensemble
+from lab.experiment import Experiment
+from lab.navigation.belief import belief
+from lab.navigation.solution import Solution
+from lab.result import Result
+
+GRAVITY = 9.81
+
+
+def started(heading: float, model: str, seed: int) -> Result:
+    """Return a run whose heading is uncertain at the start [°]."""
+    experiment = Experiment(mission="los_angeles", seed=seed)
+    experiment.update({"trajectory.imu_rate": 20.0, "navigator.model": model})
+    experiment.set("navigator.attitude_sigma", [0.5, 0.5, heading])
+    return experiment.run()
+
+
+@pytest.mark.parametrize("seed", range(1001, 1005))
+def test_a_start_that_is_too_uncertain_for_the_model_is_never_consistent(seed: int) -> None:
+    wide = started(60.0, "phi", seed)
+    for verdict in (wide.verdict, wide.innovation_verdict):
+        (finding,) = verdict.findings
+        assert finding.quantity == NAME
+        assert finding.factor == pytest.approx(np.radians(60.0))
+        settings = advised(wide, finding.changes)
+        assert settings.navigator.model == "invariant"
+    (remark,) = wide.remarks
+    assert "invariant or nonlinear" in remark
+    cured = wide.repeated(settings)
+    assert cured.verdict.consistent
+    assert not cured.remarks
+
+
+def test_up_to_the_limit_the_errors_decide() -> None:
+    found = started(20.0, "phi", 1001)
+    assert found.verdict.consistent
+    assert not found.remarks
+
+
+def test_causes_with_a_sample_of_their_own_keep_their_names_from_such_a_start() -> None:
+    experiment = Experiment(mission="los_angeles", seed=1001)
+    experiment.update({"trajectory.imu_rate": 20.0, "navigator.q_scale": 0.1})
+    experiment.set("navigator.attitude_sigma", [0.5, 0.5, 60.0])
+    many = run_ensemble(experiment, 3)
+    assert [finding.quantity for finding in many.verdict.findings] == ["Q", NAME]
+    assert [finding.quantity for finding in many.innovation_verdict.findings] == [NAME]
+    assert "invariant or nonlinear" in many.remark
+
+
+def test_the_neglected_acceleration_is_the_mean_of_the_exact_one() -> None:
+    """Of a million rotations, in a turn of a vehicle that heads south; the biases have a σ of 0.02 m/s²."""
+    sigma, bias, force = np.array((0.02, 0.03, 0.2)), 0.02, np.array((3.0, 8.0, -GRAVITY))
+    phi = np.random.default_rng(1).normal(size=(500_000, 3)) * sigma
+    phi = np.concatenate((phi, -phi))
+    felt = Rotation.from_rotvec(-phi).apply(force) - force + np.cross(phi, force)
+    solution = Solution.empty(9, 2)
+    solution.fix_sample[:] = 3, -1
+    solution.fix_covariance[:] = np.diag((*(1.0,) * 6, *sigma**2, *(1.0,) * 3, *(bias**2,) * 3))
+    south = np.tile(Rotation.from_euler("z", np.pi).as_matrix(), (2, 1, 1))
+    zero = np.zeros((2, 3))
+    motion = MotionAtFixes(zero, zero, zero, np.tile(force, (2, 1)), south)
+    experiment = Experiment()
+    found = linearity(solution, belief(experiment.sensors, experiment.navigator), motion, np.arange(2))
+    assert found.neglected.values[0] == pytest.approx(np.sum(felt.mean(axis=0) ** 2) / bias**2, rel=0.05)
+    assert found.start.values[0] == pytest.approx(np.radians(2.0))
+    assert found.largest.values[0] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("model", "largest", "neglected", "quantity", "named"),
+    [
+        ("phi", 2.0, 2.0, NEES, "invariant"),
+        ("invariant", 2.0, 2.0, NEES, "nonlinear"),
+        ("nonlinear", 60.0, 2.0, NEES, ""),
+        ("phi", 2.0, 0.1, NEES, ""),
+        ("phi", 2.0, 2.0, "R position", ""),
+        ("psi", 43.0, 0.1, NEES, "invariant"),
+        ("invariant", 43.0, 0.1, NEES, ""),
+    ],
+)
+def test_errors_without_another_cause_have_this_one_where_attitude_errors_are_large(
+    model: str, largest: float, neglected: float, quantity: str, named: str
+) -> None:
+    experiment = Experiment(mission="los_angeles")
+    evidence = experiment.update({"trajectory.imu_rate": 20.0}).run().evidence
+    start, most = np.radians((2.0, largest))
+    found = Linearity(*(Kept(np.array([value])) for value in (start, most, neglected)))
+    object.__setattr__(evidence, "linearity", found)
+    experiment.set("navigator.model", model)
+    finding = Finding(quantity, "too large", 1.2, "The errors are 1.1 × as large. No.", "Look.", "seen")
+    (judged,) = judge(Verdict("", (finding,), "30 runs"), evidence, experiment.navigator).findings
+    assert judged.quantity == (NAME if named else quantity)
+    assert [change.value for change in judged.changes] == ([named] if named else [])
