@@ -6,7 +6,6 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Self
 
-import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
@@ -25,6 +24,7 @@ from lab.analysis.verdict import Verdict
 from lab.ensembles.ensemble import Ensemble
 from lab.progress import Progress
 from lab.result import Result
+from lab.views.ensemble_card import inside
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
 
@@ -53,8 +53,6 @@ td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 
 RUNS = (1, 10, 30, 100, 300, 1000)
 """Numbers of runs to choose from."""
-SETTLED = 20.0
-"""Time after which the averages inside their intervals are counted [s]."""
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""
 ALMOST_ALL = 95.0
@@ -268,13 +266,10 @@ def _advice(finding: Finding, *, tried: bool) -> str:
 
 
 def over_seeds(ensemble: Ensemble) -> str:
-    """Return a sentence: which runs are judged, and how often their averages lie in their intervals."""
-    nees, nis = (f"{100 * part:.0f} %" if np.isfinite(part) else "none" for part in ensemble.inside(SETTLED))
+    """Return which runs are judged, and how often their averages lie in their intervals."""
     return (
         f"{len(ensemble.seeds)} flights, seeds {ensemble.seeds[0]} to {ensemble.seeds[-1]}. "
-        f"{ensemble.remark} "
-        f"After {SETTLED:g} s the averages lie in their 95 % intervals at {nees} (NEES) and {nis} (NIS) "
-        "of the fixes."
+        f"{ensemble.remark} {inside(ensemble)}"
     )
 
 

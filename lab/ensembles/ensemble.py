@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, feedforward, linear_verdict, trial
+from lab.analysis.agreement import agreements
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
@@ -228,6 +229,19 @@ class Ensemble(NotebookCard):
             for name, time in (("time_gps", self.time), ("time_between", self.between.time))
         }
         return xr.Dataset(variables, coords=coords)
+
+    @cached_property
+    def agreement(self) -> pd.DataFrame:
+        """Table of mean NEES and NIS over their degrees of freedom, judged by the scatter of the judged runs.
+
+        `from` and `to` are the 95 % interval of the mean, `chance` is the probability of a matched filter to be
+        off as far, and `limit` that below which the verdict says so. See `lab.analysis.agreement`.
+        """
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        found = agreements(self._linear_runs()[1].means)
+        rows = [(str(one.figure), one.mean, one.low, one.high, one.chance, one.limit) for one in found]
+        return pd.DataFrame(rows, columns=["figure", "mean", "from", "to", "chance", "limit"])
 
     def inside(self, after: float = 0.0) -> tuple[float, float]:
         """Return the fractions of the epochs with average NEES and NIS in their 95 % intervals.

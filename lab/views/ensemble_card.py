@@ -12,6 +12,8 @@ from lab.views.verdict_card import verdict_html
 
 SETTLED = 20.0
 """Time after which the averages inside their intervals are counted [s]."""
+BY_CHANCE = 0.05
+"""Part of the averages of a matched filter that is outside a 95 % interval."""
 
 
 def ensemble_html(ensemble: Ensemble) -> str:
@@ -32,15 +34,24 @@ def ensemble_html(ensemble: Ensemble) -> str:
 
 
 def inside(ensemble: Ensemble) -> str:
-    """Return a sentence: how often the averages over the runs are in their 95 % intervals."""
-    parts = [
-        f"{100 * part:.0f} % ({name})"
+    """Return how often the averages over the runs are in their 95 % intervals, and what chance explains."""
+    parts = {
+        name: part
         for name, part in zip(("NEES", "NIS"), ensemble.inside(SETTLED), strict=True)
         if np.isfinite(part)
-    ]
+    }
     if not parts:
         return "NEES and NIS are unknown."
+    shares = " and ".join(f"{100 * part:.0f} % ({name})" for name, part in parts.items())
+    explained = " and ".join(f"{_by_chance(part)} ({name})" for name, part in parts.items())
     return (
-        f"After {SETTLED:g} s, the average over the runs is in its 95 % interval at {' and '.join(parts)} "
-        "of the fixes."
+        f"After {SETTLED:g} s, the average over the runs is in its 95 % interval at {shares} of the fixes. "
+        f"Of the fixes outside, chance explains {explained}: it puts 5 % of all there in the mean, but more "
+        "or fewer in one flight, because neighbouring fixes share their errors."
     )
+
+
+def _by_chance(part: float) -> str:
+    """Return which part of the fixes outside chance explains, given the part inside."""
+    outside = 1 - part
+    return "all" if outside <= BY_CHANCE else f"{100 * BY_CHANCE / outside:.0f} %"

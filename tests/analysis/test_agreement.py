@@ -150,6 +150,10 @@ def test_an_r_that_is_a_little_off_is_not_consistent_over_many_runs(r_scale: flo
     """Too little to be named as the cause; each run alone may be by chance."""
     settings = {"trajectory.imu_rate": 20.0, "navigator.r_scale": r_scale}
     many = run_ensemble(Experiment(mission="los_angeles", seed=1001).update(settings), RUNS)
+    table = many.agreement.set_index("figure")
+    assert table.loc["NIS", "chance"] < table.loc["NIS", "limit"]
+    assert table.loc["NIS", "mean"] == pytest.approx(many.mean_nis.mean() / 6, rel=1e-6)
+    assert table.loc["NEES", "mean"] == pytest.approx(many.mean_nees.mean() / 15, rel=1e-6)
     for verdict in (many.verdict, many.innovation_verdict):
         assert not verdict.consistent
         assert NIS in {finding.quantity for finding in verdict.findings}
