@@ -87,7 +87,7 @@ def _excess(means: RunMeans) -> float:
     figure = Figure(NEES, "accelerometer bias")
     if figure not in means.figures:
         return 0.0
-    mean = float(np.nanmean(means.means.values[:, means.figures.index(figure)]))
+    mean = float(means.together(means.figures.index(figure)).mean)
     return (ACCEL_BIAS.stop - ACCEL_BIAS.start) * (mean - 1)
 
 

@@ -234,8 +234,8 @@ class Ensemble(NotebookCard):
     def agreement(self) -> pd.DataFrame:
         """Table of mean NEES and NIS over their degrees of freedom, judged by the scatter of the judged runs.
 
-        `from` and `to` are the 95 % interval of the mean, `chance` is the probability of a matched filter to be
-        off as far, and `limit` that below which the verdict says so. See `lab.analysis.agreement`.
+        `from` and `to` are the 95 % interval of the mean, `chance` is the probability that a matched filter
+        is off as far, and `limit` that below which the verdict says so. See `lab.analysis.agreement`.
         """
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
