@@ -21,6 +21,8 @@ MATTERS = 1.5
 """Smallest factor of a wrong variance that is reported. In the steady state of filters of a random walk and
 of a constant velocity, an R that is wrong by it makes σ of the error at most 1.3 % larger; a factor of 3, up
 to 10 %."""
+CONFIDENCE = 0.95
+"""Probability that the interval of a factor contains it. A convention."""
 MANY_SIGMA = 4.0
 """Smallest correlation of the innovations that is reported, in its standard deviations."""
 WITHHELD = "No advice:"
@@ -76,6 +78,8 @@ class Finding:
         The statistic behind the finding.
     changes
         The changes of settings that the advice names, which can be tried; may be empty.
+    interval
+        95 % interval of `factor`, if it is that of a variance; None if it is not known.
     """
 
     quantity: str
@@ -85,6 +89,7 @@ class Finding:
     advice: str
     evidence: str
     changes: tuple[Change, ...] = ()
+    interval: tuple[float, float] | None = None
 
     @property
     def counsel(self) -> str:
@@ -169,14 +174,17 @@ def judge_size(
         "multiply": written(ratio),
         "wrong": wrong,
     }
+    fewest, most = chi_square_interval(count, 1, CONFIDENCE)
+    interval = wrong_by(ratio, total / most, total / fewest)
     finding = Finding(
         quantity,
         f"too {wrong}",
         factor,
         sentence.format(**words),
         advice.format(**words),
-        mean_square(squares, of_what, doubt),
-        () if scales is None else (Change(scales[0], float(f"{ratio:.2g}"), True, scales[1]),),
+        f"{mean_square(squares, of_what, doubt)}{interval_words(interval)}",
+        () if scales is None else (Change(scales[0], rounded(ratio), True, scales[1]),),
+        interval,
     )
     return [Weighed(size_weight(total, count), finding)]
 
@@ -189,7 +197,29 @@ def size_weight(total: float, count: float) -> float:
 
 def written(number: float, digits: int = 2) -> str:
     """Return a number, rounded to some digits, as people write it: 9800, and not 9.8e+03."""
-    return np.format_float_positional(float(f"{number:.{digits}g}"), trim="-")
+    return np.format_float_positional(rounded(number, digits), trim="-")
+
+
+def rounded(number: float, digits: int = 2) -> float:
+    """Return a number, rounded to some digits."""
+    return float(f"{number:.{digits}g}")
+
+
+def wrong_by(ratio: float, low: float, high: float) -> tuple[float, float]:
+    """Return the interval of the factor by which a variance is too small or too large.
+
+    `low` and `high` are the interval of `ratio`, the true variance over the assumed one.
+    """
+    return (low, high) if ratio > 1 else (1 / high, 1 / low if low else np.inf)
+
+
+def interval_words(interval: tuple[float, float] | None) -> str:
+    """Return the 95 % interval of a factor, as text that follows a statistic; empty if it is not known."""
+    if interval is None:
+        return ""
+    low, high = interval
+    ends = f"{written(low)} to {written(high)}" if np.isfinite(high) else f"at least {written(low)}"
+    return f"; 95 % interval of the factor {ends}"
 
 
 def mean_square(squares: Squares, of_what: str, doubt: float = DOUBT) -> str:

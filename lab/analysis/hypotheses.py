@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.imu_causes import Steps
+from lab.analysis.pattern import AXES
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 
 FloatArray = NDArray[np.float64]
@@ -44,8 +45,8 @@ class Hypothesis(NamedTuple):
         The wrong quantity.
     factor : float
         Ratio of its variance to the assumed one.
-    r : (2,) tuple
-        Factors on R of position and velocity.
+    r : (6,) tuple
+        Factors on R of each channel.
     q : (4,) tuple
         Factors on gyro noise, accelerometer noise, and the drives of their biases.
     p0 : (6,) tuple
@@ -56,8 +57,8 @@ class Hypothesis(NamedTuple):
 
     name: str
     factor: float
-    r: tuple[float, float] = (1.0, 1.0)
-    q: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    r: tuple[float, ...] = (1.0,) * 6
+    q: tuple[float, ...] = (1.0,) * 4
     p0: tuple[float, ...] = (1.0,) * 6
     correlated: tuple[float, float] = (0.0, 60.0)
 
@@ -85,33 +86,49 @@ class Outcome(NamedTuple):
     skipped: NDArray[np.bool_]
 
 
+R_CHANNELS = {
+    "R position": (0, 1, 2),
+    "R velocity": (3, 4, 5),
+    "R": (0, 1, 2, 3, 4, 5),
+    **{f"R position {axis}": (at,) for at, axis in enumerate(AXES)},
+    **{f"R velocity {axis}": (at,) for at, axis in enumerate(AXES, start=3)},
+}
+"""The channels of a fix whose R may be wrong together."""
+_DECADES = tuple(10.0**power for power in range(-2, 7))
+_HALF_DECADES = tuple(10.0 ** (half / 2) for half in range(-4, 9) if half)
+
+
 def _all() -> tuple[Hypothesis, ...]:
+    """Return the hypotheses: of each quantity some factors, between which `likely_factor` interpolates."""
     found = [Hypothesis("none", 1.0)]
-    smaller, larger = (0.01, 0.03, 0.1, 0.3), (3.0, 10.0, 100.0)
-    found += [Hypothesis("R position", factor, r=(factor, 1.0)) for factor in (*smaller, *larger)]
-    found += [Hypothesis("R velocity", factor, r=(1.0, factor)) for factor in (*smaller[2:], *larger)]
-    found += [Hypothesis("R", factor, r=(factor, factor)) for factor in (*smaller, *larger[:2])]
-    for factor in (0.1, 10.0):
-        found.append(Hypothesis("Q", factor, q=(factor,) * 4))
-    for factor in (0.1, 10.0, 100.0, 1000.0):
-        found.append(Hypothesis("Q gyro", factor, q=(factor, 1.0, 1.0, 1.0)))
-        found.append(Hypothesis("Q accelerometer", factor, q=(1.0, factor, 1.0, 1.0)))
-    for factor in (100.0, 1e4, 1e6):
-        found.append(Hypothesis("Q gyro bias", factor, q=(1.0, 1.0, factor, 1.0)))
-        found.append(Hypothesis("Q accelerometer bias", factor, q=(1.0, 1.0, 1.0, factor)))
-    found += [Hypothesis("P0", factor, p0=(factor, *(1.0,) * 5)) for factor in (0.1, 10.0, 100.0)]
-    for at, name in enumerate(STARTS, start=1):
-        for factor in (100.0, 1e4):
-            p0 = tuple(factor if block == at else 1.0 for block in range(6))
-            found.append(Hypothesis(f"P0 {name}", factor, p0=p0))
+    for name, channels in R_CHANNELS.items():
+        factors = _HALF_DECADES if len(channels) > 1 else _HALF_DECADES[2:8]
+        found += [Hypothesis(name, factor, r=_factors(6, channels, factor)) for factor in factors]
+    found += [Hypothesis("Q", factor, q=(factor,) * 4) for factor in _HALF_DECADES[2:8]]
+    for row, name in enumerate(("Q gyro", "Q accelerometer")):
+        found += [Hypothesis(name, factor, q=_factors(4, (row,), factor)) for factor in _HALF_DECADES[2:]]
+    for row, name in enumerate(("Q gyro bias", "Q accelerometer bias"), start=2):
+        for factor in _DECADES[3:]:
+            found.append(Hypothesis(name, factor, q=_factors(4, (row,), factor)))
+    for factor in (0.1, *_DECADES[3:7]):
+        found.append(Hypothesis("P0", factor, p0=_factors(6, (0,), factor)))
+    for block, name in enumerate(STARTS, start=1):
+        for factor in _DECADES[3:7]:
+            found.append(Hypothesis(f"P0 {name}", factor, p0=_factors(6, (block,), factor)))
     for time in (10.0, 60.0):
         for factor in (1.0, 5.0, 25.0):
             found.append(Hypothesis("GPS correlation", factor, correlated=(factor, time)))
     # A receiver that filters its fixes: hardly any of their errors is white.
     for white in (0.01, 0.1):
         for velocity in (white, 1.0):
-            found.append(Hypothesis("GPS correlation", 1.0, r=(white, velocity), correlated=(1.0, 60.0)))
+            r = (*(white,) * 3, *(velocity,) * 3)
+            found.append(Hypothesis("GPS correlation", 1.0, r=r, correlated=(1.0, 60.0)))
     return tuple(found)
+
+
+def _factors(count: int, which: Sequence[int], factor: float) -> tuple[float, ...]:
+    """Return `count` factors: `factor` for some, and 1 for the others."""
+    return tuple(factor if at in which else 1.0 for at in range(count))
 
 
 HYPOTHESES = _all()
@@ -161,52 +178,96 @@ def likelihoods(
         then so many times larger than R that float64 does not hold their difference.
     """
     m, n = correction.shape
-    N = n + 3
-    q = np.array([h.q for h in tried])
-    r = np.sqrt(np.array([h.r for h in tried]).repeat(3, axis=1))
-    position = np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3])
-    variance = position * np.array([h.correlated[0] for h in tried])
-    correlation_time = np.array([h.correlated[1] for h in tried])
-    P = _starts(P0, N, tried)
-    P[:, n:, n:] = variance[:, None, None] * np.eye(3)
-    apart = np.zeros((len(tried), N))
-    total = np.zeros(len(tried))
+    white = np.array([not hypothesis.correlated[0] for hypothesis in tried])
+    position = float(np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3]))
+    banks = [
+        _Bank([tried[at] for at in np.flatnonzero(own)], P0, position) for own in (white, ~white) if own.any()
+    ]
     own, covariance, gains = np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6))
     left = np.zeros(m, dtype=np.bool_)
-    Phi = np.zeros((len(tried), N, N))
-    noise = np.zeros((len(tried), N, N))
-    Haug = np.zeros((6, N))
-    diagonal = np.arange(n, N)
     onwards = ((Phi, added) for part in steps for Phi, added in zip(part.transition, part.noise, strict=True))
     for k, (transition, added) in zip(range(m), onwards, strict=True):
-        decay = np.exp(-(times[k + 1] - times[k]) / correlation_time)
-        Phi[:, :n, :n] = transition
-        Phi[:, diagonal, diagonal] = decay[:, None]
-        noise[:, :n, :n] = np.tensordot(q, added, axes=1)
-        noise[:, diagonal, diagonal] = (variance * (1 - decay**2))[:, None]
-        P = Phi @ P @ Phi.transpose(0, 2, 1) + noise
-        apart = np.einsum("hij,hj->hi", Phi, apart)
-        Haug[:, :n], Haug[:3, n:] = H[k], -np.eye(3)
-        seen = P @ Haug.T
-        S = Haug @ seen + r[:, :, None] * R[k] * r[:, None, :]
-        nu = innovation[k] - apart @ Haug.T
-        own[k], covariance[k] = nu[0], S[0]
-        apart[:, :n] -= correction[k]
-        if skipped[k] or (limit < np.inf and _beyond(nu[0], S[0], limit)):
+        for bank in banks:
+            bank.propagate(transition, added, times[k + 1] - times[k])
+            bank.predict(H[k], R[k], innovation[k], correction[k])
+        own[k], covariance[k] = banks[0].innovation[0], banks[0].S[0]
+        if skipped[k] or (limit < np.inf and _beyond(own[k], covariance[k], limit)):
             left[k] = True
             continue
-        inverse = np.linalg.inv(S)
-        squares, (sign, size) = np.einsum("hi,hij,hj->h", nu, inverse, nu), np.linalg.slogdet(S)
-        total = np.where((sign > 0) & (squares >= 0), total - 0.5 * (squares + size), -np.inf)
-        gain = seen @ inverse
-        gains[k] = gain[0, :n]
-        P = P - gain @ seen.transpose(0, 2, 1)
-        P = 0.5 * (P + P.transpose(0, 2, 1))
-        apart += np.einsum("hij,hj->hi", gain, nu)
+        for bank in banks:
+            bank.update()
+        gains[k] = banks[0].gain[0, :n]
     np.linalg.cholesky(covariance)  # raises
+    total = np.empty(len(tried))
+    total[white] = banks[0].total
+    total[~white] = banks[-1].total if (~white).any() else 0.0
     if not np.isfinite(total[0]):
         raise np.linalg.LinAlgError("the likelihood of the innovations is not finite")
     return Outcome(total - total[0], own, covariance, gains, left)
+
+
+class _Bank:
+    """Filters under hypotheses, and the differences of their errors from those of the filter that ran.
+
+    Parameters
+    ----------
+    tried
+        The hypotheses: all with correlated position errors, or all without.
+    P0 : (n, n) array
+        Initial covariance.
+    position
+        Mean variance of a position in R [m²].
+    """
+
+    def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
+        self._q = np.array([one.q for one in tried])
+        self._r = np.sqrt(np.array([one.r for one in tried]))
+        self._variance = position * np.array([one.correlated[0] for one in tried])
+        self._time = np.array([one.correlated[1] for one in tried])
+        n = P0.shape[0]
+        N = n + 3 if self._variance.any() else n
+        self._n, self._slow = n, np.arange(n, N)
+        self._P = _starts(P0, N, tried)
+        self._P[:, self._slow, self._slow] = self._variance[:, None]
+        self._apart = np.zeros((len(tried), N))
+        self._H = np.zeros((6, N))
+        self._H[:3, n:] = -np.eye(3)[:, : N - n]
+        self.total = np.zeros(len(tried))
+
+    def propagate(self, transition: FloatArray, added: FloatArray, dt: float) -> None:
+        """Propagate from one fix to the next, `dt` later [s], with the noise (4, n, n) added by each part."""
+        Phi, noise = transition, np.tensordot(self._q, added, axes=1)
+        if self._slow.size:
+            decay = np.exp(-dt / self._time)[:, None]
+            Phi, noise = np.zeros_like(self._P), _bordered(noise, self._slow.size)
+            Phi[:, : self._n, : self._n] = transition
+            Phi[:, self._slow, self._slow] = decay
+            noise[:, self._slow, self._slow] = self._variance[:, None] * (1 - decay**2)
+        self._P = Phi @ self._P @ Phi.swapaxes(-1, -2) + noise
+        self._apart = (Phi @ self._apart[..., None])[..., 0]
+
+    def predict(self, H: FloatArray, R: FloatArray, innovation: FloatArray, correction: FloatArray) -> None:
+        """Predict a fix, given innovation and correction of the filter that ran."""
+        self._H[:, : self._n] = H
+        self._seen = self._P @ self._H.T
+        self.S = self._H @ self._seen + self._r[:, :, None] * R * self._r[:, None, :]
+        self.innovation = innovation - self._apart @ self._H.T
+        self._apart[:, : self._n] -= correction
+
+    def update(self) -> None:
+        """Use the predicted fix."""
+        nu, inverse = self.innovation, np.linalg.inv(self.S)
+        squares, (sign, size) = np.einsum("hi,hij,hj->h", nu, inverse, nu), np.linalg.slogdet(self.S)
+        self.total = np.where((sign > 0) & (squares >= 0), self.total - 0.5 * (squares + size), -np.inf)
+        self.gain = self._seen @ inverse
+        P = self._P - self.gain @ self._seen.transpose(0, 2, 1)
+        self._P = 0.5 * (P + P.transpose(0, 2, 1))
+        self._apart += np.einsum("hij,hj->hi", self.gain, nu)
+
+
+def _bordered(blocks: FloatArray, more: int) -> FloatArray:
+    """Return matrices (h, n, n) with some more rows and columns of zeros."""
+    return np.pad(blocks, ((0, 0), (0, more), (0, more)))
 
 
 def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:

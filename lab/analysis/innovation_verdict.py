@@ -19,10 +19,13 @@ from lab.analysis.finding import (
     Change,
     Finding,
     Weighed,
+    interval_words,
     is_right,
     judge_size,
     mean_square,
+    rounded,
     written,
+    wrong_by,
 )
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_verdict import (
@@ -33,9 +36,10 @@ from lab.analysis.fix_verdict import (
     latency,
     lever_arm,
 )
-from lab.analysis.hypotheses import HYPOTHESES
+from lab.analysis.hypotheses import HYPOTHESES, R_CHANNELS
 from lab.analysis.imu_causes import columns
 from lab.analysis.innovation_evidence import Innovations, suspicious
+from lab.analysis.likely_factor import likely_factor
 from lab.analysis.pattern import AXES, channel, stretch, stretch_words
 from lab.analysis.selection import PRICE, estimates, gain_of
 from lab.analysis.sums import Fit, Squares
@@ -50,16 +54,35 @@ LINEAR = 0.5
 0.5 rad the second is a tenth of it. Data with two clocks gave 350°."""
 _MANOEUVRES = " Errors of the inertial sensors in manoeuvres may be the cause instead."
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
+CORRELATION = "GPS correlation"
+FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
+"""The factor of each hypothesis."""
 
 
 class Explanation(NamedTuple):
-    """A possible error, and its gain in log-likelihood."""
+    """A possible error, and its gain in log-likelihood.
+
+    Attributes
+    ----------
+    size : float
+        Factor on a variance, or norm of `parts`.
+    parts : array
+        The sizes of an error; empty for a variance.
+    interval : (float, float)
+        95 % interval of the factor on a variance.
+    """
 
     name: str
     source: str
     gain: float
     size: float
-    parts: FloatArray
+    parts: FloatArray = np.zeros(0)
+    interval: tuple[float, float] = (0.0, np.inf)
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is large enough to be reported."""
+        return bool(self.parts.size) or self.name == CORRELATION or not 1 / MATTERS < self.size < MATTERS
 
 
 def judge_innovations(evidence: Evidence) -> list[Weighed]:
@@ -71,7 +94,7 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     # Outliers are reported only if the rest is right.
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
         return apart
-    if found and found[0].gain > RATIO:
+    if found and found[0].gain > RATIO and found[0].matters:
         told = evidence.told.values.mean(axis=0)
         whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
         return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
@@ -84,14 +107,16 @@ def explanations(seen: Innovations) -> list[Explanation]:
     """Return the explanations of the innovations, the best first, minus the price of their parameters."""
     found = []
     for name in dict.fromkeys(hypothesis.name for hypothesis in HYPOTHESES[1:]):
-        gains = [
-            (float(gain), hypothesis.factor)
-            for gain, hypothesis in zip(seen.likelihoods, HYPOTHESES, strict=True)
-            if hypothesis.name == name
-        ]
-        gain, factor = max(gains)
+        own = [at for at, hypothesis in enumerate(HYPOTHESES) if hypothesis.name == name]
         source = GPS if name.startswith(("R", "GPS")) else START if name.startswith("P0") else IMU
-        found.append(Explanation(name, source, gain - PRICE, factor, np.zeros(0)))
+        if name == CORRELATION:
+            at = max(own, key=lambda at: seen.likelihoods[at])
+            one = Explanation(name, source, float(seen.likelihoods[at]), HYPOTHESES[at].factor)
+        else:
+            likely = likely_factor(FACTORS[[0, *own]], seen.likelihoods[[0, *own]])
+            interval = likely.low, likely.high
+            one = Explanation(name, source, likely.gain, likely.factor, interval=interval)
+        found.append(one._replace(gain=one.gain - PRICE))
     records = Fit(seen.causes.matrix[None], seen.causes.vector[None], seen.causes.squares)
     causes = {"GPS latency": [0], "GPS lever arm": [1, 2, 3]}
     causes |= {name: [CAUSES + at for at in own] for name, own in columns().items()}
@@ -112,7 +137,7 @@ def _preferred(found: list[Explanation]) -> list[Explanation]:
     """Return explanations with a plain R too large before correlated fixes that explain hardly more."""
     best = found[0]
     plain = [one for one in found if one.name.startswith("R") and one.size < 1]
-    if best.name != "GPS correlation" or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
+    if best.name != CORRELATION or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
         return found
     return [plain[0], *(one for one in found if one is not plain[0])]
 
@@ -144,6 +169,8 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
             )
     if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
         return found
+    if seen.likelihoods.any():  # then R of each channel is an explanation of its own
+        return []
     for kind, name in enumerate(("position", "velocity")):
         own = slice(3 * kind, 3 * kind + 3)
         axis = channel(Squares(seen.offered.total[own], seen.offered.number[own]))
@@ -210,7 +237,7 @@ def _words(one: Explanation) -> str:
         if "misalignment" in one.name:
             return f"an {one.name} of {np.degrees(one.size):.2g}°".replace("an gyro", "a gyro")
         return f"a {one.name}".replace("a acc", "an acc")
-    if one.name == "GPS correlation":
+    if one.name == CORRELATION:
         return "a correlated error of the fixes"
     factor, wrong = (one.size, "small") if one.size > 1 else (1 / one.size, "large")
     return f"{one.name} {written(factor)} × too {wrong}"
@@ -229,11 +256,11 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
         return latency(float(best.parts[0]), best.gain, told)
     if best.name == "GPS lever arm":
         return lever_arm(best.parts, best.gain, told)
-    if best.name == "GPS correlation":
+    if best.name == CORRELATION:
         size = np.sqrt(seen.offered.mean[:3].mean())
         hidden = size < 1
         return Finding(
-            "GPS correlation",
+            CORRELATION,
             "not modelled",
             float("nan"),
             f"The position innovations are {written(size)} × as large as assumed and correlated in time: the "
@@ -262,12 +289,13 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
     return Finding(
         "gain",
         "too small" if too_small else "too large",
-        best.size if too_small else 1 / best.size,
+        max(best.size, 1 / best.size),
         f"The innovations {'are correlated in time' if too_small else 'alternate'}: the filter corrects too "
         f"{'little' if too_small else 'much'}. The most likely cause is {_words(best)}.",
         _gain_advice(best),
-        statistic,
+        f"{statistic}{interval_words(wrong_by(best.size, *best.interval))}",
         (_gain_change(best),),
+        wrong_by(best.size, *best.interval),
     )
 
 
@@ -301,7 +329,7 @@ _ROWS = {  # first and one past the last index of the affected values of the bel
 def _gain_change(best: Explanation) -> Change:
     name = f"navigator.{best.name[:2].strip().lower()}"
     rows = _ROWS.get(best.name)
-    return Change(name if rows else f"{name}_scale", best.size, True, rows)
+    return Change(name if rows else f"{name}_scale", rounded(best.size), True, rows)
 
 
 def _gain_advice(best: Explanation) -> str:
@@ -315,32 +343,29 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
     """Return the finding that R is wrong, from the size of its innovations."""
     ratio = best.size
     factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+    channels, interval = list(R_CHANNELS[best.name]), wrong_by(ratio, *best.interval)
     if best.name == "R":
         # One of both alone would leave the fixes of the other with the wrong weight.
-        return Finding(
-            "R",
-            f"too {wrong}",
-            factor,
-            f"The innovations are {written(float(seen.nis.mean) ** 0.5)} × as large as assumed: R of the "
-            f"position and the velocity is about {written(factor)} × too {wrong}.",
-            f"Multiply navigator.r_scale by {written(ratio)}.",
-            mean_square(seen.nis, "innovations (by NIS)"),
-            (Change("navigator.r_scale", ratio, True),),
-        )
-    kind = 1 if best.name.endswith("velocity") else 0
-    name = ("position", "velocity")[kind]
-    own = slice(3 * kind, 3 * kind + 3)
-    squares = Squares(seen.offered.total[own].sum(), seen.offered.number[own].sum())
-    root = float(squares.mean) ** 0.5
+        squares, what, which = seen.nis, "innovations", "R of the position and the velocity"
+        advice = f"Multiply navigator.r_scale by {written(ratio)}."
+        change = Change("navigator.r_scale", rounded(ratio), True)
+    else:
+        of = best.name.removeprefix("R ")
+        squares = Squares(seen.offered.total[channels].sum(), seen.offered.number[channels].sum())
+        what, which = f"{of} innovations", best.name
+        variances = "variances" if len(channels) > 1 else "variance"
+        advice = f"Multiply the {of} {variances} of navigator.r by {written(ratio)}."
+        change = Change("navigator.r", rounded(ratio), True, (channels[0], channels[-1] + 1))
     return Finding(
-        f"R {name}",
+        best.name,
         f"too {wrong}",
         factor,
-        f"The {name} innovations are {written(root)} × as large as assumed: R {name} is "
+        f"The {what} are {written(float(squares.mean) ** 0.5)} × as large as assumed: {which} is "
         f"about {written(factor)} × too {wrong}.",
-        f"Multiply the {name} variances of navigator.r by {written(ratio)}.",
-        mean_square(squares, f"{name} innovations"),
-        (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
+        advice,
+        mean_square(squares, what) + interval_words(interval),
+        (change,),
+        interval,
     )
 
 

@@ -34,7 +34,7 @@ SHORT, LONG = 5e-3, 1.0
 """Smallest lag with an effect beyond the slope, and longest lag: bandwidths of 32 and 0.16 Hz [s]."""
 LONGEST = 256
 """Most windows for the test of a bias process; longer flights have longer windows."""
-FACTORS = np.concatenate(([0.0], np.logspace(-4, 4, 17)))
+FACTORS = np.logspace(-4, 4, 17)
 """Tried bias drives, relative to the filter's."""
 ENDS = 20
 """Samples of a window for each at either end by which its slope is taken: 5 % of it, so that their mean is

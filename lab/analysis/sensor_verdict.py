@@ -10,12 +10,16 @@ from lab.analysis.finding import (
     Change,
     Finding,
     Weighed,
+    interval_words,
     is_right,
     judge_size,
     mean_square,
+    rounded,
     size_weight,
     written,
+    wrong_by,
 )
+from lab.analysis.likely_factor import likely_factor
 from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.sums import Fit, Squares
@@ -33,8 +37,8 @@ remainder."""
 TOGETHER = 2.0
 """Ratio of the variances of both kinds of sensors up to which one factor on Q serves both: it is within √2 of
 each, less than `finding.MATTERS`."""
-LEAST_FACTOR = float(FACTORS[1])
-"""Smallest factor on a bias drive that is stated: the smallest tried that is not zero."""
+LEAST_FACTOR = float(FACTORS[0])
+"""Smallest factor on a bias drive that is stated: the smallest tried."""
 WANDERS = 3.0
 """Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
 
@@ -191,10 +195,10 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
 
     assumed = likelihood(0, (0,))
     drives = np.array([likelihood(at + 2, (0,)) for at in range(FACTORS.size)])
-    best = int(np.argmax(drives))
-    gain, likeliest = float(drives[best]) - assumed, float(FACTORS[best])
+    likeliest, *ends, gain = likely_factor(FACTORS, drives - assumed)
     if likeliest < min(drive, matched):
         gain, likeliest = (likelihood(1, (0,)) - assumed, matched) if matched < drive else (0.0, drive)
+        ends = []
     candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
     price = PRICE * matrix.shape[0]
     gains = {
@@ -212,20 +216,22 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         return []
     wrong = "small" if factor > 1 else "large"
     times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
-    how = f"about {times:.1g} × too {wrong}" if np.isfinite(times) else "zero"
+    interval = wrong_by(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
+    how = f"about {written(times)} × too {wrong}" if np.isfinite(times) else "zero"
     finding = Finding(
         f"Q {kind} bias",
         f"too {wrong}",
         float(times),
         f"The biases of the {kind}s wander {'more' if factor > 1 else 'less'} than assumed: their drive, and "
         f"so Q, is {how}.",
-        f"Multiply the {kind} bias drive in navigator.q by {factor:.1g}."
+        f"Multiply the {kind} bias drive in navigator.q by {written(factor)}."
         if np.isfinite(times)
         else f"Give the {kind} biases a drive: sensors.{kind}.rate_random_walk, or navigator.q.",
-        f"logarithm of the likelihood ratio {gain:.0f}",
-        (Change("navigator.q", float(f"{factor:.1g}"), True, (axes.start + 6, axes.stop + 6)),)
+        f"logarithm of the likelihood ratio {gain:.0f}{interval_words(interval)}",
+        (Change("navigator.q", rounded(factor), True, (axes.start + 6, axes.stop + 6)),)
         if np.isfinite(times)
         else (),
+        interval,
     )
     return [Weighed(gain, finding)]
 

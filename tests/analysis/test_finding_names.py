@@ -10,6 +10,7 @@ import pytest
 
 import lab.analysis
 from lab.analysis.finding_names import FINDING_NAMES
+from lab.analysis.hypotheses import R_CHANNELS
 
 PLACES = {"Finding": 0, "judge_size": 1}
 """The functions that take the quantity of a finding, and the place of that argument."""
@@ -45,5 +46,10 @@ def test_a_quantity_that_the_verdict_writes_is_in_the_list(pattern: str) -> None
     assert any(re.fullmatch(pattern, name) for name in FINDING_NAMES)
 
 
+@pytest.mark.parametrize("name", R_CHANNELS)
+def test_an_r_of_the_hypotheses_is_in_the_list(name: str) -> None:
+    assert name in FINDING_NAMES
+
+
 def test_the_search_finds_the_quantities() -> None:
-    assert {"R", "GPS\\ latency", "P0\\ .+", "feedforward", "gate", "NIS"} <= set(written())
+    assert {"NIS", "GPS\\ latency", "P0\\ .+", "feedforward", "gate"} <= set(written())
