@@ -26,7 +26,7 @@ CONFIDENCE = 0.95
 MANY_SIGMA = 4.0
 """Smallest correlation of the innovations that is reported, in its standard deviations."""
 WITHHELD = "No advice:"
-"""Beginning of advice that was tried and made something worse."""
+"""Beginning of advice that was tried, and made something worse or nothing better."""
 RATIO = 10.0
 """Smallest logarithm of the likelihood ratio at which one explanation is preferred to another."""
 NOTHING = "nothing"
@@ -93,8 +93,9 @@ class Finding:
 
     @property
     def counsel(self) -> str:
-        """The advice as displayed: what to try, or why there is none."""
-        return self.advice if self.advice.startswith(WITHHELD) else f"Try: {self.advice}"
+        """The advice as displayed: what to try, or why there is none; empty if that is said already."""
+        shown = not self.advice or self.advice.startswith(WITHHELD)
+        return self.advice if shown else f"Try: {self.advice}"
 
 
 @dataclass(frozen=True, repr=False)

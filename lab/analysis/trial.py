@@ -2,7 +2,7 @@
 
 Three figures judge the run, and none of them needs the truth: NIS over its degrees of freedom, the
 correlation of the innovations from fix to fix, and the errors relative to the fixes withheld in artificial
-outages of `OUTAGE` every `EVERY`. Advice that makes any of them worse is not given.
+outages of `OUTAGE` every `EVERY`. Advice that makes any of them worse, or none better, is not given.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline, written
+from lab.analysis.verdict import judge
 from lab.experiment_settings import ExperimentSettings
 from lab.frames.displacement import displaced, displacement
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
@@ -44,6 +47,11 @@ RARE = 3.0
 """Number of standard deviations within which a figure counts as that of a right filter."""
 
 _TRYING = "Trying the advice"
+_USELESS = (
+    f"{WITHHELD} what such a finding suggests was tried, and neither NIS, the correlation of the innovations "
+    "nor the errors across outages get better."
+)
+"""Advice that was tried without gain."""
 
 
 class Figures(NamedTuple):
@@ -120,7 +128,7 @@ def tried(
     tell(_TRYING, 0.0)
     before = average([figures(run) for run in runs])
     together = _together(with_changes, runs, before, tell) if len(with_changes) > 1 else ""
-    found = []
+    found, useless = [], []
     for number, finding in enumerate(verdict.findings):
         if not finding.changes:
             found.append(finding)
@@ -128,7 +136,11 @@ def tried(
             found.append(replace(finding, advice=f"{finding.advice} Tried, {together}."))
         else:
             tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
-            found.append(_tried(finding, runs, before))
+            after = _tried(finding, runs, before)
+            useless += [len(found)] if after.advice == _USELESS else []
+            found.append(after)
+    for again in useless[1:]:  # once is enough
+        found[again] = replace(found[again], advice="")
     findings = tuple(found)
     return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
 
@@ -136,33 +148,32 @@ def tried(
 def _together(
     findings: list[Finding], runs: Sequence[Repeatable], before: Figures, tell: Callable[[str, float], None]
 ) -> str:
-    """Return the effect of all advice together as text; empty if it makes anything worse.
+    """Return the effect of all advice together as text; empty if it makes anything worse, or nothing better.
 
     If one fault hides another, the advice for it alone can make things worse.
     """
     changes = tuple(change for finding in findings for change in finding.changes)
     tell(_TRYING, 0.1)
     try:
-        after = _followed(runs, changes)
+        after = [run.repeated(advised(run, changes)) for run in runs]
+        there = average([figures(run) for run in after])
     except (SettingError, ValueError):
         return ""
-    return "" if worsened(before, after) else f"all advice together: {_words(before, after)}"
-
-
-def _followed(runs: Sequence[Repeatable], changes: tuple[Change, ...]) -> Figures:
-    """Return the figures of runs with some settings changed."""
-    return average([figures(run.repeated(advised(run, changes))) for run in runs])
+    if worsened(before, there) or not _helped(findings, before, there, after):
+        return ""
+    return f"all advice together: {_words(before, there)}"
 
 
 def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
     """Return a finding with the effect of its advice, or without its advice."""
     try:
-        after = _followed(runs, finding.changes)
+        after = [run.repeated(advised(run, finding.changes)) for run in runs]
+        there = average([figures(run) for run in after])
     except (SettingError, ValueError) as error:
         return replace(
             finding, advice=f"{finding.advice} (Tried: the run cannot be navigated: {error})", changes=()
         )
-    worse = worsened(before, after)
+    worse = worsened(before, there)
     if worse:
         return replace(
             finding,
@@ -170,7 +181,36 @@ def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Fin
             f"{worse}. It was: {finding.advice}",
             changes=(),
         )
-    return replace(finding, advice=f"{finding.advice} Tried: {_words(before, after)}.")
+    if not _helped([finding], before, there, after):
+        return replace(finding, advice=_USELESS, changes=())
+    return replace(finding, advice=f"{finding.advice} Tried: {_words(before, there)}.")
+
+
+def _helped(
+    findings: Sequence[Finding], before: Figures, there: Figures, after: Sequence[Repeatable]
+) -> bool:
+    """Return whether advice improved a figure, or with the truth, removed one of its findings.
+
+    Errors that the filter states wrongly need not show in the innovations, such as those of the start.
+    """
+    if improved(before, there):
+        return True
+    evidence = [run.evidence for run in after]
+    if any(one.start is None for one in evidence):
+        return False
+    left = judge(reduce(add, evidence[1:], evidence[0])).findings
+    return any(
+        (one.quantity, one.direction) not in {(o.quantity, o.direction) for o in left} for one in findings
+    )
+
+
+def improved(before: Figures, after: Figures) -> bool:
+    """Return whether a figure became better, by more than counts as a change."""
+    return bool(
+        abs(np.log(max(after.nis, 1e-9))) < abs(np.log(max(before.nis, 1e-9))) - CHANCE
+        or after.correlation < before.correlation - CHANCE
+        or after.held_out < before.held_out / WORSE
+    )
 
 
 def worsened(before: Figures, after: Figures) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lab.analysis import trial
-from lab.analysis.finding import Change
+from lab.analysis.finding import Change, Finding, Verdict
 from lab.analysis.trial import Figures
 from lab.ensembles.ensemble import TRIED
 from lab.ensembles.seeds import run_ensemble
@@ -131,11 +133,44 @@ def test_advice_that_makes_the_prediction_worse_is_not_given(monkeypatch):
     wrong = Change("navigator.r", 1e-3, times=True, rows=(0, 3))
     verdict = result.verdict
     (finding,) = verdict.findings
-    spoilt = trial.replace(verdict, findings=(trial.replace(finding, changes=(wrong,)),))
+    spoilt = replace(verdict, findings=(replace(finding, changes=(wrong,)),))
     monkeypatch.setitem(result.__dict__, "verdict", spoilt)
     (refused,) = trial.tried(result.verdict, [result]).findings
     assert refused.counsel.startswith("No advice: the change that such a finding suggests was tried")
     assert not refused.changes
+
+
+def test_advice_that_changes_nothing_is_not_given(monkeypatch):
+    """A P0 that is 10 % larger changes no figure; said of two findings, this is said once."""
+    result = Experiment(mission="los_angeles", seed=1).run()
+    idle = Finding(
+        "P0", "too small", 1.1, "P0 is.", "Raise P0.", "", (Change("navigator.p0_scale", 1.1, True),)
+    )
+    monkeypatch.setattr(trial, "judge", lambda _evidence: Verdict("", (idle, twin), "1 run"))
+    twin = replace(idle, quantity="P0 velocity")
+    first, second = trial.tried(Verdict("", (idle, twin), "1 run"), [result]).findings
+    assert first.counsel.startswith("No advice: what such a finding suggests was tried")
+    assert second.counsel == ""
+    assert not first.changes
+    assert not second.changes
+
+
+def test_a_figure_that_gets_better_is_a_gain():
+    assert not trial.improved(BEFORE, BEFORE)
+    assert trial.improved(BEFORE, BEFORE._replace(nis=1.1))
+    assert trial.improved(BEFORE, BEFORE._replace(correlation=0.02))
+    assert trial.improved(BEFORE, BEFORE._replace(outages=0.8 * OUTAGES))
+    assert not trial.improved(BEFORE, BEFORE._replace(outages=0.999 * OUTAGES))
+
+
+def test_a_start_that_is_told_rightly_is_a_gain_though_no_figure_shows_it():
+    """P0 matters to NEES before the first fixes: the truth shows it, and the advice is given."""
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.set("navigator.p0_scale", 1e-3)
+    verdict = experiment.run().tried_verdict
+    (finding,) = verdict.findings
+    assert finding.quantity.startswith("P0")
+    assert finding.counsel.startswith("Try:")
 
 
 def test_errors_across_outages_are_those_of_the_coasted_solution():
