@@ -7,8 +7,13 @@ from lab.analysis.evidence import BLOCKS
 from lab.analysis.imu_causes import CAUSES
 from lab.analysis.innovation_verdict import EITHER
 from lab.analysis.pattern import AXES
+from lab.analysis.sensor_verdict import EARTH_RATE
 
 _FIXES = ("position", "velocity")
+GYRO_AXES, ACCEL_AXES, IMU_AXES = "gyro axes", "accelerometer axes", "IMU axes"
+CLOCK, LOSSES, HEADINGS = "IMU clock", "IMU losses", "headings"
+CONTRADICTION = "contradiction"
+"""What findings call faults of a log as a whole, the last one if nothing of it is known but its channel."""
 
 FINDING_NAMES: tuple[str, ...] = tuple(
     dict.fromkeys(
@@ -23,6 +28,8 @@ FINDING_NAMES: tuple[str, ...] = tuple(
             *CAUSES,
             *(f"gyro {what}" for what in ("temperature", "range")),
             *(f"accelerometer {what}" for what in ("temperature", "g-sensitivity", "range")),
+            EARTH_RATE,
+            *(GYRO_AXES, ACCEL_AXES, IMU_AXES, CLOCK, LOSSES, HEADINGS, CONTRADICTION),
             *("feedforward", "correction period", linear_verdict.NAME, "gate", "gain"),
             *linear_verdict.UNEXPLAINED,
             *("covariance", "innovation covariance"),

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.sums import Kept, Squares, Sum
+from lab.frames import earth
+from lab.frames.rotation import C_nb_from_euler
 from lab.navigation.solution import Belief, Imu
 from lab.truth.trajectory import Truth
 
@@ -25,9 +27,11 @@ AT_ONCE = 2**16
 """Number of samples that are averaged in one block."""
 WINDOW = 1.0
 """Summation time of the sensors' noise [s]."""
-MOTION = ("own axis", "second axis", "third axis", "lag", "more lag")
+MOTION = ("own axis", "second axis", "third axis", "lag", "more lag", "Earth rate")
 """Regressors of the errors that depend on the motion: the rate or force of the axis itself and of the two
-axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer lag [s]."""
+axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer lag [s]; what
+a navigator without the rate of the Earth takes for an error, ω_ie of gyros and 2 ω_ie × v of accelerometers
+[1]."""
 DRIFT = ("constant", "time", "temperature", "specific force")
 """Regressors of the bias: [1], [s], [K], and the specific force of the axis [m/s²]."""
 SHORT, LONG = 5e-3, 1.0
@@ -41,6 +45,9 @@ ENDS = 20
 calmer than one sample and still at the end."""
 LONGER = 1.3
 """The longer lag over the one that fits: its difference is the slope of the effect. A plain choice."""
+TURNING = 0.5
+"""Time between the attitudes with which the rate of the Earth is averaged over a window [s]: at 20 °/s, a
+turn of 10°, whose chord is 0.1 % shorter than its arc."""
 UNSEEN = 0.01
 """Fraction of the drive that noise would just hide; it replaces a drive of zero."""
 
@@ -104,7 +111,7 @@ class SensorErrors(Sum):
     Attributes
     ----------
     matrix : Kept
-        Normal equations of the noise on `MOTION`: matrix (runs, 6, 5, 5), vector (runs, 6, 5) and squares
+        Normal equations of the noise on `MOTION`: matrix (runs, 6, 6, 6), vector (runs, 6, 6) and squares
         (runs, 6).
     vector, squares, number : Kept
         See `matrix`; `number` is the number of windows (runs, 6), zero for axes that are assumed to be free
@@ -149,6 +156,8 @@ class Exact(NamedTuple):
         What they lose per second, by the samples at the ends of each window.
     temperature : (windows,) array
         Mean temperature [°C]; zero if it is constant.
+    earth : (windows, 6) array
+        Mean rate of the Earth [rad/s] and its Coriolis acceleration 2 ω_ie × v [m/s²], in b.
     """
 
     dt: float
@@ -156,6 +165,7 @@ class Exact(NamedTuple):
     moved: FloatArray
     fall: FloatArray
     temperature: FloatArray
+    earth: FloatArray
 
 
 class _Axis(NamedTuple):
@@ -164,7 +174,7 @@ class _Axis(NamedTuple):
     window: float
     noise: FloatArray  # (windows,) error besides the bias, divided by the time
     bias: FloatArray
-    motion: FloatArray  # (windows, 5) MOTION
+    motion: FloatArray  # (windows, 6) MOTION
     drift: FloatArray  # (windows, 4) DRIFT
     clipped: NDArray[np.bool_]
 
@@ -270,7 +280,19 @@ def exact(reference: Reference, time: FloatArray, window: float = 0.0) -> Exact:
         fall[:, own] = (first - last) / (width * dt)
     temperature = reference.temperature
     warm = np.zeros(count) if temperature is None else _means(partial(_taken, temperature), count, width)
-    return Exact(dt, width, moved, fall, warm)
+    return Exact(dt, width, moved, fall, warm, _of_earth(reference.whole, count, width, dt))
+
+
+def _of_earth(truth: Truth, count: int, width: int, dt: float) -> FloatArray:
+    """Return rate and Coriolis acceleration of the Earth in b, averaged over windows (count, 6)."""
+    steps = max(1, round(width * dt / TURNING))
+    at = np.round(np.arange(count * steps + 1) * (width / steps)).astype(np.int64)
+    C_nb = C_nb_from_euler(truth.euler[at])
+    sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
+    omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    coriolis_n = 2 * np.cross(omega_ie_n, truth.velocity_n[at])
+    both = np.concatenate([np.einsum("kji,kj->ki", C_nb, one) for one in (omega_ie_n, coriolis_n)], axis=1)
+    return np.asarray((0.5 * (both[1:] + both[:-1])).reshape(count, steps, 6).mean(axis=1))
 
 
 def _taken(values: FloatArray, part: slice) -> FloatArray:
@@ -344,7 +366,8 @@ def _axis(imu: Imu, reference: Reference, axis: int, true: Exact, sums: _Sums) -
         other = 3 * sensor + (own + column) % 3
         motion[:, column] = true.moved[:, other]
     increments = (reference.dtheta, reference.dvelocity)[sensor]
-    motion[:, 3:] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
+    motion[:, 5] = true.earth[:, axis]
+    motion[:, 3:5] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
     drift = np.empty((count, 4))
     drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
     drift[:, 2] = true.temperature
@@ -395,7 +418,7 @@ def _drift(
     """Return the first two drives, and the normal equations of a bias under all tried drives.
 
     `matched` is the drive of a filter matched to the sensor, `rest` the variance of the noise relative to the
-    assumed one, `spread` the errors that depend on the motion (5,).
+    assumed one, `spread` the errors that depend on the motion (6,).
     """
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest

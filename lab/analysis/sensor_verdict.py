@@ -42,10 +42,16 @@ LEAST_FACTOR = float(FACTORS[0])
 WANDERS = 3.0
 """Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
 
+EARTH_RATE = "Earth rate"
+"""What a finding calls a rate of the Earth that the navigator leaves out."""
+ALL_OF_IT = 0.5
+"""Largest distance of its estimated part from 1: it is left out or it is not."""
+
 _CAUSES = {  # regressors of each cause
     "scale factor": (0,),
     "misalignment": (1, 2),
     "bandwidth": (3, 4),
+    EARTH_RATE: (5,),
 }
 _WORDS = {
     "scale factor": "The scale factors of the {kind}s are wrong by {size:.2g} %: their errors are "
@@ -79,7 +85,10 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
     for sensor, kind in enumerate(SENSORS):
         axes = slice(3 * sensor, 3 * sensor + 3)
         motion, rest = _motion(errors, sensor, kind)
-        found += _clipped(errors, sensor, kind) + motion
+        found += _clipped(errors, sensor, kind)
+        # The rate of the Earth shows in both kinds of sensors, and is one fault.
+        named = {entry.finding.quantity for entry in found}
+        found += [entry for entry in motion if entry.finding.quantity not in {EARTH_RATE} & named]
         noise.append(rest)
         wanders += _bias(errors, axes, kind)
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
@@ -108,12 +117,34 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
     explained, found = 0.0, []
     for entry in chosen:
         explained += 2 * entry.gain * scale
-        if 2 * entry.gain / count > EXPLAINS and entry.gain >= LEFT * chosen[0].gain:
+        if entry.gain < LEFT * chosen[0].gain:
+            continue
+        if entry.name == EARTH_RATE:
+            found += _earth_rate(entry)
+        elif 2 * entry.gain / count > EXPLAINS:
             found.append(_stated(entry, kind, sensor))
     rest = total - explained
     if found and count < rest < count + LEFT * explained:
         rest = count
     return found, (rest, count)
+
+
+def _earth_rate(entry: Explained) -> list[Weighed]:
+    """Judge errors like the rate of the Earth: they have a size, and last, so less of them matters."""
+    weight = 1 / np.maximum(entry.sigma, 1e-12) ** 2
+    part = float(np.sum(weight * entry.estimate) / weight.sum())
+    if abs(part - 1) > ALL_OF_IT:
+        return []
+    finding = Finding(
+        EARTH_RATE,
+        "not modelled",
+        part,
+        "The rate of the Earth is left out: the sensors seem to err by ω_ie in the axes of the body (gyros), "
+        f"and by 2 ω_ie × v (accelerometers), {part:.2g} × as much.",
+        "Subtract C_bn ω_ie from the gyros, and 2 ω_ie × v from the acceleration.",
+        f"logarithm of the likelihood ratio {entry.gain:.0f}",
+    )
+    return [Weighed(entry.gain, finding)]
 
 
 def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit:

@@ -9,11 +9,16 @@ import pytest
 
 from lab.analysis.pattern import BINS, binned, channel, stretch
 from lab.analysis.selection import select
+from lab.analysis.sensor_evidence import Reference, exact
 from lab.analysis.sums import Fit, Squares
 from lab.analysis.verdict import judge
 from lab.experiment import Experiment
+from lab.gallery.faults import FAULTS
+from lab.gallery.faulty_experiment import FaultyExperiment
+from lab.lessons.gallery_lessons import gallery_lessons
 from lab.navigation.aids import NAMES
 from lab.sensors.cards import card
+from lab.truth.trajectory import Truth
 
 RNG = np.random.default_rng(11)
 
@@ -105,6 +110,32 @@ def test_a_g_sensitive_gyro_is_no_wrong_p0():
     card("MPU-6000", assumed=False).load(experiment)
     (finding,) = experiment.run().verdict.findings
     assert finding.quantity == "gyro g-sensitivity"
+
+
+@pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
+def test_a_rate_of_the_earth_that_is_left_out_is_named_alone(mission):
+    """Gyros that err by C_bn ω_ie, accelerometers by 2 C_bn (ω_ie × v): no misalignment, and no noise."""
+    for seed in range(1001, 1004):
+        settings = {**gallery_lessons()[0].settings, "mission": mission, "seed": seed}
+        verdict = FaultyExperiment(FAULTS["earth_rate"]).update(settings).run().verdict
+        (finding,) = verdict.findings
+        assert finding.quantity == "Earth rate"
+        assert finding.factor == pytest.approx(1, abs=0.1)
+
+
+def test_what_the_rate_of_the_earth_adds_is_that_of_its_equation():
+    """Level and northwards at 45°: ω_ie (cos φ, 0, −sin φ), and 2 ω_ie × v = (0, −2 Ω v sin φ, 0)."""
+    time = np.arange(1001) * 0.01
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1))
+    truth = Truth(
+        time, np.full(time.size, np.pi / 4), np.zeros(time.size), np.zeros(time.size),
+        np.tile([100.0, 0.0, 0.0], (time.size, 1)), level, np.zeros((time.size, 3)),
+    )  # fmt: skip
+    still = np.zeros((time.size - 1, 3))
+    found = exact(Reference(truth, np.zeros((time.size, 6)), still, still), time)
+    omega, half = 7.292115e-5, np.sqrt(0.5)
+    expected = [omega * half, 0.0, -omega * half, 0.0, -2 * omega * half * 100, 0.0]
+    np.testing.assert_allclose(found.earth, np.tile(expected, (10, 1)), rtol=1e-6, atol=1e-15)
 
 
 @pytest.mark.parametrize("seed", [4, 7])
