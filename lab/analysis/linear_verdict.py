@@ -60,7 +60,7 @@ def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) ->
     if found is None or verdict.consistent is None:  # of a user's algorithm, or without a fix
         return verdict
     start = float(np.median(found.start.values))
-    if is_wide(start, navigator):
+    if is_wide(start, navigator) and not any(_is_start_too_wide(one) for one in verdict.findings):
         with_truth = evidence.start is not None
         others = [one for one in verdict.findings if with_truth and one.quantity not in _CONSEQUENCES]
         return _with((*others, _of_start(start, navigator)), verdict)
@@ -76,6 +76,11 @@ def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) ->
     ):
         return _with((_of_products(neglected, navigator, verdict),), verdict)
     return verdict
+
+
+def _is_start_too_wide(finding: Finding) -> bool:
+    """Return whether the attitude at the start is known better than P0 says: then the model holds."""
+    return finding.quantity in ("P0", "P0 attitude") and finding.direction == "too large"
 
 
 def _with(findings: tuple[Finding, ...], verdict: Verdict) -> Verdict:

@@ -85,7 +85,7 @@ class RunMeans(Sum):
     @property
     def runs(self) -> int:
         """Number of runs."""
-        return self.means.values.shape[0]
+        return int(self.means.values.shape[0])
 
     def together(self, figure: int) -> Squares:
         """Return the squares of a figure, of all runs together, as independent ones."""
@@ -137,7 +137,8 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
     length = max(span[1] - span[0], 1e-9)
     for one in series:
         quarter = np.minimum((one.time - span[0]) / length * len(QUARTERS), len(QUARTERS) - 1).astype(int)
-        parts = [("", np.ones(one.time.size, dtype=np.bool_), length)]
+        every = np.ones(one.time.size, dtype=np.bool_)
+        parts: list[tuple[str, NDArray[np.bool_], float]] = [("", every, length)]
         if one.quartered:
             parts += [(name, quarter == at, length / len(QUARTERS)) for at, name in enumerate(QUARTERS)]
         for name, here, lasting in parts:
@@ -145,5 +146,5 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
             degrees = float(one.degrees[here].sum())
             means.append(float(one.squares[here].sum()) / degrees if degrees else np.nan)
             most = max(1.0, lasting / one.apart) if one.apart else np.inf
-            independent.append(min(degrees, most * degrees / max(np.count_nonzero(here), 1)))
+            independent.append(min(degrees, most * degrees / max(int(here.sum()), 1)))
     return RunMeans(tuple(figures), Kept(np.array(means)[None]), Kept(np.array(independent)[None]))

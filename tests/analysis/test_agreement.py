@@ -7,7 +7,7 @@ import pytest
 
 from lab.analysis.agreement import FAMILY, Told, agreements, judge_agreement
 from lab.analysis.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
-from lab.analysis.sums import Kept
+from lab.analysis.sums import Kept, Squares
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 
@@ -139,7 +139,7 @@ def test_means_are_weighted_by_what_is_measured_and_of_their_quarter() -> None:
     np.testing.assert_allclose(found.independent.values, [[15.0, 6.0, 3.0, 0.0, 6.0]])
     both = found + found
     assert both.runs == 2
-    assert both.together(0) == (2 * 27, 2 * 15)
+    assert both.together(0) == Squares(np.array(2 * 27.0), np.array(2 * 15.0))
     assert both.together(3).number == 0
     beside = found.beside(run_means([series._replace(figure=Figure(BETWEEN))], (0.0, 8.0)))
     assert len(beside.figures) == beside.means.values.shape[1] == 10

@@ -10,6 +10,7 @@ from lab.analysis.errors import error_state
 from lab.analysis.evidence import BLOCKS, Reference, nees_squares, state_means, usage
 from lab.analysis.run_evidence import evidence_of
 from lab.analysis.run_means import BETWEEN, NEES, QUARTERS, Figure
+from lab.analysis.verdict import judge
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
@@ -157,7 +158,10 @@ def test_causes_that_rounding_hides_are_withheld_and_the_rest_is_judged() -> Non
         assert by_truth["R position"] == "too small"
         assert by_truth["Q"] == "too large"
         if withheld[-1]:
-            (finding,) = result.innovation_verdict.findings
+            # The verdict of the run names such a start before anything else.
+            (start,) = result.innovation_verdict.findings
+            assert start.quantity == "linear model"
+            (finding,) = judge(result.evidence.without_truth()).findings
             assert finding.quantity == "NIS"
             assert "rounding" in finding.sentence
     assert any(withheld)

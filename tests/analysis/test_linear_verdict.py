@@ -62,6 +62,15 @@ def test_causes_with_a_sample_of_their_own_keep_their_names_from_such_a_start() 
     assert "invariant or nonlinear" in many.remark
 
 
+def test_a_p0_that_is_too_large_is_named_alone() -> None:
+    """The heading is known to 2°, as the sample of the start shows; the filter was told 60°."""
+    experiment = Experiment(mission="los_angeles", seed=1001).update({"trajectory.imu_rate": 20.0})
+    P0 = np.diag(belief(experiment.sensors, experiment.navigator).P0).copy()
+    P0[6:9] *= 900.0
+    many = run_ensemble(experiment.update({"navigator.p0": P0.tolist()}), 3)
+    assert [finding.quantity for finding in many.verdict.findings] == ["P0 attitude"]
+
+
 def test_the_neglected_acceleration_is_the_mean_of_the_exact_one() -> None:
     """Of a million rotations, in a turn of a vehicle that heads south; the biases have a σ of 0.02 m/s²."""
     sigma, bias, force = np.array((0.02, 0.03, 0.2)), 0.02, np.array((3.0, 8.0, -GRAVITY))

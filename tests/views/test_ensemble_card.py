@@ -19,7 +19,7 @@ from lab.views.ensemble_card import inside
 )
 def test_a_sentence_says_what_share_of_the_fixes_outside_chance_explains(high: int, said: str) -> None:
     """Of a hundred fixes after 20 s, of which NEES is far above its interval at some."""
-    time = 20.0 + np.arange(1, 101)
+    time = np.arange(21.0, 121.0)
     nees, nis = np.full((2, 100), 15.0) * [[1.0], [0.4]]
     nees[:high] = 100.0
     sums = EpochSums()
