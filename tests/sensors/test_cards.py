@@ -117,6 +117,7 @@ def test_terms_without_a_number_are_off_and_nothing_saturates() -> None:
         ("VN-310", "gyro", "noise_density", 5 / 3600 / 2**0.5),  # one-sided °/h/√Hz in °/s/√Hz
         ("STIM300", "gyro", "g_sensitivity", 1 / 3600),  # °/h/g in °/s/g
         ("STIM300", "gyro", "misalignment", 1e-3 * 180 / np.pi),  # mrad in °
+        ("ADIS16488", "gyro", "flicker", 6.5),  # another text has 6.25 °/h
         ("ADIS16448", "accelerometer", "noise_density", 0.11 / 60 / 9.80665 * 1e6),  # m/s/√h in µg/√Hz
         ("HG1700", "accelerometer", "noise_density", 0.065 * 0.3048 / 60 / 9.80665 * 1e6),  # ft/s/√h
         ("VN-100", "accelerometer", "noise_density", 140.0 / 2**0.5),  # one-sided mg/√Hz
@@ -262,6 +263,24 @@ def test_a_card_says_of_each_density_per_root_hertz_which_convention_it_has() ->
                 assert found.density == ""
 
 
+@pytest.mark.parametrize(
+    ("name", "triad", "term", "texts"),
+    [
+        ("ADIS16488", "gyro", "flicker", (6.25, 6.5)),  # °/h
+        ("ISM330DHCX", "gyro", "noise_density", (4e-3 / 2**0.5, 7.1e-3 / 2**0.5)),  # one-sided °/s/√Hz
+        ("Xsens MTi-3", "gyro", "flicker", (2, 10)),  # °/h
+        ("Xsens MTi-3", "accelerometer", "flicker", (0.015, 0.030)),  # mg
+    ],
+)
+def test_no_assumed_number_is_beyond_what_the_texts_say(
+    name: str, triad: str, term: str, texts: tuple[float, float]
+) -> None:
+    """The texts that the notes name: their numbers differ, and what is used lies between them."""
+    value = np.mean(cards.card(name).value(triad, term))
+    assert texts[0] <= value <= texts[1]
+    assert cards.card(name).is_assumed(triad, term) is (texts[1] > 1.25 * texts[0])
+
+
 def test_a_number_that_is_missing_is_assumed_and_kept_apart(tmp_path: Path) -> None:
     text = OWN.replace('grade = "own"', 'grade = "tactical"')
     card = cards.card(_write(tmp_path, text))
@@ -269,7 +288,7 @@ def test_a_number_that_is_missing_is_assumed_and_kept_apart(tmp_path: Path) -> N
     assert list(card.terms["gyro"]) == ["noise_density"]
     assert not card.is_assumed("gyro", "noise_density")
     assert card.is_assumed("gyro", "flicker")
-    assert card.value("gyro", "flicker") == 0.5
+    assert card.value("gyro", "flicker") == 0.65
     assert card.value("accelerometer", "bias_sigma") == 1.0
     assert cards.card(_write(tmp_path, OWN)).assumed == {}  # of an own grade nothing is known
 
