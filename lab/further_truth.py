@@ -42,6 +42,8 @@ def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: 
         if name in blocks.MISALIGNMENTS:
             triad = sensors.gyro if name == blocks.GYRO_MISALIGNMENT else sensors.accelerometer
             columns += [np.full(time.size, value) for value in si(triad, "misalignment")]
+        elif name == blocks.GYRO_G:
+            columns += [np.full(time.size, value) for value in si(sensors.gyro, "g_sensitivity")]
         elif name in blocks.DRIFTS:
             columns += list(bias_drift(experiment, blocks.DRIFTS.index(name), time).T)
         elif name in blocks.OWN:
@@ -90,6 +92,24 @@ def bias_drift(experiment: ExperimentSettings, triad: int, time: FloatArray) -> 
     drift = imu.drift(errors, draws, 1 / rate)
     shown = drift @ (np.eye(3) + imu.cross_coupling(errors, draws)).T
     return shown[interval] if shown.ndim == 2 else np.broadcast_to(shown, (time.size, 3))
+
+
+def felt_by_gyros(experiment: ExperimentSettings, dvelocity: FloatArray, dt: float) -> FloatArray:
+    """Return the bias of the gyros (n, 3) from the specific force, as their output shows it [rad/s].
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    dvelocity : (n, 3) array
+        True increments over sample intervals, without vibration [m/s].
+    dt
+        Length of the intervals [s].
+    """
+    errors = experiment.sensors.gyro
+    draws = imu.ImuDraws.of(experiment.seed, "gyro", 0, instability=False)
+    shown = np.eye(3) + imu.cross_coupling(errors, draws)
+    return np.asarray(dvelocity / dt * si(errors, "g_sensitivity") @ shown.T)
 
 
 def own_errors(experiment: ExperimentSettings, own: OwnStates, time: FloatArray) -> FloatArray:
@@ -149,7 +169,7 @@ def errors_of_states(
         The true increments.
     """
     own = of_blocks(names)
-    if not own and not {*blocks.MISALIGNMENTS, *blocks.DRIFTS} & set(names):
+    if not own and not {*blocks.CONSIDERED, *blocks.DRIFTS} & set(names):
         return None
     rates, forces, time = ideal.dtheta / ideal.dt, ideal.dvelocity / ideal.dt, ideal.time[1:]
     total = np.zeros((time.size, 6))
@@ -161,6 +181,8 @@ def errors_of_states(
             total[:, part] += values @ imu.misalignment(errors).T
         if blocks.DRIFTS[triad] in names:
             total[:, part] += bias_drift(experiment, triad, time)
+    if blocks.GYRO_G in names:
+        total[:, :3] += felt_by_gyros(experiment, ideal.dvelocity, ideal.dt)
     for one in own:
         total += np.einsum("nik,nk->ni", one.effects(rates, forces), own_errors(experiment, one, time))
     return total

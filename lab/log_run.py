@@ -71,6 +71,7 @@ a card assumed, and outages."""
 OF_FURTHER_STATES = {
     "sensors.gyro.misalignment": "estimate_misalignments",
     "sensors.accelerometer.misalignment": "estimate_misalignments",
+    "sensors.gyro.g_sensitivity": "estimate_g_sensitivity",
     "sensors.gps.correlated_sigma": "estimate_gps_drift",
     "sensors.gps.correlation_time": "estimate_gps_drift",
 }

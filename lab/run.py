@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from lab.experiment_settings import ExperimentSettings
 from lab.frames.rotation import euler_from_quaternion
-from lab.further_truth import bias_drift, further_truth
+from lab.further_truth import bias_drift, felt_by_gyros, further_truth
 from lab.histories import LONG, made_when_asked
 from lab.kinematics.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
-from lab.navigation.blocks import DRIFTS, SCALES
+from lab.navigation.blocks import DRIFTS, GYRO_G, SCALES
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import HISTORIES, Belief, Solution
 from lab.sensors import temperature as thermal
@@ -222,9 +222,12 @@ class Run(ABC):
     def true_bias(self) -> FloatArray:
         """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²].
 
-        Without their drift, if the filter has states for it.
+        Without their drift and what gyros feel of the specific force, if the filter has states for these.
         """
-        whole = at_samples(self.gyro.bias, self.accelerometer.bias)
+        gyro, accelerometer = self.gyro.bias, self.accelerometer.bias
+        if GYRO_G in self.blocks and self.ideal is not None:
+            gyro = gyro - felt_by_gyros(self.simulated_settings, self.ideal.dvelocity, self.ideal.dt)
+        whole = at_samples(gyro, accelerometer)
         if DRIFTS[0] not in self.blocks or self.recorded is not None:
             return whole
         drift = [bias_drift(self.simulated_settings, triad, self.time) for triad in range(2)]

@@ -110,7 +110,9 @@ class SimulatedResult(Result):
                 "the navigator and removed the constant gyro biases. The gyro biases shown, true and "
                 "estimated, are the remaining ones."
             )
+        stated = {"misalignment": navigator.estimate_misalignments}
+        stated["g_sensitivity"] = navigator.estimate_g_sensitivity
         of_sensors = self.experiment.sensors.remarks(
-            navigator.states, misalignments=navigator.estimate_misalignments
+            navigator.states, [name for name, has_states in stated.items() if has_states]
         )
         return (*self.experiment.notes, *remarks, *of_sensors)

@@ -19,6 +19,8 @@ ARM_SIGMA, LATE_SIGMA = 0.5, 0.05
 """σ of both [m], [s]."""
 MISALIGNMENT = 0.2
 """σ of each misalignment [°], and its size: the sign is drawn, since a filter takes the size as σ."""
+G_SENSITIVITY = 0.01
+"""As for the misalignments [°/s/g]."""
 
 
 def winding_road(folder: Path) -> Path:
@@ -71,4 +73,6 @@ def flight(mission: Path | str, seed: int, settings: dict[str, Any]) -> Experime
     if made.navigator.estimate_misalignments:
         for triad in ("gyro", "accelerometer"):
             made.set(f"sensors.{triad}.misalignment", tuple(MISALIGNMENT * rng.choice((-1.0, 1.0), 6)))
+    if made.navigator.estimate_g_sensitivity:
+        made.set("sensors.gyro.g_sensitivity", tuple(G_SENSITIVITY * rng.choice((-1.0, 1.0), 3)))
     return made

@@ -282,7 +282,7 @@ def test_axes_that_are_not_those_of_the_vehicle_are_told(folder: Path) -> None:
 def test_what_the_navigation_depends_on_is_never_taken_from_a_run_with_other_settings(folder: Path) -> None:
     """Every number of sensors and start, one by one, with all states and sensors that this log allows."""
     base = drive(folder, barometer=True, odometer=True, airspeed=True)
-    for states in ("misalignments", "bias_drift", "gps_drift", "lever_arm", "latency"):
+    for states in ("misalignments", "g_sensitivity", "bias_drift", "gps_drift", "lever_arm", "latency"):
         base.set(f"navigator.estimate_{states}", True)
     base.update({"navigator": {"states": 21, "model": "nonlinear"}})  # its one kernel has all blocks
     log = piece(read_sensor_log(folder), EPOCH + 80.0, EPOCH + 92.0)
@@ -310,7 +310,11 @@ def test_what_the_navigation_depends_on_is_never_taken_from_a_run_with_other_set
 
 @pytest.mark.parametrize(
     ("path", "states"),
-    [("gyro.misalignment", "misalignments"), ("gps.correlated_sigma", "gps_drift")],
+    [
+        ("gyro.misalignment", "misalignments"),
+        ("gyro.g_sensitivity", "g_sensitivity"),
+        ("gps.correlated_sigma", "gps_drift"),
+    ],
 )
 def test_settings_of_further_states_count_with_these_states_alone(
     folder: Path, path: str, states: str

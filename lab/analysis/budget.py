@@ -293,7 +293,7 @@ class _Propagation:
         response[:, self.acting] = np.tile(step.bias, self.acting.size // BIASES)
         A[:NAV, NAV : self.states] = response[:, NAV:]
         # An error of a scale factor acts as one of the bias, times the measured quantity; a misalignment,
-        # times that of another axis.
+        # times that of another axis; a g-sensitivity, times the force.
         for state, of, by in coupled_states(self.blocks):
             A[:NAV, state] = step.coupled[:, of, by]
         kept = self.kept ** (last - first)
@@ -396,6 +396,9 @@ def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:
             if name in names:
                 first = blocks.first_state(names, name)
                 found += [(first + k, 3 * triad + i, 3 * triad + j) for k, (i, j) in enumerate(couplings)]
+    if blocks.GYRO_G in names:
+        first = blocks.first_state(names, blocks.GYRO_G)
+        found += [(first + i, i, 3 + i) for i in range(3)]
     return found
 
 

@@ -156,22 +156,31 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
     uncoupled = np.zeros((aligned.noise.shape[1], 6, 6))
     noise = Constant("noise of the alignment", aligned.noise, uncoupled)
     found = [_with_room(source, names) for source in (*found, noise)]
-    found += [_misalignment(experiment, aligned, names, number) for number in range(len(triads))]
+    found += [_considered(experiment, aligned, names, name) for name in blocks.CONSIDERED]
     found += _of_measurements(experiment, names)
     return [source for source in found if source.start.any() or source.coupling.any()]
 
 
-def _misalignment(
-    experiment: ExperimentSettings, aligned: Aligned, names: Sequence[str], number: int
+def _considered(
+    experiment: ExperimentSettings, aligned: Aligned, names: Sequence[str], block: str
 ) -> Constant:
-    """Return the misalignments of gyros (0) or accelerometers (1), with the tilt that an alignment left."""
-    name, block = TRIADS[number], blocks.MISALIGNMENTS[number]
-    errors = experiment.sensors.groups()[name]
+    """Return a source that an alignment considered, with the tilts and biases that this left.
+
+    Misalignments, and the g-sensitivity if the filter has states for it; otherwise the latter is a part of
+    the biases, in `known_errors`.
+    """
+    number = 0 if block == blocks.GYRO_G else blocks.MISALIGNMENTS.index(block)
+    errors, own = experiment.sensors.groups()[TRIADS[number]], slice(3 * number, 3 * number + 3)
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-    values, own = si(errors, "misalignment"), slice(3 * number, 3 * number + 3)
-    source = coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None])
-    if aligned.misaligned.size:
-        columns = aligned.misaligned[:, number * values.size : (number + 1) * values.size]
+    if block == blocks.GYRO_G:
+        values = si(errors, "g_sensitivity") * (block in names)
+        source = coupled(block, own, slice(3, 6), np.diag(values)[None])
+    else:
+        values = si(errors, "misalignment")
+        source = coupled(block, own, own, imu.misalignment(errors)[None])
+    if aligned.considered.size:
+        first = sum(blocks.block(name).size for name in blocks.CONSIDERED[: blocks.CONSIDERED.index(block)])
+        columns = aligned.considered[:, first : first + values.size]
         source = source._replace(start=columns @ np.sign(values)[:, None])
     source = _with_room(source, names)
     if block in names:

@@ -152,6 +152,7 @@ def evidence(
     smoothed: Solution | None = None,
     explain: bool = True,
     aided: bool = False,
+    names: tuple[str, ...] | None = None,
     calibrating: bool = False,
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
     motion: MotionAtFixes | None = None,
@@ -179,8 +180,11 @@ def evidence(
     explain
         Whether suspicious innovations are explained.
     aided
-        Whether the filter uses other measurements, or has further states. Their updates between the fixes are
-        not modelled here, so causes of the innovations are then not sought.
+        Whether the filter uses other measurements, or has states that `names` may not hold. Their effects
+        between the fixes are not modelled here, so causes of the innovations are then not sought.
+    names
+        The further blocks of the filter, of scale factors, misalignments and g-sensitivity; by default, the
+        scale factors of a filter with 21 states.
     calibrating
         Whether the filter estimates errors of the receiver. The errors of the fixes themselves are then not
         judged: they contain what is estimated.
@@ -200,7 +204,7 @@ def evidence(
     found = Evidence(
         runs=1,
         innovations=innovations(
-            solution, belief, fixes, imu, motion, explain=explain, aided=aided, gained=gains
+            solution, belief, fixes, imu, motion, explain=explain, aided=aided, names=names, gained=gains
         ),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),

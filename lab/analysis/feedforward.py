@@ -232,6 +232,9 @@ def _drift_between(run: Run, first: int, last: int) -> float:
     gyro, accelerometer = run.gyro.increments[first:last], run.accelerometer.increments[first:last]
     unmixed_bias = np.asarray(np.linalg.solve(mixing, bias), dtype=np.float64)
     unmixed = np.asarray(np.linalg.solve(mixing, gyro.T).T, dtype=np.float64)
+    if blocks.GYRO_G in run.blocks:
+        at = blocks.first_state(run.blocks, blocks.GYRO_G) - blocks.CORE
+        unmixed = unmixed - estimates[at : at + 3] * accelerometer
     imu = Imu(run.time[first : last + 1], unmixed, accelerometer)
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation import blocks
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
+from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +38,8 @@ NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
 AT_ONCE = 64
 """Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
+_ROWS, _COLUMNS = (["xyz".index(pair[k]) for pair in OFF_DIAGONAL] for k in (0, 1))
+"""The sensor that each misalignment concerns, and the axis that it measures too."""
 
 
 class Steps(NamedTuple):
@@ -66,7 +70,9 @@ def columns() -> dict[str, list[int]]:
     return found
 
 
-def steps(solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp]) -> Steps:
+def steps(
+    solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], names: tuple[str, ...]
+) -> Steps:
     """Return the propagation of the error over a flight, with the short-term terms only.
 
     Parameters
@@ -77,12 +83,14 @@ def steps(solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp
         Input of the filter.
     samples : (m,) array
         Samples of the fixes.
+    names
+        The further blocks of the filter.
     """
     n, regressors = solution.states, sum(len(own) for own in columns().values())
     shapes = (n, n), (4, n, n), (n, regressors)
     whole = Steps(*(np.empty((samples.size, *shape)) for shape in shapes))
     done = 0
-    for part in steps_in_parts(solution, belief, imu, samples):
+    for part in steps_in_parts(solution, belief, imu, samples, names):
         here = slice(done, done + part.transition.shape[0])
         for all_of_them, values in zip(whole, part, strict=True):
             all_of_them[here] = values
@@ -91,13 +99,19 @@ def steps(solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp
 
 
 def steps_in_parts(
-    solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], *, forced: bool = True
+    solution: Solution,
+    belief: Belief,
+    imu: Imu,
+    samples: NDArray[np.intp],
+    names: tuple[str, ...],
+    *,
+    forced: bool = True,
 ) -> Iterator[Steps]:
     """Iterate over the propagation of the error over a flight, `AT_ONCE` fixes at a time.
 
     Parameters
     ----------
-    solution, belief, imu, samples
+    solution, belief, imu, samples, names
         As of `steps`.
     forced
         Whether to compute the effects of the causes.
@@ -111,13 +125,14 @@ def steps_in_parts(
     edges = np.append(cuts, last - 1)
     for first in range(0, samples.size, AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        yield _steps(solution, belief, imu, edges[first : first + AT_ONCE + 1], duration[part], forced)
+        yield _steps(solution, belief, imu, names, edges[first : first + AT_ONCE + 1], duration[part], forced)
 
 
 def _steps(
     solution: Solution,
     belief: Belief,
     imu: Imu,
+    names: tuple[str, ...],
     edges: NDArray[np.intp],
     duration: FloatArray,
     forced: bool,
@@ -142,7 +157,7 @@ def _steps(
     )
     force_n = gathered(np.einsum("nij,nj->ni", C_mid, dvelocity)) / safe
     rate_b, force_b = gathered(dtheta) / safe, gathered(dvelocity) / safe
-    F = _system_matrix(solution.states, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
+    F = _system_matrix(names, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
     T = duration[:, None, None]
     n, density = solution.states, belief.noise
     noise = np.zeros((count, 4, n, n))
@@ -170,9 +185,18 @@ def exponential(F: FloatArray, T: FloatArray) -> FloatArray:
 
 
 def _system_matrix(
-    n: int, C_nb: FloatArray, force_n: FloatArray, rate_b: FloatArray, force_b: FloatArray, belief: Belief
+    names: tuple[str, ...],
+    C_nb: FloatArray,
+    force_n: FloatArray,
+    rate_b: FloatArray,
+    force_b: FloatArray,
+    belief: Belief,
 ) -> FloatArray:
-    """Return the short-term terms of F (m, n, n): velocity, specific force, biases and scale factors."""
+    """Return the short-term terms of F (m, n, n): velocity, specific force, and the errors of the IMU.
+
+    Those are biases, scale factors, misalignments and g-sensitivity.
+    """
+    n = blocks.count(names)
     F = np.zeros((C_nb.shape[0], n, n))
     F[:, POS, VEL] = np.eye(3)
     F[:, VEL, ATT] = np.cross(force_n[:, None, :], np.eye(3)).transpose(0, 2, 1)
@@ -180,9 +204,18 @@ def _system_matrix(
     F[:, ATT, GYRO_BIAS] = C_nb
     F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.decay[:3])
     F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:])
-    if n > GYRO_SCALE.start:
-        F[:, ATT, GYRO_SCALE] = C_nb * rate_b[:, None, :]
-        F[:, VEL, ACCEL_SCALE] = -C_nb * force_b[:, None, :]
+    for rows, sign, shown, scale, misalignment in (
+        (ATT, 1, rate_b, blocks.GYRO_SCALE, blocks.GYRO_MISALIGNMENT),
+        (VEL, -1, force_b, blocks.ACCEL_SCALE, blocks.ACCEL_MISALIGNMENT),
+    ):
+        if scale in names:
+            F[:, rows, blocks.states_of(names, scale)] = sign * C_nb * shown[:, None, :]
+        if misalignment in names:
+            F[:, rows, blocks.states_of(names, misalignment)] = (
+                sign * C_nb[:, :, _ROWS] * shown[:, None, _COLUMNS]
+            )
+    if blocks.GYRO_G in names:
+        F[:, ATT, blocks.states_of(names, blocks.GYRO_G)] = C_nb * force_b[:, None, :]
     return F
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from lab.analysis.pattern import BINS, binned
 from lab.analysis.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.selection import gain_of
 from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.navigation import blocks
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.schedule import SLACK
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
@@ -122,6 +123,7 @@ def innovations(
     *,
     explain: bool = True,
     aided: bool = False,
+    names: tuple[str, ...] | None = None,
     gained: FloatArray | None = None,
 ) -> Innovations:
     """Return the statistics of the innovations of a run.
@@ -136,7 +138,8 @@ def innovations(
     normalised = _normalised(nu, S)
     squares, sums, lagged = sizes(normalised[used])
     K = gains(solution, seen) if gained is None else gained
-    record = Record(solution, belief, imu, seen, samples, nu, S, K)
+    names = blocks.SCALES[: 2 * (solution.states > blocks.CORE)] if names is None else names
+    record = Record(solution, belief, imu, names, seen, samples, nu, S, K)
     apart = outliers(normalised, settled=NEIGHBOURS // 2)
     if not aided:  # what the filter would be without the outliers is not modelled here
         # Nor is it known where rounding spoils its covariance.
@@ -235,11 +238,16 @@ class Record(NamedTuple):
     solution: Solution
     belief: Belief
     imu: Imu
+    names: tuple[str, ...]
     seen: NDArray[np.intp]
     samples: NDArray[np.intp]
     innovation: FloatArray
     covariance: FloatArray
     gains: FloatArray
+
+    def steps(self, *, forced: bool = True) -> Iterator[Steps]:
+        """Iterate over the propagation of the error; see `imu_causes.steps_in_parts`."""
+        return steps_in_parts(self.solution, self.belief, self.imu, self.samples, self.names, forced=forced)
 
     def without(self, skipped: NDArray[np.bool_], known: NDArray[np.bool_]) -> Record:
         """Return the record as it would be if the filter had not used some fixes; `known` masks values."""
@@ -270,7 +278,7 @@ class Record(NamedTuple):
         return hypotheses.likelihoods(
             self.innovation,
             np.einsum("mij,mj->mi", self.gains, self.innovation),
-            ahead or steps_in_parts(self.solution, self.belief, self.imu, self.samples, forced=False),
+            ahead or self.steps(forced=False),
             H,
             R,
             self.belief.P0,
@@ -338,7 +346,7 @@ def _explained(
     found: Innovations, record: Record, motion: MotionAtFixes, apart: NDArray[np.bool_], explain: bool
 ) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
-    solution, belief, imu, seen, samples, nu, S, _ = record
+    solution, belief, imu, _, seen, samples, nu, S, _ = record
     causes = causes_of(motion)
     kept = ~apart
     answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes)
@@ -351,11 +359,11 @@ def _explained(
     record, kept, causes = record.cut(LONGEST), kept[:LONGEST], causes[:LONGEST]
     # The steps of a long flight take 50 MB, so they are computed part by part, and twice.
     all_of_them = (
-        [steps(solution, belief, imu, record.samples)] if record.seen.size < LONGEST else list[Steps]()
+        [steps(solution, belief, imu, record.samples, record.names)]
+        if record.seen.size < LONGEST
+        else list[Steps]()
     )
-    answer = _response_to_all(
-        record, all_of_them or steps_in_parts(solution, belief, imu, record.samples), causes
-    )
+    answer = _response_to_all(record, all_of_them or record.steps(), causes)
     return replace(
         found,
         causes=_fit(answer[kept], record.innovation[kept], record.covariance[kept]),

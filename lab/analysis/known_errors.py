@@ -23,7 +23,7 @@ from lab.frames.rotation import C_nb_from_euler, wrap
 from lab.kinematics.ideal_imu import IdealImu
 from lab.navigation.aids import FORWARD, MAGNETIC, NORTHWARD
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.navigation.blocks import LATENCY, LEVER_ARM
+from lab.navigation.blocks import GYRO_G, LATENCY, LEVER_ARM
 from lab.parameters.units import si
 from lab.run import Run
 from lab.sensors import gps, imu
@@ -91,7 +91,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     )
     found = []
     for source, difference, is_bias in chain(
-        _errors_on_the_true_flight(experiment, errors, ideal, temperature, truth),
+        _errors_on_the_true_flight(run, errors, ideal, temperature, truth),
         _errors_with_noise(experiment, name, errors, measured.saturated > 0, ideal, temperature),
     ):
         inertial = np.zeros((ideal.dtheta.shape[0], 6))
@@ -102,18 +102,19 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
 
 
 def _errors_on_the_true_flight(
-    experiment: ExperimentSettings,
+    run: Run,
     errors: TriadErrors,
     ideal: IdealImu,
     temperature: FloatArray,
     truth: Truth,
 ) -> Iterator[tuple[str, FloatArray, bool]]:
     """Yield the errors `TERMS` of a triad on the true flight: name, increments, and whether it is a bias."""
-    environment = imu.Environment(temperature, ideal.dvelocity)
+    experiment, environment = run.experiment, imu.Environment(temperature, ideal.dvelocity)
     true = ideal.dtheta if isinstance(errors, imu.GyroErrors) else ideal.dvelocity
     for source, term in TERMS.items():
         compensated = experiment.sensors.temperature.compensation and source.startswith("temperature")
-        if not _has(errors, term) or compensated:
+        is_state = term == "g_sensitivity" and GYRO_G in run.blocks
+        if not _has(errors, term) or compensated or is_state:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))

@@ -13,7 +13,7 @@ from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.sensor_evidence import Reference
 from lab.further_truth import errors_of_states
 from lab.navigation.belief import bias_processes, of_bias_states
-from lab.navigation.blocks import GPS_DRIFT, LATENCY, LEVER_ARM
+from lab.navigation.blocks import CONSIDERED, GPS_DRIFT, LATENCY, LEVER_ARM, SCALES
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
 
@@ -62,7 +62,8 @@ def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Eviden
         Fixes(run.fix_validity, fixes.position, fixes.velocity_n),
         Imu(run.time, run.gyro.increments, run.accelerometer.increments),
         reference,
-        aided=run.is_aided,
+        aided=bool(run.aids.time.size or set(run.blocks) - {*SCALES, *CONSIDERED}),
+        names=run.blocks,
         calibrating=bool({GPS_DRIFT, LEVER_ARM, LATENCY} & set(run.blocks)),
         aid_kinds=run.aids.kind,
         gate=float(navigator.gate),

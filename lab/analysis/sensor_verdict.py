@@ -71,8 +71,8 @@ _ADVICE = {
     "bandwidth (sensors.{kind}.bandwidth).",
     "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
     "in navigator.q.",
-    "g-sensitivity": "Compensate the {kind}s for the specific force. More {kind} noise in navigator.q covers "
-    "a part.",
+    "g-sensitivity": "Compensate the {kind}s for the specific force, or set "
+    "navigator.estimate_g_sensitivity. More {kind} noise in navigator.q covers a part.",
     "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
 }
 

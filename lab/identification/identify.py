@@ -70,9 +70,9 @@ REJECTED = 3.84
 _OTHER = (
     "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, "
     "sensors.airspeed.fitted, navigator.no_slip, navigator.zero_velocity, "
-    "navigator.estimate_misalignments, navigator.estimate_bias_drift, "
-    "navigator.estimate_gps_drift, navigator.estimate_lever_arm, navigator.estimate_latency, "
-    "navigator.own_states"
+    "navigator.estimate_misalignments, navigator.estimate_g_sensitivity, "
+    "navigator.estimate_bias_drift, navigator.estimate_gps_drift, "
+    "navigator.estimate_lever_arm, navigator.estimate_latency, navigator.own_states"
 )
 """Settings that name other measurements or further states, as text."""
 

@@ -20,7 +20,6 @@ from lab.navigation.solution import Belief
 from lab.parameters.settings import SettingError
 from lab.parameters.units import si
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
-from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
 
 FloatArray = NDArray[np.float64]
@@ -103,9 +102,9 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     ----------
     sensors, navigator
         The errors of the sensors, and the filter.
-    constants : (21, 21) or (33, 33) array
-        Covariance of the constant errors after an alignment, also with that of the misalignments, those of
-        gyros first; by default, those before any alignment.
+    constants : (21, 21) or (36, 36) array
+        Covariance of the constant errors after an alignment, also with that of the errors that it considered
+        (`blocks.CONSIDERED`); by default, those before any alignment.
 
     Raises
     ------
@@ -144,12 +143,14 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
 
 
 def of_bias_states(sensors: SensorSuite, navigator: NavigatorSettings) -> SensorSuite:
-    """Return sensors with the errors for which the bias states stand: without the drift if it has its own."""
-    if not navigator.estimate_bias_drift:
+    """Return sensors with the errors for which the bias states stand: without those that have their own."""
+    own = [f"{triad}.instability" for triad in TRIADS if navigator.estimate_bias_drift]
+    own += ["gyro.g_sensitivity"] if navigator.estimate_g_sensitivity else []
+    if not own:
         return sensors
     single = sensors.copy()
-    for triad in TRIADS:
-        single.set(f"{triad}.instability", 0.0)
+    for path in own:
+        single.set(path, 0.0)
     return single
 
 
@@ -219,15 +220,17 @@ def _matched_p0(
 
 
 def _correlate(P0: FloatArray, constants: FloatArray, names: tuple[str, ...]) -> None:
-    """Write into P0 what an alignment makes misalignments and the errors before them have in common."""
-    pairs, known = len(OFF_DIAGONAL), 21
-    if constants.shape[0] == known or blocks.GYRO_MISALIGNMENT not in names:
+    """Write into P0 what an alignment makes the errors that it considered and those before in common."""
+    first = known = 21
+    if constants.shape[0] == known:
         return
-    core = blocks.first_state(names, blocks.GYRO_MISALIGNMENT)
-    for number, name in enumerate(blocks.MISALIGNMENTS):
-        first = known + number * pairs
-        across, states = constants[:core, first : first + pairs], blocks.states_of(names, name)
-        P0[:core, states], P0[states, :core] = across, across.T
+    core = known if blocks.GYRO_SCALE in names else blocks.CORE
+    for name in blocks.CONSIDERED:
+        last = first + blocks.block(name).size
+        if name in names:
+            across, states = constants[:core, first:last], blocks.states_of(names, name)
+            P0[:core, states], P0[states, :core] = across, across.T
+        first = last
 
 
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:

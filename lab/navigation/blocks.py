@@ -72,6 +72,8 @@ class Block(NamedTuple):
     process : function or None
         What the filter takes them for, by sensors and filter; None for scale factors, whose variance is a
         part of `belief.constant_errors`.
+    constant : bool
+        Whether they are constants whatever the settings: neither decay nor process noise.
     """
 
     names: tuple[str, ...]
@@ -81,6 +83,7 @@ class Block(NamedTuple):
     shown_scale: float
     setting: str = ""
     process: ProcessOf | None = None
+    constant: bool = False
 
     @property
     def size(self) -> int:
@@ -111,6 +114,10 @@ def _constants(variance: FloatArray) -> Process:
 
 def _misalignment(triad: str) -> ProcessOf:
     return lambda sensors, _: _constants(si(sensors.groups()[triad], "misalignment") ** 2)
+
+
+def _g_sensitivity(sensors: SensorSuite, _: NavigatorSettings) -> Process:
+    return _constants(si(sensors.gyro, "g_sensitivity") ** 2)
 
 
 def _instability(triad: str) -> ProcessOf:
@@ -158,6 +165,7 @@ def _assumed(name: str) -> ProcessOf:
 
 GYRO_SCALE, ACCEL_SCALE = "gyro scale", "accelerometer scale"
 GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT = "gyro misalignment", "accelerometer misalignment"
+GYRO_G = "gyro g-sensitivity"
 GYRO_DRIFT, ACCEL_DRIFT = "gyro drift", "accelerometer drift"
 GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "heading sensor bias"
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
@@ -175,8 +183,8 @@ def _named(name: str, parts: Sequence[str]) -> tuple[str, ...]:
 
 
 BLOCKS: dict[str, Block] = {
-    GYRO_SCALE: Block(_named(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
-    ACCEL_SCALE: Block(_named(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0),
+    GYRO_SCALE: Block(_named(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0, constant=True),
+    ACCEL_SCALE: Block(_named(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0, constant=True),
     GYRO_MISALIGNMENT: Block(
         _named(GYRO_MISALIGNMENT, OFF_DIAGONAL),
         strapdown.GYRO_MISALIGNMENT,
@@ -185,6 +193,7 @@ BLOCKS: dict[str, Block] = {
         _DEGREES,
         "navigator.estimate_misalignments",
         _misalignment("gyro"),
+        constant=True,
     ),
     ACCEL_MISALIGNMENT: Block(
         _named(ACCEL_MISALIGNMENT, OFF_DIAGONAL),
@@ -194,6 +203,17 @@ BLOCKS: dict[str, Block] = {
         _DEGREES,
         "navigator.estimate_misalignments",
         _misalignment("accelerometer"),
+        constant=True,
+    ),
+    GYRO_G: Block(
+        _named(GYRO_G, "xyz"),
+        strapdown.GYRO_G,
+        "rad/s/(m/s²)",
+        "°/s/g",
+        _DEGREES * STANDARD_GRAVITY,
+        "navigator.estimate_g_sensitivity",
+        _g_sensitivity,
+        constant=True,
     ),
     GYRO_DRIFT: Block(
         _named(GYRO_DRIFT, "xyz"),
@@ -248,6 +268,7 @@ BLOCKS: dict[str, Block] = {
         1.0,
         "navigator.estimate_lever_arm",
         _assumed("lever_arm"),
+        constant=True,
     ),
     LATENCY: Block(
         (LATENCY,),
@@ -257,6 +278,7 @@ BLOCKS: dict[str, Block] = {
         1.0,
         "navigator.estimate_latency",
         _assumed("latency"),
+        constant=True,
     ),
     ODOMETER_SCALE: Block(
         (ODOMETER_SCALE,),
@@ -266,6 +288,7 @@ BLOCKS: dict[str, Block] = {
         100.0,
         "sensors.odometer.fitted",
         _scale("odometer"),
+        constant=True,
     ),
     WIND: Block(
         _named(WIND, ("north", "east")),
@@ -284,6 +307,7 @@ BLOCKS: dict[str, Block] = {
         100.0,
         "sensors.airspeed.fitted",
         _scale("airspeed"),
+        constant=True,
     ),
 }
 """The further blocks by name, in the order of the states of a filter."""
@@ -291,6 +315,8 @@ SCALES = (GYRO_SCALE, ACCEL_SCALE)
 """The blocks of a filter with 21 states."""
 MISALIGNMENTS = (GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT)
 """The blocks of a filter that estimates misalignments: they act on attitude and velocity, as scales do."""
+CONSIDERED = (*MISALIGNMENTS, GYRO_G)
+"""The blocks of errors that an alignment at rest considers, and does not estimate; see `rest_alignment`."""
 DRIFTS = (GYRO_DRIFT, ACCEL_DRIFT)
 """The blocks of a filter with two bias states for each axis: a constant, and this Gauss-Markov process."""
 

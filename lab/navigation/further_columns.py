@@ -1,7 +1,7 @@
 """Further columns: F of a filter with further blocks of states (`blocks`), and the models that have them.
 
-Scale factors, misalignments, drift and the user's own states act on attitude and velocity. The errors of
-other sensors act on nothing: F has no element for them.
+Scale factors, misalignments, g-sensitivity, drift and the user's own states act on attitude and velocity.
+The errors of other sensors act on nothing: F has no element for them.
 """
 
 from __future__ import annotations
@@ -96,6 +96,28 @@ def of_other_axes(
     return (p * y, p * z), (q * x, q * z), (r * x, r * y)
 
 
+GG = -1
+"""First g-sensitivity of the gyros among the states; a filter that has it sets this."""
+
+
+@inline_kernel
+def g_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the g-sensitivity; see `strapdown.without_g`."""
+    f = mean(state, strapdown.PREVIOUS_DVELOCITY)
+    for i in range(3):
+        C = get(state, strapdown.C_NB + 3 * i)
+        for j in range(3):
+            F[A + i, GG + j] = C[j] * f[j]
+
+
+@inline_kernel
+def g_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the g-sensitivity for errors resolved in b."""
+    f = mean(state, strapdown.PREVIOUS_DVELOCITY)
+    for j in range(3):
+        F[A + j, GG + j] = f[j]
+
+
 GD, BD = -1, -1
 """First state of the drift of gyros and accelerometers; a filter that has it sets these."""
 
@@ -154,6 +176,7 @@ def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
     found = {
         "GM": (GM, blocks.first_state(names, blocks.GYRO_MISALIGNMENT)),
         "BM": (BM, blocks.first_state(names, blocks.ACCEL_MISALIGNMENT)),
+        "GG": (GG, blocks.first_state(names, blocks.GYRO_G)),
         "GD": (GD, blocks.first_state(names, blocks.GYRO_DRIFT)),
         "BD": (BD, blocks.first_state(names, blocks.ACCEL_DRIFT)),
         "OWN": (OWN, own.start),
@@ -170,6 +193,8 @@ def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
         yield scale_columns_in_body if in_body else scale_columns
     if blocks.GYRO_MISALIGNMENT in names:
         yield misalignment_columns_in_body if in_body else misalignment_columns
+    if blocks.GYRO_G in names:
+        yield g_columns_in_body if in_body else g_columns
     if blocks.GYRO_DRIFT in names:
         yield drift_columns_in_body if in_body else drift_columns
     if any(name in blocks.OWN for name in names):

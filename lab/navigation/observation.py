@@ -56,7 +56,7 @@ from lab.navigation.strapdown import VELOCITY, Matrix, Vector, get, rotate
 
 FloatArray = NDArray[np.float64]
 
-GPS_DRIFT = GYRO_DRIFT = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
+GPS_DRIFT = GYRO_DRIFT = GYRO_G_SENSITIVITY = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
 """First states of the blocks with these names (`propagation.layout_constants`)."""
 
 
@@ -108,12 +108,22 @@ def see_latency(state: FloatArray, axes: Matrix, at: int, z: FloatArray, H: Floa
         H[i, at], H[3 + i, at] = -velocity[i], -acceleration[i]
 
 
+@inline_kernel
+def felt_by_gyro(state: FloatArray, axis: int) -> float:
+    """Return how much more than a bias the g-sensitivity of an axis acts: the force, inside the scale."""
+    force = state[strapdown.PREVIOUS_DVELOCITY + axis] * state[strapdown.PER_STEP]
+    return float((1 + state[strapdown.GYRO_SCALE + axis]) * force)
+
+
 @kernel
 def as_biases(state: FloatArray, H: FloatArray) -> None:
     """Write the elements of a row of H for states that act as gyro biases do, from those of the biases."""
     if GYRO_DRIFT >= 0:
         for i in range(3):
             H[GYRO_DRIFT + i] = H[NAV + i]
+    if GYRO_G_SENSITIVITY >= 0:
+        for i in range(3):
+            H[GYRO_G_SENSITIVITY + i] = H[NAV + i] * felt_by_gyro(state, i)
     for k in range(OWN_SIZE):
         H[OWN + k] = 0.0
         for i in range(3):  # they are taken off behind the scale factors, the biases before them
@@ -157,6 +167,9 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
         as_biases(state, H[i])
         for k in range(OWN_SIZE):  # the rate about the fix is one as measured
             z[i] += H[i, OWN + k] * state[PLACES[OWN - NAV + k]]
+        if GYRO_G_SENSITIVITY >= 0:
+            for k in range(3):
+                z[i] += H[i, GYRO_G_SENSITIVITY + k] * state[strapdown.GYRO_G + k]
         for j in range(STATES):
             seen[i, j] = H[i, j]
 

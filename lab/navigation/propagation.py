@@ -62,12 +62,12 @@ def layout(names: Sequence[str]) -> Layout:
     states = blocks.count(names)
     scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
     own = blocks.own_states(names)
-    only_scales = states == blocks.CORE + scales
+    ends = [blocks.states_of(names, name).stop for name in names if not blocks.block(name).constant]
     return Layout(
         states,
         8 * (states // 8 + 1),
         states,
-        BIASES if only_scales else states - NAV,
+        max([blocks.CORE, *ends]) - NAV,
         scales,
         blocks.places(names),
         own.start,
@@ -88,7 +88,7 @@ def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
     """
     old, new = _FIFTEEN._asdict(), layout(names)._asdict()
     firsts = {
-        name.upper().replace(" ", "_"): (blocks.NO_STATE, blocks.first_state(names, name))
+        name.upper().replace(" ", "_").replace("-", "_"): (blocks.NO_STATE, blocks.first_state(names, name))
         for name in blocks.BLOCKS
     }
     return {name: (old[name], new[name]) for name in old} | firsts

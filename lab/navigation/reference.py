@@ -362,6 +362,8 @@ def _antenna(
     as_biases(state, H, names)
     own = blocks.own_states(names)
     seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _own_values(state, names)
+    if blocks.GYRO_G in names:
+        seen = seen + H[:, blocks.states_of(names, blocks.GYRO_G)] @ _get(state, strapdown.GYRO_G)
     if LEVER_ARM in names:
         H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
         H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb

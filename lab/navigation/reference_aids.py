@@ -71,6 +71,10 @@ def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
     """Write the columns of H (m, n) of all states that act as gyro biases do, from those of the biases."""
     if blocks.GYRO_DRIFT in names:
         H[:, blocks.states_of(names, blocks.GYRO_DRIFT)] = H[:, GYRO_BIAS]
+    if blocks.GYRO_G in names:
+        force = _three(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
+        felt = (1 + _three(state, strapdown.GYRO_SCALE)) * force
+        H[:, blocks.states_of(names, blocks.GYRO_G)] = H[:, GYRO_BIAS] * felt
     own = blocks.own_states(names)
     size = own.stop - own.start
     effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)

@@ -22,7 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from lab.frames import earth
 from lab.frames.rotation import left_jacobian, skew
-from lab.navigation.belief import constant_errors
+from lab.navigation import blocks
+from lab.navigation.belief import constant_errors, of_bias_states
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Start
@@ -60,9 +61,10 @@ class Means(NamedTuple):
     force_covariance, rate_covariance : (3, 3) arrays
         Covariance of the noise of the mean.
     mixing : (6, m) array
-        Change of force and rate by each misalignment: the true quantity along the other axis.
-    misalignment : (m,) array
-        One σ of each misalignment [rad], those of gyros first; without any, m is zero.
+        Change of force and rate by each considered error: for a misalignment, the true quantity along the
+        other axis; for the g-sensitivity of a gyro, the force along its own.
+    considered : (m,) array
+        One σ of each of these errors, in the order of `blocks.CONSIDERED`; without any, m is zero.
     """
 
     force: FloatArray
@@ -70,7 +72,7 @@ class Means(NamedTuple):
     force_covariance: FloatArray
     rate_covariance: FloatArray
     mixing: FloatArray = np.zeros((6, 0))
-    misalignment: FloatArray = np.zeros(0)
+    considered: FloatArray = np.zeros(0)
 
 
 class Aligned(NamedTuple):
@@ -83,14 +85,14 @@ class Aligned(NamedTuple):
     gyro_bias : (3,) array
         Estimated gyro bias [rad/s].
     P : (21 + m, 21 + m) array
-        Covariance of the remaining errors, and of the m misalignments that the alignment considered: a
-        navigator that is level by its accelerometers has the tilt that they are misaligned by.
+        Covariance of the remaining errors, and of the m errors that the alignment considered: a navigator
+        that is level by its accelerometers has the tilt that they are misaligned by.
     kept : (21, 21) array
         Remaining part of an initial error: (I − K H) J, with J from its attitude to that after the rest.
     noise : (21, 6) array
         Errors from the noise of the means, one σ in each column.
-    misaligned : (21, m) array
-        Errors from the misalignments, one σ in each column.
+    considered : (21, m) array
+        Errors from those that the alignment considered, one σ in each column.
     """
 
     start: Start
@@ -98,7 +100,7 @@ class Aligned(NamedTuple):
     P: FloatArray
     kept: FloatArray
     noise: FloatArray
-    misaligned: FloatArray
+    considered: FloatArray
 
 
 def begin(
@@ -125,10 +127,13 @@ def begin(
     P, length = constant_errors(sensors, navigator), float(navigator.alignment)
     if not length:
         return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)), np.zeros((21, 0)))
-    P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced_variance(sensors), np.zeros(6)))
+    induced = induced_variance(of_bias_states(sensors, navigator))
+    P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced, np.zeros(6)))
     means = means_of(sensors if real is None else real, seed, length, true)
     sizes = [np.abs(si(errors, "misalignment")) for errors in (sensors.gyro, sensors.accelerometer)]
-    return align(start, P, means._replace(misalignment=np.concatenate(sizes)))
+    # Without states for it, the g-sensitivity at rest is a part of the bias.
+    felt = np.abs(si(sensors.gyro, "g_sensitivity")) * navigator.estimate_g_sensitivity
+    return align(start, P, means._replace(considered=np.concatenate((*sizes, felt))))
 
 
 def usual(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray | None:
@@ -156,7 +161,7 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
     omega_ie = earth.RATE * np.array([np.sqrt(1 - sine * sine), 0.0, -sine])
     before = Rotation.from_quat(start.q_nb, scalar_first=True)
     x, after = np.zeros(21), P
-    mixed = means.mixing * means.misalignment
+    mixed = means.mixing * means.considered
     for _ in range(ROUNDS):
         turned = Rotation.from_rotvec(x[ATT])
         C_nb = (turned * before).as_matrix()
@@ -173,13 +178,13 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         step = first + K @ (z - H @ first)
         x += step
         x[ATT] = (Rotation.from_rotvec(step[ATT]) * turned).as_rotvec()
-        kept, noise, misaligned = np.eye(21) - K @ H, K @ np.linalg.cholesky(R), -K @ B
-        earlier, after = after, kept @ relative @ kept.T + noise @ noise.T + misaligned @ misaligned.T
+        kept, noise, considered = np.eye(21) - K @ H, K @ np.linalg.cholesky(R), -K @ B
+        earlier, after = after, kept @ relative @ kept.T + noise @ noise.T + considered @ considered.T
         if _settled(step, earlier, after):
             break
     q_nb = (Rotation.from_rotvec(x[ATT]) * before).as_quat(scalar_first=True)
-    P = _with_misalignments((after + after.T) / 2, misaligned, means.misalignment)
-    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept @ J, noise, misaligned)
+    P = _with_considered((after + after.T) / 2, considered, means.considered)
+    return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept @ J, noise, considered)
 
 
 def _settled(step: FloatArray, earlier: FloatArray, after: FloatArray) -> bool:
@@ -209,7 +214,7 @@ def _beyond_first_order(
     Parameters
     ----------
     H, B : (6, 21), (6, m) arrays
-        Effect of states and misalignments on the means.
+        Effect of states and considered errors on the means.
     P, after : (21, 21) arrays
         Covariance before the alignment, and after it as far as it is known.
     omega_ie : (3,) array
@@ -227,9 +232,9 @@ def _beyond_first_order(
     return added
 
 
-def _with_misalignments(P: FloatArray, misaligned: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Return the covariance with that of misalignments: their estimate is zero, its error minus the truth."""
-    across = -misaligned * sizes
+def _with_considered(P: FloatArray, considered: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Return the covariance with that of errors whose estimate is zero: its error is minus the truth."""
+    across = -considered * sizes
     return np.block([[P, across], [across.T, np.diag(sizes**2)]])
 
 
@@ -237,8 +242,8 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
     """Return the mean output of simulated sensors over a rest in a true attitude.
 
     It includes their constant biases at the temperature of the start and under gravity, scale factors,
-    misalignments and the noise of a mean. The sizes of the misalignments that a filter assumes are zero. The
-    instability of the flight is not included.
+    misalignments and the noise of a mean. The sizes of the considered errors that a filter assumes are zero.
+    The instability of the flight is not included.
 
     Parameters
     ----------
@@ -268,7 +273,7 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
         np.diag(_noise(sensors.accelerometer, length)),
         np.diag(_noise(sensors.gyro, length)),
         _mixing(force, rate),
-        np.zeros(2 * len(OFF_DIAGONAL)),
+        np.zeros(sum(blocks.block(name).size for name in blocks.CONSIDERED)),
     )
 
 
@@ -294,8 +299,10 @@ def _noise(errors: GyroErrors | AccelerometerErrors, length: float) -> FloatArra
 
 
 def _mixing(force: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return the change (6, 12) of force and rate by each misalignment, those of gyros first."""
-    mixing = np.zeros((6, 2 * len(OFF_DIAGONAL)))
+    """Return the change (6, 15) of force and rate by each of the errors `blocks.CONSIDERED`."""
+    pairs = 2 * len(OFF_DIAGONAL)
+    mixing = np.zeros((6, pairs + 3))
+    mixing[3:, pairs:] = np.diag(force)
     for k, pair in enumerate(OFF_DIAGONAL):
         row, column = ("xyz".index(axis) for axis in pair)
         mixing[3 + row, k] = rate[column]

@@ -217,6 +217,12 @@ class NavigatorSettings(Settings):
         doc="Twelve states for the misalignments of gyros and accelerometers, constants with the sizes of "
         "sensors.gyro.misalignment and sensors.accelerometer.misalignment as σ.",
     )
+    estimate_g_sensitivity = param.Boolean(
+        default=False,
+        label="Estimate g-sensitivity",
+        doc="Three states for what the gyros feel of the specific force, constants with the sizes of "
+        "sensors.gyro.g_sensitivity as σ.",
+    )
     estimate_bias_drift = param.Boolean(
         default=False,
         label="Estimate bias drift",

@@ -51,22 +51,23 @@ GYRO_DRIFT = 44  # second part of the biases, which is added to the first; zero 
 ACCEL_DRIFT = 47  # as for the gyros [m/s²]
 WIND = 50  # its speed to the north and to the east [m/s]
 AIRSPEED_SCALE = 52
+GYRO_G = 53  # what gyros feel of the specific force along their axes; zero unless estimated [rad/s per m/s²]
 TO_DRIFT = GYRO_DRIFT - GYRO_BIAS  # from a bias to its second part, for gyros and accelerometers
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 53  # of the latitude
-COSINE = 54  # of the latitude
-PREVIOUS_DTHETA = 55  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 58  # [m/s]
-PREVIOUS_VELOCITY = 61  # v_n at its start [m/s]
-MERIDIAN = 64  # 1 / (R_M + h)
-TRANSVERSE = 65  # 1 / (R_N + h)
-PER_COSINE = 66  # 1 / cos L
-FORCE_N = 67  # mean specific force of the last step, in n
-C_NB = 70  # attitude at the start of the last step, row by row
-PER_STEP = 79  # one over the length of the last step
-GRAVITY = 80  # during the last step
-LENGTH = 81  # length of the state
+SINE = 56  # of the latitude
+COSINE = 57  # of the latitude
+PREVIOUS_DTHETA = 58  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 61  # [m/s]
+PREVIOUS_VELOCITY = 64  # v_n at its start [m/s]
+MERIDIAN = 67  # 1 / (R_M + h)
+TRANSVERSE = 68  # 1 / (R_N + h)
+PER_COSINE = 69  # 1 / cos L
+FORCE_N = 70  # mean specific force of the last step, in n
+C_NB = 73  # attitude at the start of the last step, row by row
+PER_STEP = 82  # one over the length of the last step
+GRAVITY = 83  # during the last step
+LENGTH = 84  # length of the state
 
 MAX_LATITUDE = NEAR_POLE
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,
@@ -282,12 +283,40 @@ def without_bias(state: FloatArray, measured: Vector, dt: float, bias: int, scal
 
 
 @inline_kernel
+def without_g(state: FloatArray, dtheta: Vector, dvelocity: Vector) -> Vector:
+    """Return angle increments without what the gyros feel of the specific force along their axes.
+
+    Parameters
+    ----------
+    state
+        The navigator's state vector.
+    dtheta, dvelocity
+        Corrected increments: a gyro feels the force inside its scale factor and misalignments, as its bias.
+    """
+    return (
+        dtheta[0] - state[GYRO_G] * dvelocity[0],
+        dtheta[1] - state[GYRO_G + 1] * dvelocity[1],
+        dtheta[2] - state[GYRO_G + 2] * dvelocity[2],
+    )
+
+
+@inline_kernel
+def feeling_no_g(state: FloatArray, dtheta: Vector, dvelocity: Vector) -> Vector:
+    """Return angle increments as `without_g` does for gyros that feel no specific force."""
+    return dtheta
+
+
+@inline_kernel
 def no_scale(state: FloatArray, scale: int) -> Vector:
     """Return `per_scale` without scale factors."""
     return 1.0, 1.0, 1.0
 
 
-UNSCALED: dict[Callable[..., Any], Callable[..., Any]] = {corrected: without_bias, per_scale: no_scale}
+UNSCALED: dict[Callable[..., Any], Callable[..., Any]] = {
+    corrected: without_bias,
+    per_scale: no_scale,
+    without_g: feeling_no_g,
+}
 """Kernels of a filter with 15 states in place of those above, with the same results but for rounding: a
 division takes as long as seven products."""
 
@@ -322,6 +351,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     """
     dtheta = corrected(state, dtheta_measured, dt, GYRO_BIAS, GYRO_SCALE, GYRO_MISALIGNMENT)
     dvelocity = corrected(state, dvelocity_measured, dt, ACCEL_BIAS, ACCEL_SCALE, ACCEL_MISALIGNMENT)
+    dtheta = without_g(state, dtheta, dvelocity)
     dtheta, dvelocity = without_own_errors(state, dtheta, dvelocity, dt)
     dtheta_before = get(state, PREVIOUS_DTHETA)
     dvelocity_before = get(state, PREVIOUS_DVELOCITY)

@@ -44,7 +44,7 @@ from lab.navigation.lane_points import MOST_TURN, point_of, step_abreast, step_k
 from lab.navigation.lane_step import LANES
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
-from lab.navigation.observation import see_latency
+from lab.navigation.observation import felt_by_gyro, see_latency
 from lab.navigation.propagation import NAV
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import displace, gather, spread, transport
@@ -55,6 +55,7 @@ from lab.navigation.unscented_aids import observe_aid
 from lab.navigation.unscented_filter import (
     GPS_DRIFT,
     GYRO_DRIFT,
+    GYRO_G,
     LATENCY,
     LEVER_ARM,
     MISALIGNMENT,
@@ -203,7 +204,11 @@ def _centre(run: UnscentedFilter) -> None:
 
 @embedded_kernel
 def _see_slow_errors(run: UnscentedFilter, axes: Matrix, nu: FloatArray, H: FloatArray) -> None:
-    """Add latency, GPS drift and gyro drift to the innovation of a fix and to its H, if they are states."""
+    """Add latency, GPS drift, gyro drift and g-sensitivity to the innovation of a fix and to its H.
+
+    Those that are states.
+    """
+    felt = run.first[GYRO_G]
     latency, gps_drift, gyro_drift = run.first[LATENCY], run.first[GPS_DRIFT], run.first[GYRO_DRIFT]
     if latency >= 0:
         see_latency(run.state, axes, latency, nu, H)
@@ -215,6 +220,11 @@ def _see_slow_errors(run: UnscentedFilter, axes: Matrix, nu: FloatArray, H: Floa
         for i in range(MEASUREMENTS):
             for j in range(3):
                 H[i, gyro_drift + j] = H[i, 9 + j]
+    if felt >= 0:  # the rate about the fix is one as measured
+        for i in range(MEASUREMENTS):
+            for j in range(3):
+                H[i, felt + j] = H[i, 9 + j] * felt_by_gyro(run.state, j)
+                nu[i] += H[i, felt + j] * run.state[strapdown.GYRO_G + j]
 
 
 @embedded_kernel
@@ -317,7 +327,7 @@ def _rests(run: UnscentedFilter, imu: Imu, k: int, dt: float) -> bool:
 @embedded_kernel
 def _update_at_rest(run: UnscentedFilter) -> bool:
     """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
-    P, x, state, drift = run.P, run.x, run.state, run.first[GYRO_DRIFT]
+    P, x, state, drift, felt = run.P, run.x, run.state, run.first[GYRO_DRIFT], run.first[GYRO_G]
     H, gain = np.empty(6), np.empty(x.size)
     z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     s = 1.0
@@ -327,10 +337,14 @@ def _update_at_rest(run: UnscentedFilter) -> bool:
             gain[i] += P[i, 6 + j] * H[j]
         for j in range(3 if drift >= 0 else 0):
             gain[i] += P[i, drift + j] * H[3 + j]
+        for j in range(3 if felt >= 0 else 0):
+            gain[i] += P[i, felt + j] * H[3 + j] * felt_by_gyro(state, j)
     for j in range(6):
         s += H[j] * gain[6 + j]
     for j in range(3 if drift >= 0 else 0):
         s += H[3 + j] * gain[drift + j]
+    for j in range(3 if felt >= 0 else 0):
+        s += H[3 + j] * felt_by_gyro(state, j) * gain[felt + j]
     if z * z > GATE * s:
         return False
     for i in range(x.size):

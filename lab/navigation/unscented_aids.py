@@ -41,11 +41,16 @@ def _difference(kind: int, a: float, b: float) -> float:
 
 @inline_kernel
 def _turn_as_biased(state: FloatArray, there: FloatArray) -> None:
-    """Give a point just placed the increments of the last step that its own gyro biases leave."""
+    """Give a point just placed the increments of the last step that its own gyro biases leave.
+
+    Likewise its own g-sensitivity.
+    """
     here = strapdown.bias_taken(state, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
     own = strapdown.bias_taken(there, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
     for i in range(3):
         there[strapdown.PREVIOUS_DTHETA + i] += (here[i] - own[i]) / state[strapdown.PER_STEP]
+        felt = state[strapdown.GYRO_G + i] - there[strapdown.GYRO_G + i]
+        there[strapdown.PREVIOUS_DTHETA + i] += felt * state[strapdown.PREVIOUS_DVELOCITY + i]
 
 
 @kernel

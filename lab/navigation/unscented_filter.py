@@ -24,13 +24,14 @@ FloatArray = NDArray[np.float64]
 SEEN = (
     blocks.GYRO_SCALE,
     blocks.GYRO_MISALIGNMENT,
+    blocks.GYRO_G,
     blocks.GYRO_DRIFT,
     blocks.GPS_DRIFT,
     blocks.LEVER_ARM,
     blocks.LATENCY,
 )
 """Blocks of states that appear in fixes or in the rates at rest."""
-SCALE, MISALIGNMENT, GYRO_DRIFT, GPS_DRIFT, LEVER_ARM, LATENCY = range(len(SEEN))
+SCALE, MISALIGNMENT, GYRO_G, GYRO_DRIFT, GPS_DRIFT, LEVER_ARM, LATENCY = range(len(SEEN))
 """Their places in `UnscentedFilter.first`."""
 
 

@@ -112,9 +112,9 @@ class Card(NotebookCard):
     def load(self, experiment: Settings) -> None:
         """Give an experiment the sensors of the card, a filter that suits them, and an alignment.
 
-        The filter gets 21 states if the scale factors have errors, and a rest of `ALIGNMENT` before the
-        flight, as every autopilot needs it: a linear filter cannot start with turn-on biases of some °/s. A
-        filter with a given P0 keeps its number of states.
+        The filter gets states for the errors that the card has: scale factors, misalignments and
+        g-sensitivity. It begins with a rest of `ALIGNMENT` before the flight, as every autopilot needs it: a
+        linear filter cannot start with turn-on biases of some °/s. A filter with a given P0 stays as it is.
 
         Parameters
         ----------
@@ -124,17 +124,17 @@ class Card(NotebookCard):
         settings: dict[str, Any] = {"sensors": self.settings()}
         if not self._receiver_alone() and experiment.get("navigator.p0") is None:
             settings["navigator"] = {
-                "states": self.states,
+                "states": 21 if self._has("scale_factor", "scale_factor_sigma") else 15,
+                "estimate_misalignments": self._has("misalignment"),
+                "estimate_g_sensitivity": self._has("g_sensitivity"),
                 "alignment": 0.0 if self.name == CLASSIC else ALIGNMENT,
             }
         experiment.update(settings)
 
-    @property
-    def states(self) -> int:
-        """Number of states that suits the sensors: 21 if the scale factors have errors, otherwise 15."""
-        scales = ("scale_factor", "scale_factor_sigma")
-        values = (self.value(triad, name) for triad in TRIADS for name in scales)
-        return 21 if any(np.any(value) for value in values if value is not None) else 15
+    def _has(self, *names: str) -> bool:
+        """Return whether a triad has one of some errors."""
+        values = (self.value(triad, name) for triad in TRIADS for name in names if self.datum(triad, name))
+        return any(np.any(value) for value in values)
 
     def missing(self) -> dict[str, list[str]]:
         """Return, by group, the labels of the expected terms that are neither given nor assumed."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import param
 
@@ -29,6 +31,13 @@ _WORDS = {
     "scale_temperature": "temperature",
 }
 """Words for terms in a sentence, if they differ from their names."""
+
+_REMEDIES = {
+    "scale_factor": ("navigator.states 21", "scale factors"),
+    "misalignment": ("navigator.estimate_misalignments", "misalignments"),
+    "g_sensitivity": ("navigator.estimate_g_sensitivity", "g-sensitivity"),
+}
+"""The setting that adds states for an error, and the errors in words."""
 
 
 class SensorSuite(Settings):
@@ -59,19 +68,19 @@ class SensorSuite(Settings):
         "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
 
-    def remarks(self, states: int | None = None, *, misalignments: bool = False) -> tuple[str, ...]:
+    def remarks(self, states: int | None = None, stated: Collection[str] = ()) -> tuple[str, ...]:
         """Return remarks on settings without effect, errors without a filter state, and assumed numbers.
 
         Parameters
         ----------
         states
             Number of states of the filter, 15 or 21; None omits remarks on scale factors.
-        misalignments
-            Whether the filter has states for misalignments.
+        stated
+            Settings of a triad, besides scale factors, for which the filter has states.
         """
         found = (
             self._idle_temperature(),
-            self._without_state(states, misalignments=misalignments),
+            self._without_state(states, stated),
             self.assumed_remark(),
         )
         return tuple(remark for remark in found if remark)
@@ -125,23 +134,24 @@ class SensorSuite(Settings):
             )
         return ""
 
-    def _without_state(self, states: int | None, *, misalignments: bool) -> str:
+    def _without_state(self, states: int | None, stated: Collection[str]) -> str:
         """Return a sentence with the errors for which the filter has no state."""
         scales = ("scale_factor", "scale_factor_sigma") if states == 15 else ()
         paths = [
             f"sensors.{sensor}.{name}"
             for sensor in TRIADS
-            for name in (*scales, *(() if misalignments else ("misalignment",)), "g_sensitivity", "bandwidth")
-            if name in self._triad(sensor).param and any(getattr(self._triad(sensor), name))
+            for name in (*scales, "misalignment", "g_sensitivity", "bandwidth")
+            if name not in stated
+            and name in self._triad(sensor).param
+            and any(getattr(self._triad(sensor), name))
         ]
         if not paths:
             return ""
-        scaled = any(".scale_factor" in path for path in paths)
-        remedies = []
-        if scaled:
-            remedies.append("navigator.states 21 it has states for scale factors")
-        if any(".misalignment" in path for path in paths):
-            remedies.append("navigator.estimate_misalignments it has states for misalignments")
+        remedies = [
+            f"{setting} it has states for {errors}"
+            for name, (setting, errors) in _REMEDIES.items()
+            if any(f".{name}" in path for path in paths)
+        ]
         more = "; with " + ", and with ".join(remedies) if remedies else ""
         return (
             f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "

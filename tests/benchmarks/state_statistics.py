@@ -50,12 +50,13 @@ _ALL = {
     **_DRIFT,
     **{
         f"navigator.estimate_{what}": True
-        for what in ("misalignments", "bias_drift", "gps_drift", "lever_arm", "latency")
+        for what in ("misalignments", "g_sensitivity", "bias_drift", "gps_drift", "lever_arm", "latency")
     },
 }
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "fifteen states": (AIR, {}),
     "misalignments": (AIR, {"navigator.estimate_misalignments": True}),
+    "g-sensitivity": (AIR, {"navigator.estimate_g_sensitivity": True}),
     "bias drift": (AIR, {"navigator.estimate_bias_drift": True} | _DRIFT),
     "GPS drift": (AIR, {"navigator.estimate_gps_drift": True} | _RECEIVER),
     "lever arm": (AIR, {"navigator.estimate_lever_arm": True}),

@@ -40,7 +40,7 @@ EVERYTHING = {
     "sensors.accelerometer.correlation_time": 30.0,
     **{
         f"navigator.estimate_{what}": True
-        for what in ("misalignments", "bias_drift", "gps_drift", "lever_arm", "latency")
+        for what in ("misalignments", "g_sensitivity", "bias_drift", "gps_drift", "lever_arm", "latency")
     },
 }
 """All sensors and states, so that the filter is the one that is compared with filterpy."""

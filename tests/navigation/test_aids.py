@@ -64,7 +64,7 @@ def test_blocks_follow_each_other_in_one_order() -> None:
 def test_each_first_state_in_a_kernel_is_that_of_a_block(module: ModuleType) -> None:
     """Another name would be the state of no filter, and its elements of H zero without a word."""
     used = {name for name, value in vars(module).items() if name.isupper() and value == blocks.NO_STATE}
-    named = {name.lower().replace(" ", "_"): name for name in BLOCKS}
+    named = {name.lower().replace(" ", "_").replace("-", "_"): name for name in BLOCKS}
     every = tuple(BLOCKS)
     assert len(used) > 5
     for name in used - {"NO_STATE"}:
@@ -267,6 +267,8 @@ MISALIGNED = {
     "sensors.gyro.misalignment": (0.3, -0.2, 0.1, 0.4, -0.3, 0.2),
     "sensors.accelerometer.misalignment": 0.1,
     "navigator.estimate_misalignments": True,
+    "sensors.gyro.g_sensitivity": (0.02, -0.03, 0.05),
+    "navigator.estimate_g_sensitivity": True,
 }
 DRIFTING = {
     "sensors.gyro.instability": 30.0,

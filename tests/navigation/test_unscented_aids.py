@@ -156,7 +156,7 @@ SENSORS: dict[str, Any] = {
     "navigator.states": 21,
     **{
         f"navigator.estimate_{what}": True
-        for what in ("misalignments", "bias_drift", "gps_drift", "lever_arm", "latency")
+        for what in ("misalignments", "g_sensitivity", "bias_drift", "gps_drift", "lever_arm", "latency")
     },
 }
 """All sensors and all states."""

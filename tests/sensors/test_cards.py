@@ -327,15 +327,22 @@ def test_no_part_lacks_a_bias_a_noise_or_a_scale_factor() -> None:
                 assert np.all(np.array(value) > 0), (name, triad, term)
 
 
-def test_a_card_with_scale_factors_gives_the_filter_states_for_them() -> None:
+def test_a_card_gives_the_filter_states_for_the_errors_that_it_has() -> None:
     experiment = Experiment(mission="los_angeles")
     cards.card("STIM300").load(experiment)
-    assert experiment.navigator.states == 21
+    navigator = experiment.navigator
+    assert navigator.states == 21
+    assert navigator.estimate_misalignments
+    assert navigator.estimate_g_sensitivity
+    cards.card("HG9900").load(experiment)  # ring lasers feel no force
+    assert navigator.estimate_misalignments
+    assert not navigator.estimate_g_sensitivity
     cards.card(cards.CLASSIC).load(experiment)
-    assert experiment.navigator.states == 15
+    assert navigator.to_dict() == Experiment().navigator.to_dict()
     experiment.set("navigator.p0", [1.0] * 15)
     cards.card("STIM300").load(experiment)  # a given P0 is of as many states as it was given for
-    assert experiment.navigator.states == 15
+    assert navigator.states == 15
+    assert not navigator.estimate_misalignments
 
 
 def test_the_result_names_what_is_assumed_and_what_the_filter_has_no_state_for() -> None:
