@@ -9,11 +9,11 @@ import re
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import urlsplit
 
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
 from lab.phone.app_request import app_request_of
+from lab.phone.connections import Connections
 from lab.phone.hub import PhoneHub
 from lab.phone.limits import BODY
 from lab.phone.page_request import page_request_of
@@ -53,9 +53,17 @@ def page() -> tuple[bytes, str]:
 class PhoneHandler(RequestHandler):
     """Answers in plain text, says nothing of the server, and allows no other site anything."""
 
-    def initialize(self, hub: PhoneHub) -> None:
-        """Take the hub."""
+    def initialize(self, hub: PhoneHub, connections: Connections) -> None:
+        """Take the hub and the open connections."""
         self.hub = hub
+        self.connections = connections
+
+    def phone_of(self, token: str) -> Phone | None:
+        """Return the phone of a token, whose connection this is from now on; None if it is not valid."""
+        phone = self.hub.phone_of(token)
+        if phone is not None:
+            self.connections.used_by(getattr(self.request.connection, "stream", None), phone.key)
+        return phone
 
     def set_default_headers(self) -> None:
         """Set the headers of all answers."""
@@ -97,7 +105,7 @@ class PageHandler(PhoneHandler):
 
     def get(self, token: str) -> None:
         """Give the page."""
-        if self.hub.phone_of(token) is None:
+        if self.phone_of(token) is None:
             raise HTTPError(FOREIGN)
         text, policy = page()
         self.set_header("Content-Type", "text/html; charset=utf-8")
@@ -117,7 +125,7 @@ class BodyHandler(PhoneHandler):
         """Decide by the head of the request."""
         self._kept: list[bytes] = []
         self._size = 0
-        self._phone = self.hub.phone_of(self.path_args[0])
+        self._phone = self.phone_of(self.path_args[0])
         kind = self.request.headers.get("Content-Type", "").partition(";")[0].strip()
         self._refusal = 0
         if self._phone is None or not self._is_own_origin():
@@ -152,7 +160,7 @@ class BodyHandler(PhoneHandler):
 
     def _is_own_origin(self) -> bool:
         origin = self.request.headers.get("Origin")
-        return origin is None or urlsplit(origin).netloc == self.request.host
+        return origin is None or origin.partition("://")[2] == self.request.host
 
 
 class SamplesHandler(BodyHandler):

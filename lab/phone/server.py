@@ -17,6 +17,7 @@ from tornado.web import Application
 from lab.live.transport import TransportError
 from lab.phone.addresses import in_address, is_any, is_loopback, own_addresses
 from lab.phone.certificate import certificate_file
+from lab.phone.connections import MOST, Connections
 from lab.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
 from lab.phone.hub import PhoneHub, Ticket
 from lab.phone.invitation import LOOPBACK, Invitation
@@ -26,10 +27,6 @@ IDLE: Final = 30.0
 """Time after which a connection without a request is closed [s]; the next one costs a phone 0.1 s."""
 SLOW: Final = 10.0
 """Longest time for the body of a request [s]; a phone tries again."""
-CONNECTIONS: Final = 256
-"""Most connections at once: each phone holds one or two."""
-CONNECTIONS_EACH: Final = 64
-"""Most connections from one address at once: a class behind one router holds 40."""
 MISSING: Final = "phones need cryptography, which is not installed: pip install 'ins-lab[live]'"
 _HEAD: Final = 2**14
 """Most bytes of the head of a request."""
@@ -112,7 +109,7 @@ class PhoneServer:
         bound: list[tuple[list[Any], ssl.SSLContext | None]] = []
         try:
             for port, how in ports:
-                bound.append((bind_sockets(port, self.host, backlog=CONNECTIONS), how))
+                bound.append((bind_sockets(port, self.host, backlog=MOST), how))
         except BaseException:
             for sockets, _ in bound:
                 for socket in sockets:
@@ -158,10 +155,12 @@ class PhoneServer:
     def _run(self, bound: list[tuple[list[Any], ssl.SSLContext | None]], started: threading.Event) -> None:
         self._loop = loop = asyncio.new_event_loop()
         asyncio.set_event_loop(loop)
+        connections = Connections()
         try:
             for sockets, context in bound:
                 server = _BoundedServer(
-                    _application(self.hub, context is None),
+                    _application(self.hub, connections, context is None),
+                    connections=connections,
                     ssl_options=context,
                     idle_connection_timeout=IDLE,
                     body_timeout=SLOW,
@@ -192,31 +191,25 @@ class PhoneServer:
 class _BoundedServer(HTTPServer):
     """A server with a bounded number of connections, which closes slow ones."""
 
-    def initialize(self, *args: Any, **kwargs: Any) -> None:
+    def initialize(self, *args: Any, connections: Connections, **kwargs: Any) -> None:
         super().initialize(*args, **kwargs)
-        self._from: dict[str, int] = {}
+        self._bounds = connections
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
         """Take a connection, or close it if there are too many."""
-        host = str(address[0])
-        here = self._from.get(host, 0)
-        if sum(self._from.values()) >= CONNECTIONS or here >= CONNECTIONS_EACH:
+        if self._bounds.admit(stream, str(address[0])):
+            super().handle_stream(stream, address)
+        else:
             stream.close()
-            return
-        self._from[host] = here + 1
-        super().handle_stream(stream, address)
 
     def on_close(self, server_conn: object) -> None:
-        """Count a connection that was closed."""
+        """Count a connection that was closed no more."""
         super().on_close(server_conn)
-        host = str(cast(Any, server_conn).context.address[0])
-        self._from[host] -= 1
-        if not self._from[host]:
-            del self._from[host]
+        self._bounds.forget(cast(Any, server_conn).stream)
 
 
-def _application(hub: PhoneHub, push_only: bool) -> Application:
-    given = {"hub": hub}
+def _application(hub: PhoneHub, connections: Connections, push_only: bool) -> Application:
+    given = {"hub": hub, "connections": connections}
     routes: list[Any] = [(r"/push/([^/]{1,100})", PushHandler, given)]
     if not push_only:
         routes += [

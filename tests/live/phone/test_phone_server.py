@@ -9,7 +9,9 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
+from http.client import HTTPSConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import psutil
@@ -18,7 +20,9 @@ from live_streams import decoded
 from played_phone import JSON, Played, ask, batch, request, untrusting
 
 from lab.live.decoders.phone import PhoneDecoder
+from lab.phone import connections as connections_module
 from lab.phone import server as server_module
+from lab.phone.connections import EACH
 from lab.phone.hub import PhoneHub
 from lab.phone.limits import BODY
 from lab.phone.server import PhoneServer
@@ -303,20 +307,64 @@ def test_slow_connections_are_closed_and_others_served(tmp_path, monkeypatch):
         assert played.post(batch(1)).status == 200
 
 
-@pytest.mark.parametrize("bound", ["CONNECTIONS", "CONNECTIONS_EACH"])
-def test_connections_beyond_the_bound_are_closed_at_once(tmp_path, monkeypatch, bound):
-    monkeypatch.setattr(server_module, bound, 3)
+def is_closed(connection: socket.socket) -> bool:
+    """Return whether the server has closed a connection on which it has nothing to say."""
+    connection.settimeout(0.1)
+    try:
+        return connection.recv(1) == b""
+    except TimeoutError:
+        return False
+    except ConnectionError:
+        return True
+    finally:
+        connection.settimeout(20)
+
+
+@pytest.mark.parametrize("bound", ["MOST", "STRANGERS"])
+def test_where_strangers_hold_too_many_connections_the_oldest_makes_room(tmp_path, monkeypatch, bound):
+    monkeypatch.setattr(connections_module, bound, 3)
     with PhoneServer(PhoneHub(), folder=tmp_path) as server:
         played = Played(server)
         where = ("127.0.0.1", server.port)
         held = [socket.create_connection(where, 10) for _ in range(4)]
-        assert held[3].recv(1) == b""  # times out if it is left open
-        held[0].settimeout(0.1)
-        with pytest.raises(TimeoutError):
-            held[0].recv(1)
+        assert eventually(lambda: is_closed(held[0]))
+        assert not any(is_closed(one) for one in held[1:])
+        assert played.post(batch(0)).status == 200  # a phone that comes is not kept out
+        assert eventually(lambda: is_closed(held[1]))
         for one in held:
             one.close()
-        assert eventually(lambda: played.post(batch(0)).status == 200)  # their places are free again
+
+
+def test_one_phone_has_four_connections_and_keeps_no_other_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(connections_module, "MOST", 6)
+    with PhoneServer(PhoneHub(), folder=tmp_path) as server:
+        greedy, other = Played(server), Played(server)
+        held = []
+        for _ in range(12):
+            one = HTTPSConnection("127.0.0.1", server.port, timeout=20, context=untrusting())
+            held.append(one)
+            assert gives_page(one, greedy)
+            assert other.post(batch(0)).status == 200
+        assert eventually(lambda: all(is_closed(one.sock) for one in held[:-EACH]))
+        for one in held:
+            one.auto_open = 0  # not a new connection in place of one that is closed
+        assert all(gives_page(one, greedy) for one in held[-EACH:])
+        for one in held:
+            one.close()
+
+
+def gives_page(connection: HTTPSConnection, phone: Played) -> bool:
+    """Return whether a phone is given its page by a connection, which stays open."""
+    connection.request("GET", urlsplit(phone.page).path)
+    answer = connection.getresponse()
+    return answer.status == 200 and len(answer.read()) > 1000
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://[::1", "[", "://", "http://a:b:c", "\xff", ""])
+def test_an_origin_that_is_none_is_refused_in_words(played, origin):
+    reply = ask(f"{played.page}/samples", json.dumps(batch(0)).encode(), {**JSON, "Origin": origin})
+    assert reply.status == 403
+    assert b"belongs to another phone" in reply.body
 
 
 def test_closing_leaves_nothing_behind(tmp_path):
