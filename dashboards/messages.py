@@ -8,6 +8,7 @@ part of that. All other messages are refused here before they are decoded, and t
 from __future__ import annotations
 
 import logging
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -87,7 +88,7 @@ HANDLERS: dict[str, Callable[[Any, ServerConnection], Any]] = {
 
 
 class BoundedHandler(ProtocolHandler):
-    """Carries out messages, except those for other documents; an error is logged in one line."""
+    """Carries out messages, except those for other documents; a refusal is logged in one line."""
 
     async def handle(self, message: Message[Any], connection: ServerConnection) -> Any:
         """Return the answer to a message."""
@@ -97,8 +98,17 @@ class BoundedHandler(ProtocolHandler):
             _check_objects(message, connection)
             return await HANDLERS[message.msgtype](message, connection)
         except Exception as error:
-            log.exception("a message of a page failed")
+            if is_refusal(error):
+                log.warning("a message of a page is refused: %s", ascii(str(error))[:MAX_REASON])
+            else:
+                log.exception("a message of a page failed")
             return connection.error(message, f"{type(error).__name__}: {error}"[:MAX_REASON])
+
+
+def is_refusal(error: Exception) -> bool:
+    """Return whether a message was refused, by Bokeh or here; in a callback, the same error is a fault."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return isinstance(error, ValueError) and frame.f_globals["__name__"].startswith(("bokeh.", __name__))
 
 
 def _check_header(header: Any) -> None:

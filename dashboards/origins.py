@@ -1,17 +1,23 @@
-"""Origins: the pages that may connect to the server: its own, under its host names and addresses."""
+"""Origins: the pages that may connect to the server: its own, under its host names and addresses.
+
+Pages of other sites get nothing that costs a session: no document but one that a person opens, and no script
+with a page in it.
+"""
 
 from __future__ import annotations
 
 import ipaddress
 import logging
 import socket
+import time
 from collections.abc import Iterable
 from typing import Any
 from urllib.parse import urlsplit
 
 from bokeh.server.urls import per_app_patterns
 from bokeh.server.util import check_allowlist
-from panel.io.server import WSHandler
+from bokeh.util.token import check_token_signature, get_token_payload
+from panel.io.server import AutoloadJsHandler, DocHandler, WSHandler
 from tornado.httputil import HTTPServerRequest
 from tornado.web import Application, HTTPError
 
@@ -134,15 +140,29 @@ def _with_port(host: str, port: int) -> str:
 
 
 class PageSocket(WSHandler):
-    """The websocket of a page; it opens only for accepted origins."""
+    """The websocket of a page; it opens only for accepted origins, and for the token of a page."""
 
     async def get(self, *args: Any, **kwargs: Any) -> None:
-        """Open the websocket if the origin is accepted."""
+        """Open the websocket if the origin and the token are accepted."""
         if not is_from_accepted(self.request, self.application):
             origin = self.request.headers["Origin"]
             log.warning("a page of %.200r was refused; `--origin HOST` accepts one more", origin)
             raise HTTPError(403)
+        if self.request.headers.get("Upgrade", "").lower() == "websocket" and not self._has_token():
+            raise HTTPError(403, "a websocket without a token of this server, or with one that has expired")
         await super().get(*args, **kwargs)
+
+    def _has_token(self) -> bool:
+        """Return whether the request has the signed token of a page that was opened a short time ago."""
+        offered = self.request.headers.get("Sec-WebSocket-Protocol", "").split(",")
+        protocol, token = (*map(str.strip, offered), "", "")[:2]
+        served: Any = self.application
+        try:
+            is_signed = check_token_signature(token, served.secret_key, served.sign_sessions)
+            expires = get_token_payload(token)["session_expiry"] if is_signed else 0
+            return protocol == "bokeh" and time.time() < expires
+        except (KeyError, TypeError, ValueError):
+            return False
 
     def check_origin(self, origin: str) -> bool:
         """Accept every origin, because the origin was checked before."""
@@ -156,9 +176,29 @@ class PageSocket(WSHandler):
     _internal_error = _protocol_error
 
 
+class PageDocument(DocHandler):
+    """The document of a page; no part of a page of another site is answered with it."""
+
+    async def prepare(self) -> None:
+        """Refuse what a page of another site loads by itself: a picture, a script, a frame.
+
+        Browsers say so on encrypted connections and to this computer (Fetch Metadata Request Headers).
+        """
+        headers = self.request.headers
+        is_own = headers.get("Sec-Fetch-Site", "none") in {"none", "same-origin"}
+        if not is_own and headers.get("Sec-Fetch-Dest") != "document":
+            raise HTTPError(403)
+        await super().prepare()  # type: ignore[no-untyped-call]
+
+
 def check_origins_of_pages() -> None:
-    """Make servers created from now on check origins here; Bokeh's own check compares names only."""
+    """Make servers created from now on check origins here; Bokeh's own check compares names only.
+
+    They have no script with a page in it either, by which other sites show pages as their own.
+    """
+    own: dict[type[Any], type[Any]] = {WSHandler: PageSocket, DocHandler: PageDocument}
     per_app_patterns[:] = [
-        (pattern[0], PageSocket) if issubclass(pattern[1], WSHandler) else pattern
-        for pattern in per_app_patterns
+        (pattern, own.get(kind, kind))
+        for pattern, kind, *_ in per_app_patterns
+        if not issubclass(kind, AutoloadJsHandler)
     ]

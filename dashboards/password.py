@@ -13,6 +13,7 @@ from bokeh.server.auth_provider import AuthProvider
 from tornado.web import RequestHandler
 
 COOKIE = "ins_lab_visitor"
+"""Name of the cookie, before the port: browsers give the cookies of a host to all its ports."""
 DAYS = 7
 """Time for which a browser stays logged in [days], at most until the server ends."""
 PENALTY = 1.0
@@ -42,10 +43,13 @@ class Password(AuthProvider):
     ----------
     password
         The password.
+    port
+        Port of the server.
     """
 
-    def __init__(self, password: str) -> None:
+    def __init__(self, password: str, port: int) -> None:
         self._password = password.encode()
+        self.cookie = f"{COOKIE}_{port}"
         self.waiting = 0
         super().__init__()
 
@@ -56,7 +60,11 @@ class Password(AuthProvider):
     @property
     def get_user(self) -> Callable[[Any], Any]:
         """Function that returns the user of a request: a visitor who has entered the password, or None."""
-        return _visitor
+        return self._visitor
+
+    def _visitor(self, handler: Any) -> str | None:
+        found = handler.get_signed_cookie(self.cookie, max_age_days=DAYS)
+        return None if found is None else "visitor"
 
     @property
     def login_url(self) -> str:
@@ -110,18 +118,13 @@ class PasswordHandler(RequestHandler):
             return
         secure = self.request.protocol == "https"
         self.set_signed_cookie(
-            COOKIE, "visitor", expires_days=DAYS, httponly=True, samesite="Lax", secure=secure
+            provider.cookie, "visitor", expires_days=DAYS, httponly=True, samesite="Lax", secure=secure
         )
         self.redirect(_own(self.get_query_argument("next", "/")))
 
     def _ask(self, problem: str) -> None:
         self.set_header("Cache-Control", "no-store")
         self.write(_PAGE.format(problem=escape(problem)))
-
-
-def _visitor(handler: Any) -> str | None:
-    found = handler.get_signed_cookie(COOKIE, max_age_days=DAYS)
-    return None if found is None else "visitor"
 
 
 def _own(address: str) -> str:

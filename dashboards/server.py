@@ -142,7 +142,7 @@ def _admission(address: str, port: int, origins: Sequence[str], password: str | 
 
     admission: dict[str, Any] = {SETTING: accepted_hosts(address, port, origins)}
     if password is not None:
-        admission |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
+        admission |= {"auth_provider": Password(password, port), "cookie_secret": secrets.token_hex(32)}
     return admission
 
 
@@ -156,7 +156,7 @@ def _greeting(where: str, address: str, port: int, *, teacher: bool) -> str:
         admit_no_teacher()
         return greeting
     named = (own_addresses() or ["localhost"])[0] if is_any(address) else where
-    link = f"http://{in_address(named, port)}/{PATH}?key={admit_teachers()}"
+    link = f"http://{in_address(named, port)}/{PATH}?key={admit_teachers(port)}"
     return f"{greeting}\nTeachers open {link} and show it to nobody"
 
 

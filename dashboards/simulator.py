@@ -11,6 +11,7 @@ from dashboards.page import SimulatorPage
 from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components
 from dashboards.upstream.exits import outlive_exits
 from dashboards.upstream.page_address import read_any_address
+from dashboards.upstream.refused_values import refuse_values
 from dashboards.upstream.server import speed_up
 
 give_files_of_loaded_components(PACKAGES)
@@ -18,6 +19,7 @@ outlive_exits(IOLoop.current())
 read_any_address()
 limit_log()
 bound_messages()
+refuse_values()
 speed_up()
 share_interpreter()
 if pn.state.curdoc is not None:

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from tornado.web import RequestHandler
 
 COOKIE = "ins_lab_teacher"
+"""Name of the cookie, before the port: browsers give the cookies of a host to all its ports."""
 PATH = "teach"
 """Path of the link, after that of the page."""
 NOT_VALID = (
@@ -36,18 +37,27 @@ _PAGE = f"""<!DOCTYPE html>
 
 _digest: list[bytes] = []
 """Hash of the token of this process; empty where nobody teaches."""
+_port: list[int] = []
+"""Port of the server of this process; empty where nobody teaches."""
 
 
-def admit_teachers() -> str:
-    """Return a new token that makes a teacher; one from before is not valid any more."""
+def admit_teachers(port: int) -> str:
+    """Return a new token that makes a teacher; one from before is not valid any more.
+
+    Parameters
+    ----------
+    port
+        Port of the server.
+    """
     token = secrets.token_urlsafe(32)
-    _digest[:] = [_hash(token)]
+    _digest[:], _port[:] = [_hash(token)], [port]
     return token
 
 
 def admit_no_teacher() -> None:
     """Let nobody teach; a token from before is not valid any more."""
     _digest.clear()
+    _port.clear()
 
 
 def is_token(text: str) -> bool:
@@ -58,7 +68,12 @@ def is_token(text: str) -> bool:
 
 def is_teacher(cookies: Mapping[str, str]) -> bool:
     """Return whether a browser with these cookies has opened the link for teachers."""
-    return is_token(cookies.get(COOKIE, ""))
+    return is_token(cookies.get(cookie_name(), ""))
+
+
+def cookie_name() -> str:
+    """Return the name of the cookie of teachers of this server."""
+    return "_".join((COOKIE, *map(str, _port)))
 
 
 class TeachHandler(RequestHandler):
@@ -73,7 +88,7 @@ class TeachHandler(RequestHandler):
             self.write(_PAGE)
             return
         secure = self.request.protocol == "https"
-        self.set_cookie(COOKIE, token, httponly=True, samesite="Lax", secure=secure)
+        self.set_cookie(cookie_name(), token, httponly=True, samesite="Lax", secure=secure)
         self.redirect("./")
 
 

@@ -191,9 +191,9 @@ class PhoneServer:
 class _BoundedServer(HTTPServer):
     """A server with a bounded number of connections, which closes slow ones."""
 
-    def initialize(self, *args: Any, connections: Connections, **kwargs: Any) -> None:
+    def initialize(self, *args: Any, **kwargs: Any) -> None:
+        self._bounds: Connections = kwargs.pop("connections")
         super().initialize(*args, **kwargs)
-        self._bounds = connections
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
         """Take a connection, or close it if there are too many."""

@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from itertools import cycle
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -98,7 +99,7 @@ class Teacher(Page):
     """The page of the teacher."""
 
     def __init__(self, address: str, token: str) -> None:
-        super().__init__(address, FLIGHT, f"{COOKIE}={token}")
+        super().__init__(address, FLIGHT, f"{COOKIE}_{urlsplit(address).port}={token}")
         self._contents: list[Any] = []
 
     def note(self, texts: list[str]) -> None:

@@ -33,7 +33,8 @@ class Room:
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
-        self._cookies = {teacher.COOKIE: teacher.admit_teachers()}
+        token = teacher.admit_teachers(5006)
+        self._cookies = {teacher.cookie_name(): token}
         self.teacher = self.page("", self._cookies)
         self.lead.start()
         self.code = self.school_class.code
@@ -323,7 +324,7 @@ def test_a_wrong_code_joins_nothing_and_is_not_repeated(room: Room) -> None:
 
 def test_without_the_cookie_nobody_teaches(room: Room) -> None:
     walk = room.page("")
-    for cookies in ({}, {teacher.COOKIE: ""}, {teacher.COOKIE: "x" * 43}, {"other": "y"}):
+    for cookies in ({}, {teacher.cookie_name(): ""}, {teacher.cookie_name(): "x" * 43}, {"other": "y"}):
         walk.page._class.open("", cookies, has_own=False)
         assert walk.page._class._bar is None
         assert not walk.page._class.view.visible

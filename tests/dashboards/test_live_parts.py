@@ -182,6 +182,9 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     assert "σ" in part._words.object
     assert part._of_attitude.visible
     assert part._of_position.visible is bool(np.isfinite(found.position).any())
+    part._of_position.visible = True
+    part.begin_anew()
+    assert (part._of_position.visible, part._of_attitude.visible) == (False, False)  # nothing is drawn
     page._toggle()
     assert not part._of_attitude.visible
     assert "Only a simulated device and X-Plane" in part._words.object

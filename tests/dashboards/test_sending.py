@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import bokeh.server.contexts
 import pytest
@@ -73,3 +75,34 @@ def test_a_page_that_has_ended_takes_nothing(caplog: pytest.LogCaptureFixture) -
         thread.submit(lambda: asyncio.run(late())).result(30)
     assert DELIVERED == ["in time"]
     assert not caplog.records
+
+
+class Loop:
+    """A loop of events that keeps what it is asked to call."""
+
+    def __init__(self) -> None:
+        self.asked: list[Callable[[], None]] = []
+
+    def add_callback(self, callback: Callable[[], None]) -> None:
+        """Keep it."""
+        self.asked.append(callback)
+
+
+@pytest.mark.parametrize("served", [True, False])
+def test_only_the_loop_of_a_served_page_adds_what_a_thread_asks_for(served: bool) -> None:
+    loop, document = Loop(), Document()
+    server = SimpleNamespace(application_context=SimpleNamespace(io_loop=loop)) if served else None
+    context = SimpleNamespace(server_context=server, destroyed=False)
+    document._session_context = lambda: context  # type: ignore[assignment]
+    soon(document, lambda: DELIVERED.append("asked"))
+    assert len(loop.asked) == served
+    assert len(document.session_callbacks) == (not served)
+    for callback in loop.asked:
+        callback()
+    assert len(document.session_callbacks) == 1
+
+
+def test_a_document_without_a_session_takes_what_a_thread_asks_for() -> None:
+    document = Document()
+    soon(document, lambda: DELIVERED.append("asked"))
+    assert len(document.session_callbacks) == 1

@@ -226,6 +226,15 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 @pytest.fixture(scope="session")
+def locked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """Return a laboratory with a password."""
+    folder = tmp_path_factory.mktemp("locked")
+    (folder / "password").write_text("open sesame\n")
+    with serving(folder, "--password-file", str(folder / "password")) as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
 def run() -> Iterator[Callable[[Awaitable[Any]], Any]]:
     """Return a function that runs a coroutine; in a thread, since other tests may leave a loop here."""
     with ThreadPoolExecutor(1) as thread:

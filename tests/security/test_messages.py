@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bokeh.models import Range1d
 from bokeh.protocol import Protocol
 from bokeh.protocol.exceptions import ProtocolError
 from bokeh.protocol.message import Message
@@ -23,7 +24,15 @@ from tornado.websocket import WebSocketClosedError
 from websockets.exceptions import ConnectionClosed
 
 from dashboards.log_limit import AT_ONCE, LONGEST, LogLimit
-from dashboards.messages import CHUNK, MAX_EVENTS, MAX_MESSAGE, MAX_REASON, MAX_TEXT, BoundedReceiver
+from dashboards.messages import (
+    CHUNK,
+    MAX_EVENTS,
+    MAX_MESSAGE,
+    MAX_REASON,
+    MAX_TEXT,
+    BoundedReceiver,
+    is_refusal,
+)
 from tests.security.conftest import Served, Visitor
 
 MEMORY = 200 * 2**20
@@ -183,6 +192,41 @@ def test_no_model_is_made_where_others_change(served: Served, run) -> None:
             return [answer["msgtype"] for answer in answers]
 
     assert run(ask()) == ["ERROR", "OK"]
+
+
+HAND_MADE = ("no such mission", "", -1, 1e308, None, [1], True, {"type": "map", "entries": []})
+"""Values that no choice and no tab of a page has."""
+
+
+def test_a_value_that_no_page_sends_is_dropped_with_one_line(served: Served, run) -> None:
+    async def send() -> bool:
+        async with served.visitor() as visitor:
+            (choice,) = visitor.models(label="Mission")
+            (tabs,) = (one for one in visitor.models(active=1) if "visible" not in one["attributes"])
+            for value in HAND_MADE:
+                await visitor.change(choice["id"], value=value)
+                await visitor.change(tabs["id"], active=value)
+            await visitor.change(tabs["id"], no_such=1)
+            await visitor.change("p0", value=1)
+            await visitor.change(tabs["id"], active=2)
+            await visitor.pull()
+            return any(visitor.models(active=2))
+
+    before = len(served.log.read_text())
+    assert run(send())  # the page works on
+    said = served.log.read_text()[before:]
+    assert "Traceback" not in said
+    assert said.count("is refused") >= len(HAND_MADE)
+    assert len(said.splitlines()) <= 3 * len(HAND_MADE) + 5
+
+
+def test_a_fault_of_a_callback_is_no_refusal() -> None:
+    with pytest.raises(ValueError, match="start") as refused:
+        Range1d(start="x")
+    assert is_refusal(refused.value)
+    with pytest.raises(ValueError, match="convert") as fault:
+        float(Range1d(name="x").name)
+    assert not is_refusal(fault.value)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+from http.client import HTTPConnection
 from types import SimpleNamespace
 
 import pytest
@@ -75,18 +76,75 @@ def test_a_stranger_whose_name_leads_here_is_refused(served: Served, run, token:
     assert answer(served, run, token, f"http://{name}:{served.port}", named=name) == 403
 
 
-def test_a_token_made_elsewhere_opens_no_session(served: Served, run) -> None:
-    """Unsigned, and signed with another key."""
+def test_a_token_made_elsewhere_opens_no_websocket(served: Served) -> None:
+    """Of other keys, of no session, changed, and none; by hand, because no client sends all of them."""
+    others = [generate_jwt_token("mine.x", secret_key=b"k" * 32, signed=signed) for signed in (False, True)]
+    own, before = served.token(), len(served.log.read_text())
+    changed = [own[:-2], own.swapcase(), own.partition(".")[0]]
+    offers = [f"bokeh, {token}" for token in (*others, *changed, "x", "a.b", "", "é")]
+    for offer in (*offers, f"x, {own}", own, "bokeh", "", f"bokeh, {own}"):
+        way = HTTPConnection("127.0.0.1", served.port, timeout=60)
+        upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+        named = {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": offer}
+        way.request("GET", "/ws", headers=upgrade | named)
+        assert way.getresponse().status == (101 if offer == f"bokeh, {own}" else 403), offer
+        way.close()
+    assert "Traceback" not in served.log.read_text()[before:]
 
-    async def ask(token: str) -> int | None:
-        async with served.socket(token, f"http://127.0.0.1:{served.port}") as way:
-            await way.wait_closed()
-            return way.close_code
 
-    for signed in (False, True):
-        token = generate_jwt_token("mine.x", secret_key=b"k" * 32, signed=signed)
-        assert run(ask(token)) is not None
-    assert "'mine.x'" in served.log.read_text()
+FOREIGN = {"Sec-Fetch-Site": "cross-site"}
+"""What a browser tells with a request that a page of another site makes."""
+LOADED = [
+    ("GET", "/", FOREIGN | {"Sec-Fetch-Dest": "image"}),
+    ("GET", "/?seed=7", FOREIGN | {"Sec-Fetch-Dest": "iframe"}),
+    (
+        "GET",
+        "/",
+        {"Sec-Fetch-Site": "same-site", "Sec-Fetch-Dest": "script"},
+    ),  # another port of this computer
+    ("GET", "/autoload.js?bokeh-autoload-element=1", FOREIGN | {"Sec-Fetch-Dest": "script"}),
+    ("GET", "/autoload.js?bokeh-autoload-element=1", {}),
+    ("OPTIONS", "/autoload.js", {}),
+    ("GET", "/ws", {"Origin": "http://evil.example"}),
+    ("GET", "/ws", {"Origin": "http://["}),
+    ("GET", "/metadata?x", {"Origin": "http://evil.example", "bokeh-session-id": "1"}),
+]
+"""What any site can make the browser of a visitor ask for."""
+COST = 0.02
+"""Most time of the server for one such request [s]; a session takes 0.8 s."""
+
+
+@pytest.mark.parametrize(("method", "path", "headers"), LOADED)
+def test_what_another_site_loads_is_refused_and_costs_next_to_nothing(
+    served: Served, locked: Served, method: str, path: str, headers: dict[str, str]
+) -> None:
+    for one in (served, locked):
+        before, began, times = len(one.log.read_text()), one.process.cpu_times(), 10
+        for _ in range(times):
+            way = HTTPConnection("127.0.0.1", one.port, timeout=60)
+            way.request(method, path, headers=headers)
+            status = way.getresponse().status
+            way.close()
+            if path.startswith("/metadata"):  # no session
+                assert status in {200, 302}
+            else:
+                assert 400 <= status < 500 or (one is locked and status == 302)
+        now = one.process.cpu_times()
+        assert now.user + now.system - began.user - began.system < times * COST
+        assert "Traceback" not in one.log.read_text()[before:]
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"Sec-Fetch-Site": "none", "Sec-Fetch-Dest": "document"},
+        FOREIGN | {"Sec-Fetch-Dest": "document", "Sec-Fetch-Mode": "navigate"},  # a link
+        {"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Dest": "iframe"},
+    ],
+)
+def test_what_a_person_opens_is_given(served: Served, headers: dict[str, str]) -> None:
+    assert served.status("/", **headers) == 200
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.2", "localhost", "::1"])

@@ -27,14 +27,13 @@ from tornado.web import Application, HTTPError, RequestHandler
 from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components
 from dashboards.upstream.exits import outlive_exits
 from tests.fuzz.addresses import MODULES
-from tests.security.conftest import ROOT, START, Served, free_port, serving
+from tests.security.conftest import ROOT, START, Served, free_port
 
 ROUTES = {
     "/favicon.ico": "IcoHandler: a file that is read at the start",
     "/ws": "PageSocket: asks for password, origin and a signed token",
     "/metadata": "MetadataHandler: asks for the password; the address of the page, and no session",
-    "/autoload.js": "AutoloadJsHandler: the page as a script for other sites",
-    "/?": "DocHandler: asks for the password; makes a session",
+    "/?": "PageDocument: asks for the password; makes a session, but not for a part of another site's page",
     "/static/(?!extensions/)(.*)": "StaticHandler: BokehJS, which is public; of its folder alone",
     "/teach": "TeachHandler: compares the token of teachers",
     "/components/(.*)": "ComponentResourceHandler: asks for the password; files that loaded components list",
@@ -44,7 +43,8 @@ ROUTES = {
 }
 """Who answers what, by the regular expression of the address; each was looked at.
 
-``panel serve`` has the same for its page, and the page of a list of pages.
+``panel serve`` has Panel's own for its page, which make a session for other sites, and a page with a list of
+pages.
 """
 
 LIST = """
@@ -84,7 +84,7 @@ def routes(way: str) -> dict[str, set[str]]:
 
 def test_each_route_of_a_served_laboratory_was_looked_at() -> None:
     found = routes("lab")
-    assert found.pop("/?") == {"DocHandler", "RootHandler"}  # the second is never reached
+    assert found.pop("/?") == {"PageDocument", "RootHandler"}  # the second is never reached
     looked_at = {pattern: {reason.partition(":")[0]} for pattern, reason in ROUTES.items()}
     del looked_at["/?"]
     assert found == looked_at
@@ -95,6 +95,8 @@ def test_panel_serve_has_no_route_that_was_not_looked_at() -> None:
     assert found.pop("/?") == {"RootHandler"}
     assert found.pop("/simulator/ws") == {"WSHandler"}
     assert found.pop("/simulator/static/(.*)") == {"StaticHandler"}
+    assert found.pop("/simulator/autoload.js") == {"AutoloadJsHandler"}
+    assert found.pop("/simulator/?") == {"DocHandler"}
     known = {pattern: reason.partition(":")[0] for pattern, reason in ROUTES.items()}
     for pattern, (handler,) in found.items():
         assert known[pattern.removeprefix("/simulator")] == handler
@@ -119,15 +121,6 @@ def test_no_address_imports_a_module(served: Served, module: str) -> None:
         assert ask(served.port, f"/components/{module}/{rest}") in {400, 404}
     assert ask(served.port, "/metadata") == 200
     assert "Traceback" not in served.log.read_text()[before:]
-
-
-@pytest.fixture(scope="module")
-def locked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """Return a laboratory with a password."""
-    folder = tmp_path_factory.mktemp("locked")
-    (folder / "password").write_text("open sesame\n")
-    with serving(folder, "--password-file", str(folder / "password")) as found:
-        yield found
 
 
 LISTED = "panel.template.material/MaterialTemplate/_css/material.css"

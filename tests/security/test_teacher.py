@@ -40,7 +40,7 @@ def test_the_link_becomes_a_cookie_and_leaves_the_address(taught: Served) -> Non
     status, headers, _ = ask(taught, found[1])
     assert (status, headers["Location"]) == (302, "./")
     cookie = headers["Set-Cookie"]
-    assert cookie.startswith(f"{teacher.COOKIE}={found[2]};")
+    assert cookie.startswith(f"{teacher.COOKIE}_{taught.port}={found[2]};")
     assert "HttpOnly" in cookie
     assert "SameSite=Lax" in cookie
     assert "expires" not in cookie.lower()  # ends with the browser
@@ -57,12 +57,14 @@ def test_another_link_makes_no_teacher(taught: Served, key: str) -> None:
 
 def test_a_token_is_new_each_time_and_valid_for_one_server_only() -> None:
     assert not teacher.is_token("")
-    first, second = teacher.admit_teachers(), teacher.admit_teachers()
+    first, second = teacher.admit_teachers(5006), teacher.admit_teachers(5007)
     try:
         assert len(first) >= 43  # 256 bits
         assert teacher.is_token(second)
         for wrong in (first, second[:-1], second + " ", second.swapcase(), "\ud800", "ø"):
             assert not teacher.is_token(wrong)
+        assert teacher.is_teacher({f"{teacher.COOKIE}_5006": first, f"{teacher.COOKIE}_5007": second})
+        assert not teacher.is_teacher({f"{teacher.COOKIE}_5006": second, teacher.COOKIE: second})
     finally:
         teacher.admit_no_teacher()
     assert not teacher.is_token(second)

@@ -206,7 +206,7 @@ class PasswordTest(AsyncHTTPTestCase):
 
     def get_app(self) -> Application:
         """Return a page and what asks for its password."""
-        provider = Password("open sesame")
+        provider = Password("open sesame", 5006)
         application = Application(
             [(provider.login_url, provider.login_handler), ("/", Page)], cookie_secret="k" * 32
         )
@@ -231,10 +231,10 @@ class PasswordTest(AsyncHTTPTestCase):
         cookie = answer.headers["Set-Cookie"]
         assert "HttpOnly" in cookie
         assert "SameSite=Lax" in cookie
-        given = re.match(rf"{COOKIE}=[^;]+", cookie)
+        given = re.match(rf"{COOKIE}_5006=[^;]+", cookie)
         assert given is not None
         assert self.fetch("/", headers={"Cookie": given[0]}).code == 200
-        assert self.fetch("/", headers={"Cookie": f"{COOKIE}=visitor"}).code == 401
+        assert self.fetch("/", headers={"Cookie": f"{COOKIE}_5006=visitor"}).code == 401
         assert self.give("open sesame", "//evil.example").headers["Location"] == "/"
 
     def test_another_password_opens_nothing_and_takes_its_time(self) -> None:

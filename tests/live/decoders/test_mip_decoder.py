@@ -10,6 +10,7 @@ from live_streams import capture, decoded, fixes, hexadecimal, motion
 
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.mip_encoder import MipEncoder
+from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
 
 G = 9.80665
 EXAMPLE = hexadecimal(
@@ -107,6 +108,26 @@ def test_a_receiver_makes_fixes():
     invalid = struct.pack(">4d2fH", 44.5, -73.25, 150.0, 180.0, 1.5, 2.5, 0)
     (fix,) = decoded(decoder_of("mip"), packet(0x91, (0x03, invalid))).fix
     assert np.isnan(fix["latitude"])
+
+
+def test_each_kind_of_fix_is_sent_as_the_maker_numbers_it():
+    """FixType in LORD-MicroStrain/mip_sdk, src/mip/definitions/data_gnss.h."""
+    numbers = {NO_FIX: 3, FIX_2D: 1, FIX_3D: 0, FIX_DIFFERENTIAL: 7, FIX_RTK_FLOAT: 5, FIX_RTK: 6}
+    fix = fixes(len(numbers))
+    fix["fix_type"] = list(numbers)
+    data = MipEncoder().encode(motion(0), fix)
+    sent, at = [], 0
+    while at < len(data):
+        place, last = at + 4, at + 4 + data[at + 3]
+        while place < last:
+            if data[place + 1] == 0x0B:
+                sent.append(data[place + 2])
+            place += data[place]
+        at = last + 2
+    assert sent == list(numbers.values())
+    found = decoded(decoder_of("mip"), data).fix
+    np.testing.assert_array_equal(found["fix_type"][1:], fix["fix_type"][1:])
+    assert np.isnan(found["latitude"]).tolist() == [True, *[False] * (len(fix) - 1)]
 
 
 def test_what_is_encoded_is_read_again():

@@ -16,6 +16,7 @@ from live_streams import decoded
 from played_phone import JSON, Played, ask
 from websockets.sync.server import serve
 
+from lab.live import sensor_server as sensor_server_module
 from lab.live.decoders.phone import PhoneDecoder
 from lab.live.sensor_server import SensorServerTransport
 from lab.live.transport import TransportError
@@ -196,6 +197,30 @@ def test_sensor_server():
     asked = urlsplit(paths[0])
     assert asked.path == "/sensors/connect"
     assert "android.sensor.gyroscope" in json.loads(parse_qs(asked.query)["types"][0])
+
+
+def test_readings_of_a_fiftieth_of_a_second_become_a_line(monkeypatch):
+    """However many come, and however long a reader would wait."""
+    now = [100.0]
+    monkeypatch.setattr(sensor_server_module.time, "monotonic", lambda: now[0])
+
+    class Steady:
+        """Gives a reading every 4 ms; a reader that waits no longer gets none."""
+
+        def recv(self, timeout: float) -> str:
+            if timeout < 0.004:
+                now[0] += timeout
+                raise TimeoutError
+            now[0] += 0.004
+            return reading("gyroscope", round(now[0] * 1e9), 0.1, 0.2, 0.3)
+
+    transport = SensorServerTransport("sensorserver:127.0.0.1:8080")
+    monkeypatch.setattr(transport, "_socket", Steady())
+    decoder, before = PhoneDecoder(), now[0]
+    for line in range(1, 4):
+        decoder.feed(transport.read(60.0).data)
+        waited = now[0] - before
+        assert waited == pytest.approx(line * (0.004 + 0.02), abs=1e-9)  # for the first, and for its company
 
 
 def test_a_sensor_server_that_goes_is_lost_and_closing_ends_a_wait(monkeypatch):
