@@ -19,7 +19,7 @@ from lab.memory import forget
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.alignment import Alignment
-from lab.navigation.belief import assumed_latency, belief, schedule_of
+from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.log_navigation import WITHHELD, navigate_log
@@ -104,12 +104,13 @@ class Simulated:
 class Logged:
     """A sensor log.
 
-    The start is determined once for each latency, because matching velocities takes longer than navigating.
+    The start is determined once for each latency and lever arm, because matching velocities takes longer than
+    navigating.
     """
 
     def __init__(self, recorded: Recorded) -> None:
         self._log = recorded.log
-        self._starts: dict[float, Alignment] = {}
+        self._starts: dict[tuple[float, ...], Alignment] = {}
         self.stamps = recorded.log.gnss.time
         self.span = (float(recorded.time[0]), float(recorded.time[-1]))
 
@@ -117,9 +118,10 @@ class Logged:
         """Return the innovations of all fixes; see `Subject`."""
         sensors, navigator = experiment.sensors, experiment.navigator
         latency = assumed_latency(navigator, self._log.gnss.latency)
-        start = self._starts.get(latency)
+        place = latency, *assumed_lever_arm(navigator, self._log.gnss.lever_arm).tolist()
+        start = self._starts.get(place)
         run = navigate_log(self._log, sensors, navigator, sensors.gps.outages, withheld, start)
-        self._starts.setdefault(latency, run.alignment)
+        self._starts.setdefault(place, run.alignment)
         rows = np.searchsorted(self.stamps - latency, run.fixes.time - _ROUNDING)
         return (
             self._of_all(_seen(run.solution), rows),

@@ -49,11 +49,11 @@ from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
 from lab.navigation.initial_heading import FORWARD_SPEED, contradict
-from lab.navigation.log_navigation import start_covariance
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import load
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.start_covariance import start_covariance
 from lab.parameters.counted import counted
 from lab.parameters.settings import SettingError
 from lab.sensors.suite import SensorSuite
@@ -279,7 +279,7 @@ class LiveNavigator:
             self._stream.readings,
             self._stream.samples,
         )
-        self._start = LiveStart(self._navigator, self._assumed.noise[:3])
+        self._start = LiveStart(self._navigator, self._assumed)
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history
 
@@ -422,7 +422,7 @@ class LiveNavigator:
         stream.attitude = AttitudeOnly(stream.samples, self._sensors, self._place, prior=prior)
         stream.attitude.heading_source = source
         stream.first_fix = self._shown_fix = stream.fixes.end
-        self._start = LiveStart(self._navigator, self._assumed.noise[:3])
+        self._start = LiveStart(self._navigator, self._assumed)
 
     def _is_new_second(self) -> bool:
         """Return whether a second began since the last call: a start is sought once in each."""
@@ -451,7 +451,7 @@ class LiveNavigator:
         stream = self._stream
         stream.alignment, stream.attitude = alignment, None
         variances = stream.fixes.column("variances")[0, :3]
-        P0 = start_covariance(self._assumed, self._navigator, alignment, variances)
+        P0 = start_covariance(self._assumed, self._navigator, self._model.blocks, alignment, variances)
         run = LiveFilter(
             stream.samples,
             stream.fixes,

@@ -19,7 +19,7 @@ from lab.logs.velocity_matching import WINDOW
 from lab.navigation.alignment import REST_SPEED, Alignment, align
 from lab.navigation.initial_heading import FORWARD_SPEED, Hints, shows_course
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Fixes, Imu
+from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST
 from lab.navigation.start_fixes import start_fixes
 
@@ -57,13 +57,13 @@ class LiveStart:
     ----------
     navigator
         The settings, with the vehicle and a given heading.
-    gyro_density : (3,) array
-        Power spectral densities of the gyro noise that the filter assumes [rad²/s].
+    assumed
+        The filter's assumptions.
     """
 
-    def __init__(self, navigator: NavigatorSettings, gyro_density: FloatArray) -> None:
+    def __init__(self, navigator: NavigatorSettings, assumed: Belief) -> None:
         self._navigator = navigator
-        self._gyro_density = gyro_density
+        self._assumed = assumed
         self._tried = -np.inf  # time of the last attempt by the change of the velocity
         self._is_slow_course = False  # whether a course gave the heading, and none above `FORWARD_SPEED` yet
 
@@ -121,7 +121,7 @@ class LiveStart:
         why = self._not_yet(hints, known, sigma, now)
         if why:
             return Sought(None, first, why)
-        made = align(imu, known, sigma, hints, self._gyro_density)
+        made = align(imu, known, sigma, hints, self._assumed)
         if not made.heading.source:
             return Sought(None, first, f"The heading is unknown: {HOW}.")
         at_rest_still = made.rest >= int(now - imu.time[0]) - 1

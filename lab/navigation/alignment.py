@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.frames import earth
+from lab.frames.displacement import displaced
 from lab.frames.rotation import quaternion_from_euler, wrap
+from lab.navigation.error_models import ACCEL_BIAS
 from lab.navigation.initial_heading import (
     UNKNOWN,
     Found,
@@ -28,7 +30,8 @@ from lab.navigation.initial_heading import (
     shows_course,
     surest,
 )
-from lab.navigation.solution import Fixes, Imu, Start
+from lab.navigation.lever_arm import turns
+from lab.navigation.solution import Belief, Fixes, Imu, Start
 
 FloatArray = NDArray[np.float64]
 
@@ -57,8 +60,6 @@ _LONGEST_REST = 60.0
 """Longest part of a rest that is used [s]."""
 _TILT_IN_MOTION = np.radians(3.0)
 """σ of roll and pitch after levelling in motion [rad]: an unknown acceleration of 0.5 m/s²."""
-_ALLOWED_BIAS = 0.05
-"""Accelerometer bias that is included in the σ of the tilt at rest [m/s²]."""
 _STRAIGHT = np.radians(2.0)
 """Largest rate of the course in straight motion [rad/s]."""
 _STRAIGHT_SIGMA = np.radians(0.3)
@@ -85,15 +86,18 @@ class Alignment(NamedTuple):
     Attributes
     ----------
     start : Start
-        Position, velocity and attitude at the first sample.
+        Position, velocity and attitude of the IMU at the first sample.
     gyro_bias : (3,) array
         Initial gyro bias [rad/s].
     attitude_sigma : (3,) array
-        σ of the attitude error, north, east, down [rad].
+        σ of the attitude error, north, east, down, from noise, motion and heading alone [rad]. Tilts also err
+        by the accelerometers' errors; see `lab.navigation.start_covariance`.
     gyro_bias_sigma : (3,) array
         σ of the gyro bias [rad/s].
     velocity_sigma : (3,) array
-        σ of the velocity, north, east, down [m/s].
+        σ of the velocity of the antenna, north, east, down [m/s].
+    rate : (3,) array
+        Rate of rotation in b, by which the velocity of the antenna differs [rad/s]; zero at rest.
     rest : float
         Duration of the rest at the start [s].
     heading : Found
@@ -105,6 +109,7 @@ class Alignment(NamedTuple):
     attitude_sigma: FloatArray
     gyro_bias_sigma: FloatArray
     velocity_sigma: FloatArray
+    rate: FloatArray
     rest: float
     heading: Found
 
@@ -148,12 +153,16 @@ def _askew(found: Found) -> tuple[str, ...]:
     )
 
 
+EXACT = Belief(P0=np.zeros((15, 15)), R=np.eye(6), noise=np.zeros(12), decay=np.zeros(6))
+"""What a filter assumes of exact sensors and an antenna at the IMU."""
+
+
 def align(
     imu: Imu,
     fixes: Fixes,
     velocity_sigma: FloatArray,
     hints: Hints | None = None,
-    gyro_density: FloatArray | None = None,
+    assumed: Belief = EXACT,
 ) -> Alignment:
     """Return the start of a navigator.
 
@@ -165,9 +174,9 @@ def align(
         σ of the velocities [m/s]; see `lab.navigation.start_fixes`.
     hints
         Further information about vehicle and heading.
-    gyro_density : (3,) array
-        Power spectral densities of the gyro noise that the filter assumes [rad²/s]; the mean at rest has at
-        least the noise of a usual MEMS gyro.
+    assumed
+        The filter's assumptions: the lever arm, the noise of the sensors, and the biases of the
+        accelerometers. The mean rate at rest has at least the noise of a usual MEMS gyro.
     """
     hints = Hints() if hints is None else hints
     rest = _rest(imu, fixes, velocity_sigma)
@@ -186,9 +195,11 @@ def align(
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
         bias, bias_sigma = _bias_of_motion(imu, found)
-    tilt = _ALLOWED_BIAS / g if rest else float(np.hypot(_TILT_IN_MOTION, spread / g))
+    tilt = _unsteadiness(imu, rest, assumed) / g if rest else float(np.hypot(_TILT_IN_MOTION, spread / g))
     if np.isnan(hints.given):
-        found = _with_compass(imu, hints, found, (force, force_n), tilt, length, position)
+        bias_sigma_of_force = float(np.sqrt(np.diag(assumed.P0)[ACCEL_BIAS].max()))
+        of_all = float(np.hypot(tilt, bias_sigma_of_force / g))
+        found = _with_compass(imu, hints, found, (force, force_n), of_all, length, position)
     heading, heading_sigma = found.heading, found.sigma
     roll, pitch = level(force, force_n, heading)
     q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
@@ -199,19 +210,70 @@ def align(
             Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
         )
         bias = bias - up
-        assumed = np.zeros(3) if gyro_density is None else np.sqrt(gyro_density)
-        sigma = np.maximum(earth.RATE, np.maximum(_REST_NOISE, assumed) / np.sqrt(rest))
-    else:
-        sigma = bias_sigma
+        noise = np.maximum(_REST_NOISE, np.sqrt(assumed.noise[:3]))
+        bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
+    rate = np.zeros(3) if rest else turns(imu, imu.time[:1], assumed.lever_arm)[0, :3] - bias
+    shift, swing = antenna(q_nb, assumed.lever_arm, rate)
     return Alignment(
-        Start(position, velocity, q_nb),
+        Start(
+            displaced(position[None], -mean_turned(shift, heading_sigma)[None])[0],
+            velocity - mean_turned(swing, heading_sigma),
+            q_nb,
+        ),
         bias,
         np.array([tilt, tilt, heading_sigma]),
-        sigma,
+        bias_sigma,
         start_sigma,
+        rate,
         rest,
         found,
     )
+
+
+def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return displacement (3,) [m] and velocity (3,) [m/s] of an antenna relative to the IMU, in n.
+
+    The rotation of the Earth moves an antenna at 10 m by less than 1 mm/s, and is neglected.
+
+    Parameters
+    ----------
+    q_nb : (4,) array
+        Attitude.
+    arm, rate : (3,) arrays
+        Lever arm [m] and rate of rotation [rad/s], in b.
+    """
+    C_nb = Rotation.from_quat(q_nb, scalar_first=True)
+    return C_nb.apply(arm), C_nb.apply(np.cross(rate, arm))
+
+
+def mean_turned(vector_n: FloatArray, sigma: float) -> FloatArray:
+    """Return the mean (3,) of a vector in n that is turned about the vertical by a normal angle.
+
+    The mean of cos ψ is exp(−σ²/2): of an arm with an unknown heading, the vertical part remains.
+
+    Parameters
+    ----------
+    vector_n : (3,) array
+        The vector.
+    sigma
+        σ of the angle [rad].
+    """
+    level = float(np.exp(-(sigma**2) / 2))
+    return np.asarray(vector_n * (level, level, 1.0))
+
+
+def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
+    """Return the σ of the level specific force at rest, apart from the accelerometers' errors [m/s²].
+
+    It is the noise of the mean, and what the means of the seconds differ by beyond their noise: the vehicle
+    at rest rocks and settles.
+    """
+    density = float(assumed.noise[3:6].max())
+    ends = imu.time[0] + _SECOND * np.arange(int(rest / _SECOND) + 1)
+    total = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dvelocity, axis=0)))
+    means = np.diff([np.interp(ends, imu.time, column) for column in total.T], axis=1) / _SECOND
+    beyond = max(0.0, float(means.var(axis=1, ddof=1).max()) - density / _SECOND)
+    return float(np.sqrt(density / rest + beyond))
 
 
 def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:

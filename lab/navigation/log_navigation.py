@@ -37,7 +37,6 @@ from lab.navigation.checks import (
     check_r,
     check_smoother,
 )
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
@@ -47,6 +46,7 @@ from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
+from lab.navigation.start_covariance import start_covariance
 from lab.navigation.start_fixes import start_fixes, velocity_of_positions
 from lab.navigation.wander_models import linear_model
 from lab.parameters.settings import SettingError
@@ -129,7 +129,7 @@ def navigate_log(
         Mask of the fixes that the filter gets with the σ `WITHHELD`. They have no effect, and their
         innovations are prediction errors. The returned belief has their own R.
     start
-        Start of the navigator, if it is already known for the same latency.
+        Start of the navigator, if it is already known for the same latency and lever arm.
 
     Raises
     ------
@@ -146,6 +146,7 @@ def navigate_log(
     sensors, remarks = fitted_only(sensors, readings, log)
     check_own_states(navigator)
     assumed = belief(sensors, navigator)
+    assumed = assumed._replace(lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm))
     check_r(assumed.R)
     times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
     first = _first_sample(log, times)
@@ -153,14 +154,14 @@ def navigate_log(
     gnss, R, variances = used_fixes(log.gnss, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
     start = start or align(
-        imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed.noise[:3]
+        imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed
     )
+    names = chosen_blocks(navigator, sensors)
     rows = _fixes_after_start(log, imu, times) & ~within(outages, times)
     assumed = assumed._replace(
-        P0=start_covariance(assumed, navigator, start, variances[0, :3]),
+        P0=start_covariance(assumed, navigator, names, start, variances[0, :3]),
         R=R[rows],
         decay=np.append(np.zeros(6), assumed.decay[6:]),
-        lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm),
     )
     fixes = Fixes(*(values[rows].copy() for values in fixes))
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
@@ -170,7 +171,6 @@ def navigate_log(
     aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)
-    names = chosen_blocks(navigator, sensors)
     solution = _solution(
         imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1), given, aids, names
     )
@@ -280,31 +280,6 @@ def used_fixes(
         gnss.latency,
     )
     return known, R, np.diagonal(R, axis1=1, axis2=2).copy()
-
-
-def start_covariance(
-    assumed: Belief, navigator: NavigatorSettings, start: Alignment, variances: FloatArray
-) -> FloatArray:
-    """Return the covariance (n, n) of the start, or that of the settings if given.
-
-    Parameters
-    ----------
-    assumed, navigator
-        The filter's assumptions and settings.
-    start
-        The start.
-    variances : (3,) array
-        Variances of the position of the first fix [m²].
-    """
-    if navigator.p0 is not None:
-        return assumed.P0
-    variance = np.diag(assumed.P0).copy()
-    variance[POS] = navigator.p0_scale * variances
-    variance[VEL] = navigator.p0_scale * start.velocity_sigma**2
-    variance[ATT] = navigator.p0_scale * start.attitude_sigma**2
-    gyro = navigator.p0_scale * start.gyro_bias_sigma**2
-    variance[GYRO_BIAS] = gyro if start.rest else np.maximum(variance[GYRO_BIAS], gyro)
-    return np.diag(variance)
 
 
 def _solution(
