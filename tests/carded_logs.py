@@ -14,9 +14,8 @@ from lab.sensors.suite import SensorSuite
 from lab.sensors.temperature import REFERENCE
 from lab.truth.trajectory import Trajectory
 
-SIGMA = np.array((0.02, 0.02, 0.03))
-"""σ of the positions of an RTK receiver, north, east, down [m]."""
-SPEED_SIGMA = 0.03  # and of its velocities [m/s]
+STANDALONE, RTK = (0.5, 0.8, 0.1), (0.02, 0.03, 0.03)
+"""σ of receivers: horizontal, vertical [m], speed [m/s]."""
 
 
 def loaded(name: str) -> Experiment:
@@ -34,8 +33,7 @@ def carded(
     end: float = 40.0,
     rate: float = 50.0,
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    period: float = 0.25,
-    trajectory: Trajectory | None = None,
+    receiver: tuple[float, float, float] = STANDALONE,
 ):
     """Return the rows of IMU and receiver on a drive, and the truth of the times of the IMU.
 
@@ -47,14 +45,14 @@ def carded(
         Seed of all errors.
     begin, end
         The part of the drive that is recorded [s]; it is at rest until 20 s.
-    rate, period
-        Rate of the IMU [Hz], and time between two fixes [s].
+    rate
+        Rate of the IMU [Hz].
     arm
         Lever arm of the antenna, forward, right, down [m].
-    trajectory
-        The drive; by default, that of `live_rows`.
+    receiver
+        σ of the receiver.
     """
-    trajectory, rng = trajectory or drive(), np.random.default_rng(seed)
+    trajectory, rng = drive(), np.random.default_rng(seed)
     ideal = trajectory.increments(rate)
     rows = slice(*np.searchsorted(ideal.time, [begin, end]))
     dt, shown = 1 / rate, []
@@ -66,11 +64,12 @@ def carded(
         environment = Environment(np.array(REFERENCE), ideal.dvelocity[rows])
         shown.append(measure(true, dt, errors, draws, environment).increments / dt)
     time = ideal.time[1:][rows]
-    times = np.arange(time[0] - dt / 2, time[-1], period)
+    times = np.arange(time[0] - dt / 2, time[-1], 0.25)
     place, velocity = antenna(trajectory, times, arm)
-    place = displaced(place, rng.normal(size=place.shape) * SIGMA)
-    fixes = fix_rows(times, place, velocity + rng.normal(scale=SPEED_SIGMA, size=velocity.shape))
-    fixes["horizontal_sigma"], fixes["vertical_sigma"], fixes["speed_sigma"] = (*SIGMA[1:], SPEED_SIGMA)
+    sigma = np.array(receiver)
+    place = displaced(place, rng.normal(size=place.shape) * sigma[[0, 0, 1]])
+    fixes = fix_rows(times, place, velocity + rng.normal(size=velocity.shape) * sigma[2])
+    fixes["horizontal_sigma"], fixes["vertical_sigma"], fixes["speed_sigma"] = receiver
     return imu_rows(time, *shown), fixes, trajectory.at(time)
 
 

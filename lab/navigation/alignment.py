@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from lab.frames import earth
 from lab.frames.displacement import displaced
 from lab.frames.rotation import quaternion_from_euler, wrap
+from lab.logs.velocity_matching import turned
 from lab.navigation.error_models import ACCEL_BIAS
 from lab.navigation.initial_heading import (
     UNKNOWN,
@@ -98,6 +99,8 @@ class Alignment(NamedTuple):
         σ of the velocity of the antenna, north, east, down [m/s].
     rate : (3,) array
         Rate of rotation in b, by which the velocity of the antenna differs [rad/s]; zero at rest.
+    force_n : (3,) array
+        Specific force in n by which roll and pitch were found [m/s²]: acceleration minus gravity.
     rest : float
         Duration of the rest at the start [s].
     heading : Found
@@ -110,6 +113,7 @@ class Alignment(NamedTuple):
     gyro_bias_sigma: FloatArray
     velocity_sigma: FloatArray
     rate: FloatArray
+    force_n: FloatArray
     rest: float
     heading: Found
 
@@ -169,7 +173,7 @@ def align(
     Parameters
     ----------
     imu, fixes
-        The measurements; the fixes are those of the IMU itself, with all three velocities.
+        The measurements; the fixes are those of the antenna, with all three velocities.
     velocity_sigma : (m, 3) array
         σ of the velocities [m/s]; see `lab.navigation.start_fixes`.
     hints
@@ -187,7 +191,7 @@ def align(
         velocity, velocity_sigma[max(0, np.searchsorted(fixes.time, imu.time[0], "right") - 1)], rest
     )
     length = rest or _LEVELLING
-    force = _mean_force(imu, length)
+    force = _mean_force(imu, length) if rest else _force_at_start(imu)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
     acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
     force_n = acceleration - (0, 0, g)
@@ -212,12 +216,12 @@ def align(
         bias = bias - up
         noise = np.maximum(_REST_NOISE, np.sqrt(assumed.noise[:3]))
         bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
-    rate = np.zeros(3) if rest else turns(imu, imu.time[:1], assumed.lever_arm)[0, :3] - bias
+    rate = np.zeros(3) if rest else turns(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
     shift, swing = antenna(q_nb, assumed.lever_arm, rate)
     return Alignment(
         Start(
-            displaced(position[None], -mean_turned(shift, heading_sigma)[None])[0],
-            velocity - mean_turned(swing, heading_sigma),
+            displaced(position[None], -mean_turned(shift, force_n, heading_sigma)[None])[0],
+            velocity - mean_turned(swing, force_n, heading_sigma),
             q_nb,
         ),
         bias,
@@ -225,6 +229,7 @@ def align(
         bias_sigma,
         start_sigma,
         rate,
+        force_n,
         rest,
         found,
     )
@@ -242,24 +247,33 @@ def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatA
     arm, rate : (3,) arrays
         Lever arm [m] and rate of rotation [rad/s], in b.
     """
-    C_nb = Rotation.from_quat(q_nb, scalar_first=True)
-    return C_nb.apply(arm), C_nb.apply(np.cross(rate, arm))
+    C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
+    return C_nb @ arm, C_nb @ np.cross(rate, arm)
 
 
-def mean_turned(vector_n: FloatArray, sigma: float) -> FloatArray:
-    """Return the mean (3,) of a vector in n that is turned about the vertical by a normal angle.
+def mean_turned(vector_n: FloatArray, force_n: FloatArray, sigma: float) -> FloatArray:
+    """Return the mean (3,) of a vector that is fixed to the vehicle, over the errors of its heading, in n.
 
-    The mean of cos ψ is exp(−σ²/2): of an arm with an unknown heading, the vertical part remains.
+    A vehicle that was levelled by a specific force is turned about this force if its heading is wrong. The
+    mean of cos ψ is exp(−σ²/2): of an arm with an unknown heading at rest, the vertical part remains.
 
     Parameters
     ----------
     vector_n : (3,) array
-        The vector.
+        The vector, with the heading found.
+    force_n : (3,) array
+        The specific force, in any unit.
     sigma
-        σ of the angle [rad].
+        σ of the heading [rad].
     """
-    level = float(np.exp(-(sigma**2) / 2))
-    return np.asarray(vector_n * (level, level, 1.0))
+    axis = about(force_n)
+    along = axis * (axis @ vector_n) / (axis @ axis)
+    return np.asarray(along + np.exp(-(sigma**2) * (axis @ axis) / 2) * (vector_n - along))
+
+
+def about(force_n: FloatArray) -> FloatArray:
+    """Return the attitude error (3,) of one radian of heading, after levelling by a specific force in n."""
+    return force_n / force_n[2]
 
 
 def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
@@ -362,6 +376,13 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
         if straight.sum() >= _LEAST_STRAIGHT:
             return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
     return np.zeros(3), np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0])))
+
+
+def _force_at_start(imu: Imu) -> FloatArray:
+    """Return the mean specific force (3,) over `_LEVELLING`, in b of the first sample [m/s²]."""
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + _LEVELLING, "right")) - 1)
+    total = turned(imu.dtheta[:last])[:-1].apply(imu.dvelocity[:last]).sum(axis=0)
+    return np.asarray(total / (imu.time[last] - imu.time[0]))
 
 
 def _mean_force(imu: Imu, length: float) -> FloatArray:

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
 from lab.frames.rotation import skew
 from lab.navigation import blocks
-from lab.navigation.alignment import Alignment, antenna, mean_turned
+from lab.navigation.alignment import Alignment, about, antenna, mean_turned
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
@@ -93,27 +92,32 @@ class _Effects(NamedTuple):
         Effect of the receiver's errors on position and velocity.
     arm : (6, n) array
         The same of the errors of arm and rate, in the navigator's axes.
+    force_n : (3,) array
+        Specific force by which the vehicle was levelled [m/s²].
     shift, swing : (3,) arrays
         Displacement [m] and velocity [m/s] of the antenna relative to the IMU, in the navigator's axes.
+    part : float
+        Part of a heading error by which tilts are turned: half of it. Without a heading, it is none, since the
+        axes of the navigator are then as good as any.
     """
 
     tilts: FloatArray
     receiver: FloatArray
     arm: FloatArray
+    force_n: FloatArray
     shift: FloatArray
     swing: FloatArray
+    part: float
 
     @classmethod
     def of(cls, assumed: Belief, names: Sequence[str], start: Alignment) -> _Effects:
         """Return the effects on a filter with some further blocks."""
         n = assumed.P0.shape[0]
         C_nb = Rotation.from_quat(start.start.q_nb, scalar_first=True).as_matrix()
-        sine, height = float(np.sin(start.start.position[0])), float(start.start.position[2])
-        g = float(earth.gravity(sine, height))
-        force_n = _force_errors(C_nb, np.array([0.0, 0.0, -g]) @ C_nb, names, n)
-        # After levelling, the force minus g × φ has no level part.
+        force = _force_errors(C_nb, start.force_n @ C_nb, names, n)
+        # What levelling takes for the force errs by F, and f_n × φ + F has no level part.
         tilts = np.zeros((3, n))
-        tilts[0], tilts[1] = force_n[1] / g, -force_n[0] / g
+        tilts[0], tilts[1] = -force[1] / start.force_n[2], force[0] / start.force_n[2]
         tilts[0, ATT.start] = tilts[1, ATT.start + 1] = 1.0
         receiver, arm = np.eye(6, n), np.zeros((6, n))
         if blocks.GPS_DRIFT in names:
@@ -125,12 +129,14 @@ class _Effects(NamedTuple):
             arm[POS, states], arm[VEL, states] = -C_nb, -C_nb @ skew(start.rate)
         if not start.rest:
             arm[VEL, GYRO_BIAS] = -C_nb @ skew(assumed.lever_arm)
-        return cls(tilts, receiver, arm, *antenna(start.start.q_nb, assumed.lever_arm, start.rate))
+        apart = antenna(start.start.q_nb, assumed.lever_arm, start.rate)
+        return cls(tilts, receiver, arm, start.force_n, *apart, 0.5 if start.heading.source else 0.0)
 
     def at(self, angle: float, sigma: float) -> tuple[FloatArray, FloatArray]:
         """Return the mean error (n,) for a heading error, and the effect (n, n) of the other errors.
 
-        A wrong heading turns the arm by its error, and the rotation vector of both by half of it.
+        A wrong heading turns the arm by its error. The rotation vector of heading error and tilt has the tilt
+        turned by half of it.
 
         Parameters
         ----------
@@ -138,13 +144,14 @@ class _Effects(NamedTuple):
             The heading error, and the σ with which the start was made [rad].
         """
         n = self.tilts.shape[1]
-        turned, half = (Rotation.from_rotvec([0, 0, part * angle]).as_matrix() for part in (1, 0.5))
+        error = about(self.force_n) * angle
+        turned, partly = (Rotation.from_rotvec(part * error).as_matrix() for part in (1.0, self.part))
         mean, M = np.zeros(n), np.eye(n)
-        mean[ATT.start + 2] = angle
-        M[ATT] = half @ self.tilts
+        mean[ATT] = error
+        M[ATT] = partly @ self.tilts
         M[: VEL.stop] = self.receiver
         for block, vector in ((POS, self.shift), (VEL, self.swing)):
-            mean[block] = turned @ vector - mean_turned(vector, sigma)
+            mean[block] = turned @ vector - mean_turned(vector, self.force_n, sigma)
             M[block] += turned @ (self.arm[block] - skew(vector) @ self.tilts)
         return mean, M
 

@@ -14,7 +14,7 @@ from lab.frames import earth
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.missions import read_sensor_log
-from lab.navigation.alignment import align, level
+from lab.navigation.alignment import EXACT, align, level
 from lab.navigation.log_navigation import RecordedRun, navigate_log
 from lab.navigation.navigator import navigate
 from lab.navigation.settings import NavigatorSettings
@@ -233,7 +233,7 @@ def test_the_gyro_bias_of_a_rest_is_as_uncertain_as_the_noise_makes_it():
                 Imu(time, dtheta, dvelocity),
                 fixes,
                 np.full((21, 3), 0.1),
-                gyro_density=np.full(3, density**2),
+                assumed=EXACT._replace(noise=np.repeat((density**2, 0.0), (3, 9))),
             )
             assert found.rest >= seconds
             ratios.append((found.gyro_bias - bias) / found.gyro_bias_sigma)
