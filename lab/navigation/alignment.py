@@ -32,6 +32,7 @@ from lab.navigation.initial_heading import (
     surest,
 )
 from lab.navigation.lever_arm import turns
+from lab.navigation.rest_alignment import LEAST_FORCE
 from lab.navigation.solution import Belief, Fixes, Imu, Start
 
 FloatArray = NDArray[np.float64]
@@ -287,7 +288,7 @@ def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
     total = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dvelocity, axis=0)))
     means = np.diff([np.interp(ends, imu.time, column) for column in total.T], axis=1) / _SECOND
     beyond = max(0.0, float(means.var(axis=1, ddof=1).max()) - density / _SECOND)
-    return float(np.sqrt(density / rest + beyond))
+    return float(np.sqrt(density / rest + beyond + LEAST_FORCE**2))
 
 
 def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:

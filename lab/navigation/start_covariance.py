@@ -97,8 +97,8 @@ class _Effects(NamedTuple):
     shift, swing : (3,) arrays
         Displacement [m] and velocity [m/s] of the antenna relative to the IMU, in the navigator's axes.
     part : float
-        Part of a heading error by which tilts are turned: half of it. Without a heading, it is none, since the
-        axes of the navigator are then as good as any.
+        Part of a heading error by which tilts are turned: half of it. Without a heading, it is none: the axes
+        of the navigator are then as good as any.
     """
 
     tilts: FloatArray
