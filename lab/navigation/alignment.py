@@ -382,8 +382,8 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
 def _force_at_start(imu: Imu) -> FloatArray:
     """Return the mean specific force (3,) over `_LEVELLING`, in b of the first sample [m/s²]."""
     last = max(1, int(np.searchsorted(imu.time, imu.time[0] + _LEVELLING, "right")) - 1)
-    total = turned(imu.dtheta[:last])[:-1].apply(imu.dvelocity[:last]).sum(axis=0)
-    return np.asarray(total / (imu.time[last] - imu.time[0]))
+    C = turned(imu.dtheta[:last])[:-1].as_matrix()
+    return np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0])
 
 
 def _mean_force(imu: Imu, length: float) -> FloatArray:
