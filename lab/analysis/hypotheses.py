@@ -95,7 +95,9 @@ R_CHANNELS = {
 }
 """The channels of a fix whose R may be wrong together."""
 _DECADES = tuple(10.0**power for power in range(-2, 7))
+"""Tried factors on a start and on the drives of biases: their σ is about a decade."""
 _HALF_DECADES = tuple(10.0 ** (half / 2) for half in range(-4, 9) if half)
+"""Tried factors on R and Q: over half a decade, their likelihood is smooth."""
 
 
 def _all() -> tuple[Hypothesis, ...]:
