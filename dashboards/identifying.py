@@ -63,9 +63,13 @@ class Identifying:
         self._ask.on_click(lambda _event: self._asked())
         self._apply = pmui.Button(label="Apply", size="small", margin=(8, 8), visible=False)
         self._apply.on_click(lambda _event: self._applied())
+        self._chosen = pmui.CheckBoxGroup(
+            label="Parameters that Apply changes", inline=True, margin=(0, 12), visible=False
+        )
+        self._chosen.param.watch(lambda _event: self._offer(), "value")
         self._text = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
         buttons = pn.Row(self._ask, self._apply, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP])
-        self.view = pn.Column(buttons, self._text, sizing_mode="stretch_width", margin=0)
+        self.view = pn.Column(buttons, self._chosen, self._text, sizing_mode="stretch_width", margin=0)
 
     def show(self, result: Result) -> None:
         """Take a new result: clear the table of the previous one, and end the work on it."""
@@ -75,7 +79,7 @@ class Identifying:
         self._result, self._found = result, None
         self._say("")
         self._ask.disabled = bool(result.algorithm)
-        self._apply.visible = False
+        self._choose(())
 
     def release(self) -> None:
         """Refer to no result any more, and end the work."""
@@ -89,7 +93,7 @@ class Identifying:
 
     def _asked(self) -> None:
         if self._result is not None:
-            self._apply.visible = False
+            self._choose(())
             self._say("Identifying …")
             self._work.submit(self._result)
 
@@ -99,7 +103,7 @@ class Identifying:
             return
         trial = self._session.experiment.copy()
         try:
-            self._session.take(trial.update(self._found.settings()))
+            self._session.take(trial.update(self._found.settings(self._chosen.value)))
         except SettingError as error:
             self._say(str(error))
 
@@ -132,10 +136,17 @@ class Identifying:
             return
         self._found = outcome.result
         self._text.object = identification_html(outcome.result)
-        self._apply.param.update(
-            visible=bool(outcome.result.changes),
-            variant="contained" if outcome.result.recommended else "outlined",
-        )
+        self._apply.variant = "contained" if outcome.result.recommended else "outlined"
+        self._choose(outcome.result.applied)
+
+    def _choose(self, parameters: tuple[str, ...]) -> None:
+        """Offer parameters, all of them ticked, whose new values are applied; none hides the choice."""
+        self._chosen.param.update(options=list(parameters), value=list(parameters), visible=bool(parameters))
+        self._offer()
+
+    def _offer(self) -> None:
+        """Show the button while any parameter is ticked."""
+        self._apply.visible = bool(self._chosen.value)
 
     def _say(self, text: str) -> None:
         self._text.object = f"<p>{escape(text)}</p>" if text else ""

@@ -372,7 +372,7 @@ class Result(NotebookCard, Repeatable):
         """
         from lab.identification.identify import identify  # noqa: PLC0415 - a run needs none of it
 
-        return identify(self, progress)
+        return identify(self, self.verdict, progress)
 
     @property
     def plot(self) -> ResultPlots:

@@ -7,6 +7,9 @@ import pytest
 from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
+from lab.analysis.likelihood import Estimate, Seen
+from lab.identification.assumptions import Known
+from lab.identification.identify import refuted
 from lab.identification.renavigation import subject
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
@@ -76,11 +79,14 @@ def test_what_the_filter_assumes_wrongly_is_found(control):
     assert rows["gyro noise density"].before == pytest.approx(0.05 * np.sqrt(0.1))
     assert found.white
     assert found.recommended
+    assert found.at_bounds == ()
+    assert "neighbouring fixes share" in found.remarks[0]
     assert found.after.position_error < 0.75 * found.before.position_error
     assert 0.8 < found.after.in_sigma < 1.25
     assert found.inside[1] > 0.9
     # The accelerometers' noise is far below what fixes of 0.4 m/s show.
     assert not rows["accelerometer noise density"].observable
+    assert not rows["accelerometer noise density"].applied
     assert rows["accelerometer noise density"].after == rows["accelerometer noise density"].before
 
 
@@ -149,6 +155,70 @@ def test_r_factors_are_of_each_part(drive):
     np.testing.assert_allclose(np.diag(run.belief.R[0]), [0.5, 0.5, 1.5, 0.1, 0.1, 0.1])
     with pytest.raises(SettingError, match="velocity"):
         made.set("navigator.r_factors", (1, 1, 0))
+
+
+def test_what_the_innovations_do_not_refute_is_left_as_it_is():
+    """A Q that is too small: the advice of the verdict is taken over, and no lever arm, latency or R."""
+    made = Experiment(mission="montreal", seed=1001)
+    made.set("trajectory.imu_rate", 50)
+    made.navigator.q_scale = 0.1
+    found = made.run().identify()
+    for row in found.rows:
+        stays = row.observable and row.low <= row.before <= row.high
+        assert not (stays and row.applied), row
+        assert row.applied or row.after == row.before, row
+    assert list(found.settings()) == ["navigator"]
+    assert list(found.settings()["navigator"]) == ["q_scale"]
+    assert found.settings()["navigator"]["q_scale"] == pytest.approx(1.0, rel=0.5)
+    assert "navigator.q_scale" in found.cure
+    assert made.copy().update(found.settings()).run().verdict.consistent
+    # The drives of the biases are zero, so half of the choice has a scale of its own for each noise.
+    (half,) = found.settings(["gyro noise density"]).values()
+    assumed = belief(made.sensors, made.copy().update({"navigator": half}).navigator)
+    assert np.degrees(np.sqrt(assumed.noise[0])) == pytest.approx(found.rows[0].after, rel=1e-4)
+    assert np.sqrt(assumed.noise[3:6].mean()) == pytest.approx(found.rows[1].before * 9.80665e-6, rel=1e-4)
+    assert found.settings([]) == {"navigator": {}}
+
+
+def test_latency_and_lever_arm_that_hide_each_other_are_not_both_set_back():
+    """Each interval contains zero, as both move the fixes along the track; together they do not."""
+    value, covariance = np.zeros(11), np.eye(11)
+    value[7], value[8] = 1.0, 1.0
+    covariance[7, 8] = covariance[8, 7] = -0.98
+    estimate = Estimate(value, np.ones(11), covariance, 0.0, Seen(np.zeros(0), np.zeros(0)), True, 1)
+    known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
+    left = refuted(estimate, known, np.zeros(11))
+    assert left[7:9].sum() == 1
+    assert not left[:7].any()
+    assert not left[9:].any()
+
+
+def test_noise_is_found_beside_other_sensors_and_further_states():
+    """What states of the filter estimate stays with them."""
+    made = Experiment(mission="los_angeles", seed=1001)
+    made.set("trajectory.imu_rate", 50)
+    made.sensors.barometer.fitted = True
+    made.navigator.update({"estimate_lever_arm": True, "r_scale": 20.0})
+    found = made.run().identify()
+    rows = {row.parameter: row for row in found.rows}
+    for name in ("horizontal position variance", "velocity variance"):
+        assert rows[name].before == pytest.approx(20 * {"h": 0.5, "v": 0.2}[name[0]])
+        assert within(rows[name], {"h": 0.5, "v": 0.2}[name[0]]), rows[name]
+    assert not any(rows[f"lever arm {axis}"].observable for axis in ("forward", "right", "down"))
+    assert "lever_arm" not in found.settings()["navigator"]
+    assert found.recommended
+
+
+def test_the_least_r_is_a_tenth_of_the_receivers_own(tmp_path):
+    """Fixes that share nearly all of their errors look as good as they differ from one to the next."""
+    log = tables(40, 130)
+    log.gnss[:, 7:10] = 8.0  # [m], where neighbouring fixes differ by 0.5 m
+    found = Experiment(mission=str(write(tmp_path / "log", log))).run().identify()
+    rows = {row.parameter: row for row in found.rows}
+    for name in ("horizontal position variance", "vertical position variance"):
+        assert rows[name].after == pytest.approx(0.1, rel=1e-6)
+        assert name in found.at_bounds
+    assert any("At a bound: horizontal position variance" in remark for remark in found.remarks)
 
 
 def test_too_few_fixes_are_refused():

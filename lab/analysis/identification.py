@@ -6,8 +6,8 @@ card with the new parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -42,6 +42,9 @@ class Row(NamedTuple):
         95 % interval; it starts at 0 if the log only shows that the parameter is at most `high`.
     observable : bool
         Whether the log shows the parameter.
+    applied : bool
+        Whether the settings take the new value over: its interval excludes the assumed one, or the verdict
+        advises it.
     """
 
     parameter: str
@@ -52,14 +55,15 @@ class Row(NamedTuple):
     low: float
     high: float
     observable: bool
+    applied: bool
 
     @property
     def words(self) -> str:
         """The information in the log, as text."""
         if not self.observable:
-            same = self.after == self.before
-            return "not observable from this log" if same else "chosen by withheld fixes"
-        return f"at most {self.high:.3g}" if self.low == 0 else f"{self.low:.4g} to {self.high:.4g}"
+            return "chosen as a whole" if self.applied else "not observable from this log"
+        words = f"at most {self.high:.3g}" if self.low == 0 else f"{self.low:.4g} to {self.high:.4g}"
+        return words if self.applied else f"{words}: not changed"
 
 
 class HeldOut(NamedTuple):
@@ -124,6 +128,12 @@ class Identification:
         Number of used fixes.
     changes : mapping
         Settings with the new parameters, nested by group.
+    changes_of : callable
+        Returns the settings with the new values of some parameters only, given their names.
+    at_bounds : tuple of str
+        Names of the parameters at a bound: of R, or of a setting.
+    cure : str
+        What the verdict advises, from which the search began; empty if it advises none of the parameters.
     seconds : float
         Computing time [s].
     """
@@ -141,7 +151,15 @@ class Identification:
     outliers: int
     fixes: int
     changes: Mapping[str, Any]
+    changes_of: Callable[[Collection[str]], Mapping[str, Any]] = field(repr=False)
+    cure: str
+    at_bounds: tuple[str, ...]
     seconds: float
+
+    @property
+    def applied(self) -> tuple[str, ...]:
+        """Names of the parameters that the settings change."""
+        return tuple(row.parameter for row in self.rows if row.applied)
 
     @property
     def recommended(self) -> bool:
@@ -171,7 +189,21 @@ class Identification:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the reliability of the result."""
-        remarks = []
+        remarks = [
+            "Errors that neighbouring fixes share, such as those of the atmosphere, show neither in "
+            "innovations nor in withheld fixes: R is that of the rest, and the position may err by more than "
+            "its σ."
+        ]
+        if self.at_bounds:
+            remarks.append(
+                f"At a bound: {', '.join(self.at_bounds)}. The innovations ask for values beyond what is "
+                "accepted, so that something else is wrong, or the fixes share a part of their errors."
+            )
+        if self.cure:
+            remarks.append(
+                f"The advice of the verdict comes first: {self.cure} The other parameters change only where "
+                "their intervals exclude what is then assumed."
+            )
         if not self.white:
             remarks.append(
                 "The innovations are not white: no values of these parameters explain them. They have "
@@ -198,9 +230,17 @@ class Identification:
             )
         return tuple(remarks)
 
-    def settings(self) -> dict[str, Any]:
-        """Return the settings, for ``experiment.update(identification.settings())``."""
-        return {group: dict(values) for group, values in self.changes.items()}
+    def settings(self, parameters: Collection[str] | None = None) -> dict[str, Any]:
+        """Return the settings, for ``experiment.update(identification.settings())``.
+
+        Parameters
+        ----------
+        parameters
+            Names of those that change, out of `applied`; by default, all of them.
+        """
+        every = parameters is None or set(parameters) == set(self.applied)
+        changes = self.changes if every else self.changes_of(parameters or ())
+        return {group: dict(values) for group, values in changes.items()}
 
     def card(self, name: str) -> Card:
         """Return a card of the sensors, with the parameters that the log shows and the assumed noise.

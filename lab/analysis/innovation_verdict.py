@@ -49,10 +49,17 @@ FloatArray = NDArray[np.float64]
 ALIKE = 0.15
 """Fraction of the gain in log-likelihood by which the best explanation must exceed that by the other
 instrument, because the responses are of first order, and variances are tried in steps."""
+FAR_OFF = 30.0
+"""Factor on Q above which its noise is to be identified: two decades of σ² are no detail of one sensor, and R
+and the drives of the biases, which one factor does not change, are then unknown too. A plain choice."""
 LINEAR = 0.5
 """Largest misalignment [rad] or scale factor error [1] that is stated: responses are of first order, and at
 0.5 rad the second is a tenth of it. Data with two clocks gave 350°."""
 _MANOEUVRES = " Errors of the inertial sensors in manoeuvres may be the cause instead."
+ADVICE_IDENTIFY = (
+    "Identify the noise from the innovations: the button on the page Consistency, ins-lab identify, or "
+    "result.identify(); so far off, several assumptions are wrong at once."
+)
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 CORRELATION = "GPS correlation"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
@@ -334,9 +341,11 @@ def _gain_change(best: Explanation) -> Change:
 
 def _gain_advice(best: Explanation) -> str:
     if best.name in ("Q", "P0"):
-        return f"Multiply navigator.{best.name.lower()}_scale by {written(best.size)}."
-    matrix = "navigator.q" if best.name.startswith("Q") else "navigator.p0"
-    return f"Multiply the {best.name[2:].strip()} variances of {matrix} by {written(best.size)}."
+        advice = f"Multiply navigator.{best.name.lower()}_scale by {written(best.size)}."
+    else:
+        matrix = "navigator.q" if best.name.startswith("Q") else "navigator.p0"
+        advice = f"Multiply the {best.name[2:].strip()} variances of {matrix} by {written(best.size)}."
+    return f"{ADVICE_IDENTIFY} Or: {advice}" if best.name.startswith("Q") and best.size > FAR_OFF else advice
 
 
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +21,8 @@ Examples:
   ins-lab identify my_drive --card my_imu.toml --settings my_drive_settings.toml
   ins-lab run my_drive --config my_drive_settings.toml
   ins-lab identify montreal --set navigator.q_scale=0.01
-The intervals are 95 % intervals. Parameters that the log does not show keep the assumed values."""
+The intervals are 95 % intervals. Parameters that the log does not show, or whose interval contains the
+assumed value, keep it."""
 
 
 def identify(
@@ -100,7 +101,7 @@ def _text(found: Identification) -> str:
 
 
 def _facts(found: Identification) -> dict[str, Any]:
-    facts = asdict(found)
+    facts = {one.name: getattr(found, one.name) for one in fields(found) if one.name != "changes_of"}
     return {
         **facts,
         "rows": [row._asdict() for row in found.rows],

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.finding import Change
 from lab.analysis.identification import Row
-from lab.analysis.likelihood import Estimate, Parameter
+from lab.analysis.likelihood import Parameter
 from lab.experiment_settings import ExperimentSettings
 from lab.navigation.belief import assumed_lever_arm, belief
 from lab.navigation.blocks import IMU_DENSITIES
@@ -60,6 +61,10 @@ LONGEST_LATENCY = 60.0
 """Largest latency [s], of either sign, that is written into the settings: `navigator.latency` accepts it."""
 FARTHEST = 50.0
 """Largest logarithm of an end of an interval over its estimate: e⁵⁰ is finite, and beyond any use."""
+FLOOR = 0.1
+"""Smallest part of the variance of a fix that is believed, of the receiver's own or of that of the settings.
+What neighbouring fixes share does not show in innovations, and the white rest of a stand-alone receiver may
+be of centimetres: a third of its σ is left."""
 NOTHING = 10.0
 """Logarithm at which noise counts as zero: 20,000 times less than the start value of the search."""
 
@@ -100,29 +105,70 @@ class Assumed(NamedTuple):
         return changed
 
 
-def assumed(run: Run) -> tuple[Assumed, FloatArray]:
-    """Return the assumptions of a run's filter, and the start values of a search, without zeros."""
+def assumed(run: Run) -> Assumed:
+    """Return the assumptions of a run's filter."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
-    noise = belief(sensors, navigator).noise[:IMU_DENSITIES]
-    now = Assumed(
-        noise,
+    return Assumed(
+        belief(sensors, navigator).noise[:IMU_DENSITIES],
         np.array(navigator.r_factors),
         run.latency,
         assumed_lever_arm(navigator, run.own_lever_arm),
     )
-    begin = noise.reshape(4, 3).copy()
+
+
+def cured(now: Assumed, changes: Sequence[Change]) -> Assumed | None:
+    """Return the assumptions with the one change that a verdict advises; None if it is of something else."""
+    if len(changes) != 1:
+        return None
+    path, value, times, rows = changes[0]
+    if path == "navigator.latency":
+        return now._replace(latency=float(str(value)))
+    if not times or not isinstance(value, float | int):
+        return None
+    noise, factors = now.noise.copy(), now.factors.copy()
+    if path in ("navigator.q_scale", "navigator.q"):
+        noise[slice(*(rows or (None,)))] *= value
+    elif path == "navigator.r_scale" or (path == "navigator.r" and rows in _FIX_ROWS):
+        factors[_FIX_ROWS.get(rows, slice(None))] *= value
+    else:
+        return None
+    return now._replace(noise=noise, factors=factors)
+
+
+_FIX_ROWS = {(0, 3): slice(0, 2), (2, 3): slice(1, 2), (3, 6): slice(2, 3)}
+"""The factors of rows of R."""
+
+
+def without_zeros(now: Assumed) -> Assumed:
+    """Return assumptions as the start of a search, without zeros."""
+    begin = now.noise.reshape(4, 3).copy()
     usual = SensorSuite().groups()
     for row, triad in enumerate(TRIADS):
         if not begin[row].any():
             begin[row] = si(usual[triad], "noise_density") ** 2
         if not begin[2 + row].any():
             begin[2 + row] = 3 * begin[row].mean() / MEETING**2
-    return now, begin.ravel()
+    return now._replace(noise=begin.ravel())
 
 
-def parameters(now: Assumed) -> list[Parameter]:
-    """Return the parameters of the search with their bounds."""
-    logarithms = [Parameter(name, 0.0, -12.0, 12.0, FACTOR, 1e-3, 2.0) for name in NAMES[LOGARITHMS]]
+def least_factors(run: Run, now: Assumed) -> FloatArray:
+    """Return the smallest factors (3,) on the variances of a fix: `FLOOR`, or what is assumed if smaller."""
+    settings = run.experiment.copy()
+    scale = settings.navigator.r_scale
+    unscaled = _variances_of(settings, {"r_factors": 1.0})
+    matched = _variances_of(settings, {"r_factors": 1.0, "r": None, "r_scale": 1.0})
+    own = np.repeat(own_sigma(run), (2, 1))
+    least = FLOOR * np.where(own, 1 / scale, matched / unscaled)
+    return np.asarray(np.minimum(least, now.factors))
+
+
+def parameters(now: Assumed, least: FloatArray) -> list[Parameter]:
+    """Return the parameters of the search with their bounds; `least` are the `least_factors`."""
+    lows = [*(-12.0,) * FIX.start, *(0.5 * np.log(least / now.factors))]
+    logarithms = [
+        Parameter(name, 0.0, min(float(low), 0.0), 12.0, FACTOR, 1e-3, 2.0)
+        for name, low in zip(NAMES[LOGARITHMS], lows, strict=True)
+    ]
     arms = [
         Parameter(name, float(arm), -100.0, 100.0, ARM, 1e-2, 5.0)
         for name, arm in zip(NAMES[LEVER_ARM], now.lever_arm, strict=True)
@@ -130,13 +176,32 @@ def parameters(now: Assumed) -> list[Parameter]:
     return [*logarithms, Parameter(NAMES[LATENCY], now.latency, -3.0, 3.0, LATE, 0.05, 0.3, both=True), *arms]
 
 
+class Known(NamedTuple):
+    """What the log shows of a parameter, in the coordinate of the search.
+
+    Attributes
+    ----------
+    value, sigma : float
+        Estimate and its standard deviation.
+    low, high : float
+        95 % interval.
+    bounded : bool
+        Whether the log only shows an upper bound.
+    """
+
+    value: float
+    sigma: float
+    low: float
+    high: float
+    bounded: bool
+
+    def excludes(self, value: float) -> bool:
+        """Return whether the interval excludes a value."""
+        return not (self.bounded or self.low <= value) or value > self.high
+
+
 def rows_of(
-    run: Run,
-    now: Assumed,
-    begun: Assumed,
-    estimate: Estimate,
-    intervals: Mapping[int, tuple[float, float]],
-    bounded: NDArray[np.bool_],
+    run: Run, now: Assumed, begun: Assumed, found: Assumed, known: Mapping[int, Known]
 ) -> tuple[Row, ...]:
     """Return the table of the parameters.
 
@@ -144,52 +209,61 @@ def rows_of(
     ----------
     run
         The run.
-    now, begun
-        The filter's assumptions, and the start values of the search.
-    estimate
-        The estimated parameters.
-    intervals
-        Ends of the 95 % interval of each parameter that the log shows.
-    bounded : (11,) array
-        Mask of the parameters for which the log only shows an upper bound.
+    now, begun, found
+        The filter's assumptions, the start values of the search, and the new assumptions.
+    known
+        What the log shows of each parameter.
     """
-    found, rows = begun.moved(estimate.value), []
-    before, after = _shown_values(run, now), _shown_values(run, found)
+    rows, changed = [], moved(now, found)
+    before, after, start = (_shown_values(run, of) for of in (now, found, begun))
     for index, name in enumerate(NAMES):
         unit, old = before[index]
-        _, new = after[index]
-        if index not in intervals:
-            rows.append(Row(name, unit, old, old, math.nan, math.nan, math.nan, False))
+        new = after[index][1] if changed[index] else old
+        if index not in known:
+            rows.append(Row(name, unit, old, new, *(math.nan,) * 3, False, bool(changed[index])))
             continue
-        low, high = intervals[index]
-        sigma = float(estimate.sigma[index])
+        _, sigma, low, high, bounded = known[index]
         if index < LOGARITHMS.stop:
             power = 2.0 if FIX.start <= index < FIX.stop else 1.0
-            low, high = (
-                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -FARTHEST, FARTHEST)))
-                for end in (low, high)
+            value, low, high = (
+                start[index][1] * math.exp(float(np.clip(power * by, -FARTHEST, FARTHEST)))
+                for by in (known[index].value, low, high)
             )
-            low, sigma = 0.0 if bounded[index] else low, new * power * sigma
-        rows.append(Row(name, unit, old, new, sigma, low, high, True))
+            low, sigma = 0.0 if bounded else low, value * power * sigma
+        rows.append(Row(name, unit, old, new, sigma, low, high, True, bool(changed[index])))
     return tuple(rows)
 
 
-def scaled_rows(run: Run, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
+def moved(now: Assumed, found: Assumed) -> NDArray[np.bool_]:
+    """Return the mask (11,) of the parameters that differ."""
+    noise = (now.noise != found.noise).reshape(4, 3).any(axis=1)
+    others = now.latency != found.latency, *(now.lever_arm != found.lever_arm)
+    return np.array([*noise, *(now.factors != found.factors), *others])
+
+
+def mixed(now: Assumed, found: Assumed, chosen: NDArray[np.bool_]) -> Assumed:
+    """Return the new assumptions for chosen parameters (11,), and the old ones for the others."""
+    return Assumed(
+        np.where(np.repeat(chosen[NOISE], 3), found.noise, now.noise),
+        np.where(chosen[FIX], found.factors, now.factors),
+        found.latency if chosen[LATENCY] else now.latency,
+        np.where(chosen[LEVER_ARM], found.lever_arm, now.lever_arm),
+    )
+
+
+def scaled_rows(run: Run, now: Assumed, found: Assumed) -> tuple[Row, ...]:
     """Return the table of the parameters of a filter whose R and Q are multiplied.
 
     Parameters
     ----------
     run
         The run.
-    now
-        The filter's assumptions.
-    r, q
-        The factors on R and on Q.
+    now, found
+        The filter's assumptions, and those with the factors.
     """
-    found = now._replace(noise=q * now.noise, factors=r * now.factors)
     both = zip(NAMES, _shown_values(run, now), _shown_values(run, found), strict=True)
     return tuple(
-        Row(name, unit, before, after, math.nan, math.nan, math.nan, False)
+        Row(name, unit, before, after, *(math.nan,) * 3, False, before != after)
         for name, (unit, before), (_, after) in both
     )
 
@@ -218,118 +292,13 @@ def own_sigma(run: Run) -> tuple[bool, bool]:
 
 def _variances(run: Run) -> tuple[float | None, ...]:
     """Return the variances to which the factors apply; None if each fix has its own."""
-    settings = run.experiment.copy()
-    settings.navigator.r_factors = 1.0
+    known = _variances_of(run.experiment.copy(), {"r_factors": 1.0})
+    own = np.repeat(own_sigma(run), (2, 1))
+    return tuple(None if of_fixes else float(value) for of_fixes, value in zip(own, known, strict=True))
+
+
+def _variances_of(settings: ExperimentSettings, navigator: dict[str, Any]) -> FloatArray:
+    """Return the assumed variances (3,) of a fix with some settings of the filter changed."""
+    settings.navigator.update(navigator)
     R = np.diag(belief(settings.sensors, settings.navigator).R)
-    position, velocity = own_sigma(run)
-    horizontal, vertical = float(R[:2].mean()), float(R[2])
-    return (
-        None if position else horizontal,
-        None if position else vertical,
-        None if velocity else float(R[3:].mean()),
-    )
-
-
-def changes_of(run: Run, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
-    """Return the settings, nested by group, with which a run's filter assumes the identified parameters.
-
-    For a simulated run, these are settings of the filter; for a log, those of the sensors, which its filter
-    assumes.
-
-    Parameters
-    ----------
-    run
-        The run.
-    rows
-        The table of the parameters; unobservable ones do not change.
-    found
-        The new assumptions, including those that do not change.
-    """
-    seen = np.array([row.observable for row in rows])
-    navigator: dict[str, Any] = {}
-    if seen[LATENCY]:
-        navigator["latency"] = _digits(found.latency)
-    if seen[LEVER_ARM].any():
-        navigator["lever_arm"] = [_digits(arm) for arm in found.lever_arm]
-    if not run.recorded:
-        if seen[NOISE].any():
-            scale = float(run.experiment.navigator.q_scale)
-            navigator["q"] = [_digits(density / scale) for density in found.noise]
-        if seen[FIX].any():
-            navigator["r_factors"] = [_digits(factor) for factor in found.factors]
-        return {"navigator": navigator}
-    sensors = _noise_settings(run, found, seen)
-    gps, factors = _fix_settings(run, found, seen)
-    if gps:
-        sensors["gps"] = gps
-    if factors:
-        navigator["r_factors"] = factors
-    if seen[NOISE].any() and run.experiment.navigator.q is not None:
-        navigator["q"] = None
-    if seen[NOISE].any() and run.experiment.navigator.q_scale != 1:
-        navigator["q_scale"] = 1.0
-    return {name: group for name, group in (("sensors", sensors), ("navigator", navigator)) if group}
-
-
-def _noise_settings(run: Run, found: Assumed, seen: NDArray[np.bool_]) -> dict[str, Any]:
-    """Return the settings of the triads whose matched process noise equals the identified one.
-
-    If Q is given or scaled, all of it becomes part of the sensor settings.
-    """
-    settings, noise = run.experiment, found.noise.reshape(4, 3)
-    every = settings.navigator.q is not None or settings.navigator.q_scale != 1
-    sensors: dict[str, Any] = {}
-    for row, triad in enumerate(TRIADS):
-        group, terms = settings.sensors.groups()[triad], {}
-        if seen[row] or (every and seen[NOISE].any()):
-            unit = group.param["noise_density"].unit
-            bound = float(group.param["noise_density"].bounds[1])
-            wanted = np.sqrt(noise[row]) / TO_SI[unit]
-            terms["noise_density"] = [_digits(value) for value in np.minimum(wanted, bound)]
-            if triad == "accelerometer":
-                rest = np.sqrt(np.maximum(wanted**2 - bound**2, 0))
-                terms["vibration_density"] = [_digits(value) for value in rest]
-        if seen[2 + row] or (every and seen[NOISE].any()):
-            unit = group.param["rate_random_walk"].unit
-            low, high = group.param["rate_random_walk"].bounds
-            walk = np.clip(np.sqrt(noise[2 + row]) / TO_SI[unit], low, high)
-            # Other bias processes become random walks; they stay part of the initial uncertainty.
-            start = np.hypot(si(group, "bias_sigma"), si(group, "instability"))
-            unit = group.param["bias_sigma"].unit
-            terms |= {
-                "rate_random_walk": [_digits(value) for value in walk],
-                "bias_sigma": [_digits(value) for value in start / TO_SI[unit]],
-                "instability": [0.0] * 3,
-                "flicker": [0.0] * 3,
-            }
-        if terms:
-            sensors[triad] = terms
-    return sensors
-
-
-def _fix_settings(
-    run: Run, found: Assumed, seen: NDArray[np.bool_]
-) -> tuple[dict[str, Any], list[float] | None]:
-    """Return settings of the receiver, or factors if its fixes have their own σ or R is given."""
-    gps: dict[str, Any] = {}
-    if not seen[FIX].any():
-        return gps, None
-    navigator = run.experiment.navigator
-    old, factors = np.array(navigator.r_factors), found.factors.copy()
-    if navigator.r is None and not any(own_sigma(run)):
-        sensors = run.experiment.sensors.gps
-        ratio = factors / old
-        position = np.array(sensors.position_variance) * (ratio[0], ratio[0], ratio[1])
-        for name, values in (
-            ("position_variance", position),
-            ("velocity_variance", np.array(sensors.velocity_variance) * ratio[2]),
-        ):
-            low, high = sensors.param[name].bounds
-            gps[name] = [_digits(value) for value in np.clip(values, low, high)]
-        return gps, None
-    return gps, [_digits(factor) for factor in factors]
-
-
-def _digits(value: float) -> float:
-    """Return a number with the digits of a setting."""
-    return float(f"{value:.6g}")
+    return np.array([R[:2].mean(), R[2], R[3:].mean()])

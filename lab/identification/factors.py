@@ -68,7 +68,11 @@ def scaled(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSett
 
 
 def choose(
-    subject: Subject, experiment: ExperimentSettings, turns: Sequence[Flags], dropped: Flags
+    subject: Subject,
+    experiment: ExperimentSettings,
+    turns: Sequence[Flags],
+    dropped: Flags,
+    least: float = 0.0,
 ) -> Factors | None:
     """Return the factors that predict withheld fixes best; None if no factors are better than 1.
 
@@ -82,10 +86,12 @@ def choose(
         Mask (m,) of the withheld fixes for each set of outages.
     dropped : (m,) array
         Mask of the outliers, which are ignored.
+    least
+        Smallest factor on R.
     """
     if len(turns) < FEWEST:
         return None
-    tried = [pair for pair in product(ON_R, ON_Q) if _allowed(experiment, *pair)]
+    tried = [pair for pair in product(ON_R, ON_Q) if pair[0] >= least and _allowed(experiment, *pair)]
 
     def turn_by_turn(pair: tuple[float, float]) -> list[Seen] | None:
         changed = scaled(experiment, *pair)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
+from lab.analysis.finding import Verdict
 from lab.analysis.identification import ChosenBy, HeldOut, Identification, Row, better
 from lab.analysis.likelihood import (
     NORMAL,
@@ -29,19 +33,25 @@ from lab.blas_threads import OneBlasThread
 from lab.experiment_settings import ExperimentSettings
 from lab.identification.assumptions import (
     LATENCY,
+    LEVER_ARM,
     LOGARITHMS,
     NOISE,
     NOTHING,
     OBSERVABLE,
     PARAMETERS,
     Assumed,
+    Known,
     assumed,
-    changes_of,
+    cured,
+    least_factors,
+    mixed,
     parameters,
     rows_of,
     scaled_rows,
+    without_zeros,
 )
 from lab.identification.factors import choose, scaled
+from lab.identification.identified_settings import at_bounds, changes_of
 from lab.identification.renavigation import Subject, subject
 from lab.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.progress import Progress
@@ -64,17 +74,10 @@ BY_CHANCE = 1e-6
 """Probability of the NIS below which a fix is an outlier."""
 MOST_OUTLIERS = 0.05
 """Fraction of the fixes above which apparent outliers indicate a wrong model."""
+TINY = 1e-300
+"""Smallest divisor."""
 REJECTED = 3.84
 """Twice the loss of log-likelihood at the ends of the 95 % interval (χ², 1 degree of freedom)."""
-
-_OTHER = (
-    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, "
-    "sensors.airspeed.fitted, navigator.no_slip, navigator.zero_velocity, "
-    "navigator.estimate_misalignments, navigator.estimate_g_sensitivity, "
-    "navigator.estimate_bias_drift, navigator.estimate_gps_drift, "
-    "navigator.estimate_lever_arm, navigator.estimate_latency, navigator.own_states"
-)
-"""Settings that name other measurements or further states, as text."""
 
 
 class _Search(NamedTuple):
@@ -85,6 +88,7 @@ class _Search(NamedTuple):
     begun: Assumed
     counted: Flags  # fixes after the initial errors
     dropped: Flags  # outliers
+    held: Flags  # parameters that states of the filter estimate
     masks: tuple[Flags, ...] = ()  # fixes in outages
 
     def run(self, by: FloatArray) -> Seen:
@@ -105,6 +109,7 @@ class _Found(NamedTuple):
 
     rows: tuple[Row, ...]
     changes: dict[str, Any]
+    assumed: Assumed
     before: HeldOut
     after: HeldOut
     experiment: ExperimentSettings
@@ -123,34 +128,43 @@ def _seconds_apart(stamps: FloatArray) -> Flags:
 
 
 @OneBlasThread()
-def identify(run: Run, progress: Progress | None = None) -> Identification:
+def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Identification:
     """Identify the sensors of a run from its innovations.
+
+    The search begins with what the verdict advises, and changes only those of the other parameters whose
+    interval excludes what is then assumed.
 
     Parameters
     ----------
     run
         A simulated run, or that of a log.
+    verdict
+        The verdict on it.
     progress
         Called with a phrase and the fraction done, from 0 to 1.
 
     Raises
     ------
     ResultError
-        If a user's algorithm navigated, the filter uses other measurements, or there are too few fixes.
+        If a user's algorithm navigated, or there are too few fixes.
     ValueError
         If the filter cannot run with the settings of the run.
     """
-    _check_filter(run)
+    if run.algorithm:
+        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)
-    now, densities = assumed(run)
-    begun = now._replace(noise=densities)
+    now = assumed(run)
+    least = least_factors(run, now)
+    stands, cure = _cured(now, verdict, least)
+    begun = without_zeros(stands)
     first, last = again.span
     settling = min(SETTLING, LARGEST_PART * (last - first))
     margin = min(MARGIN, LARGEST_PART * (last - first))
     counted = (again.stamps > first + settling) & (again.stamps < last - margin)
-    search = _Search(again, _every_fix(run.experiment), begun, counted, np.zeros(counted.size, np.bool_))
-    whole = parameters(now)
+    none = np.zeros(counted.size, np.bool_)
+    search = _Search(again, _every_fix(run.experiment), begun, counted, none, _estimated(run.experiment))
+    whole = parameters(stands, least)
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
         raise ResultError(
@@ -161,20 +175,20 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     masks = outages(again.stamps, first + settling, last)
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
     before = held_out(again, run.experiment, masks, search.dropped)
-    found = _judged(run, search, whole, estimate, now, masks, before, tell)
+    found = _judged(run, search, whole, estimate, (now, stands), masks, before, tell)
     white = found.white
     if not white or not better(before, found.after):
         # A filter that follows correlated errors of the fixes predicts the next fix well, but not fixes
         # withheld for longer.
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
-            free = np.zeros(begin.size, np.bool_)
-            estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
-            other = _judged(run, ahead, whole, estimate, now, masks, before, tell)
+            estimate = _maximised(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
+            other = _judged(run, ahead, whole, estimate, (now, stands), masks, before, tell)
             found = _better_of(found, other)
     if not better(before, found.after):
         tell("trying factors on R and Q", 0.9)
-        found = _by_factors(run, again, now, [*masks, *between], search.dropped) or found
+        turns = [*masks, *between]
+        found = _by_factors(run, again, now, turns, search.dropped, float(least.max())) or found
     tell("judging the innovations", 0.95)
     seen = [_next_fixes(search, settings) for settings in (run.experiment, found.experiment)]
     tell("done", 1.0)
@@ -192,29 +206,37 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
         outliers=int(search.dropped.sum()),
         fixes=int((counted & ~search.dropped).sum()),
         changes=found.changes,
+        changes_of=partial(changes_of, run, now, found.assumed),
+        cure="" if found.chosen_by == "factors" else cure,
+        at_bounds=at_bounds(run, now, found.assumed, found.changes, least),
         seconds=time.perf_counter() - begun_at,
     )
 
 
-def _check_filter(run: Run) -> None:
-    """Raise `ResultError` if the assumptions of the navigator cannot be identified."""
-    if run.algorithm:
-        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
-    if run.is_aided:
-        raise ResultError(
-            f"{_OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter "
-            "uses other measurements or has further states; accepted are none"
-        )
+def _cured(now: Assumed, verdict: Verdict, least: FloatArray) -> tuple[Assumed, str]:
+    """Return the assumptions with the first advice of a verdict, and this advice; empty if it is of others."""
+    first = verdict.findings[0] if verdict.findings else None
+    changed = None if first is None else cured(now, first.changes)
+    if first is None or changed is None:
+        return now, ""
+    return changed._replace(factors=np.maximum(changed.factors, least)), first.advice
+
+
+def _estimated(experiment: ExperimentSettings) -> Flags:
+    """Return the mask (11,) of the parameters that states of the filter estimate, and the search does not."""
+    navigator = experiment.navigator
+    estimated = np.zeros(PARAMETERS, np.bool_)
+    estimated[LATENCY], estimated[LEVER_ARM] = navigator.estimate_latency, navigator.estimate_lever_arm
+    return estimated
 
 
 def _without_outliers(search: _Search, whole: list[Parameter], begin: FloatArray, tell: Progress) -> Estimate:
     """Return the estimate of all parameters; outliers are dropped from the search, for later ones too."""
-    free = np.zeros(begin.size, np.bool_)
-    estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)
+    estimate = _maximised(search, whole, begin, search.held, tell, 0.0, 0.4)
     outliers = _outliers(estimate.seen)
     if outliers.any():
         search.dropped[np.flatnonzero(search.counted)[outliers]] = True
-        estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
+        estimate = _maximised(search, whole, estimate.value, search.held, tell, 0.4, 0.5)
     return estimate
 
 
@@ -223,35 +245,98 @@ def _judged(
     search: _Search,
     whole: list[Parameter],
     estimate: Estimate,
-    now: Assumed,
+    assumptions: tuple[Assumed, Assumed],
     masks: list[Flags],
     before: HeldOut,
     tell: Progress,
 ) -> _Found:
-    """Return the result of a search and its prediction; unobservable parameters do not change."""
+    """Return the result of a search and its prediction.
+
+    `assumptions` are those of the filter, and with the advice of the verdict. Of these, only those change
+    that the log refutes; the others are held while the rest is estimated again.
+    """
+    now, stands = assumptions
     done = 0.8 if search.masks else 0.5
-    estimate, shown, bounded = _observable(search, whole, estimate, _zero(now), tell, done)
+    zero = _zero(stands)
+    estimate, shown, bounded = _observable(search, whole, estimate, zero, tell, done)
+    known = _known(search, whole, estimate, shown, bounded)
+    start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
+    wrong = refuted(estimate, known, start)
+    while wrong.sum() < shown.sum():
+        begin, shown = np.where(wrong, estimate.value, start), wrong
+        estimate = _maximised(search, whole, begin, ~shown, tell, done, done + 0.1)
+        known |= _known(search, whole, estimate, shown, bounded)
+        wrong = refuted(estimate, {int(index): known[index] for index in np.flatnonzero(shown)}, start)
     begun = search.begun
-    found = _with_what_stays(begun.moved(estimate.value), now, shown)
-    intervals = _intervals(search, whole, estimate, shown)
-    rows = rows_of(run, now, begun, estimate, intervals, bounded)
-    changes = changes_of(run, rows, found)
+    found = mixed(stands, begun.moved(estimate.value), wrong)
+    rows = rows_of(run, now, begun, found, known)
+    changes = changes_of(run, now, found)
     changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
     after = held_out(search.subject, changed, masks, search.dropped)
     chosen_by: ChosenBy = "outages" if search.masks else "next fixes"
-    return _Found(rows, changes, before, after, changed, estimate.white, chosen_by)
+    return _Found(rows, changes, found, before, after, changed, estimate.white, chosen_by)
 
 
-def _by_factors(run: Run, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags) -> _Found | None:
+def refuted(estimate: Estimate, known: Mapping[int, Known], stands: FloatArray) -> Flags:
+    """Return the mask (11,) of the parameters whose interval excludes what stands.
+
+    Estimates that depend on each other, as latency and lever arm, may each contain it although both together
+    do not: so the least significant one is set back first, and moves the others as their covariance says.
+
+    Parameters
+    ----------
+    estimate
+        The estimate.
+    known
+        What the log shows of each parameter that was not held.
+    stands : (11,) array
+        What stands, in the coordinates of the search.
+    """
+    free = [index for index, one in known.items() if not one.bounded]
+    left, value = set(known), estimate.value.copy()
+    plain = np.sqrt(np.diag(estimate.covariance))
+    stretch = np.where(plain > 0, estimate.sigma / np.maximum(plain, TINY), 0.0)
+    covariance = estimate.covariance * np.outer(stretch, stretch)
+    while free:
+        apart = [abs(value[at] - stands[at]) / math.sqrt(max(covariance[at, at], TINY)) for at in free]
+        if min(apart) > NORMAL:
+            break
+        least = free.pop(int(np.argmin(apart)))
+        left.remove(least)
+        gain = covariance[:, least] / max(covariance[least, least], TINY)
+        value = value - gain * (value[least] - stands[least])
+        covariance = covariance - np.outer(gain, covariance[least])
+    if len(left) == len(known):
+        # Intervals that follow the likelihood, and not a parabola, decide in the end.
+        left = {index for index, one in known.items() if one.excludes(float(stands[index]))}
+    return np.isin(np.arange(stands.size), list(left))
+
+
+def _known(
+    search: _Search, whole: list[Parameter], estimate: Estimate, shown: Flags, bounded: Flags
+) -> dict[int, Known]:
+    """Return what the log shows of each parameter."""
+    return {
+        index: Known(float(estimate.value[index]), float(estimate.sigma[index]), *ends, bool(bounded[index]))
+        for index, ends in _intervals(search, whole, estimate, shown, bounded).items()
+    }
+
+
+def _by_factors(
+    run: Run, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags, least: float
+) -> _Found | None:
     """Return the factors on R and Q that predict withheld fixes better; None if no factors do."""
-    factors = choose(again, run.experiment, turns, dropped)
+    factors = choose(again, run.experiment, turns, dropped, float(np.max(least / now.factors)))
     if factors is None:
         return None
     changed = scaled(run.experiment, factors.r, factors.q)
     navigator = {"r_scale": changed.navigator.r_scale, "q_scale": changed.navigator.q_scale}
-    rows = scaled_rows(run, now, factors.r, factors.q)
-    return _Found(rows, {"navigator": navigator}, factors.before, factors.after, changed, False, "factors")
+    found = now._replace(noise=factors.q * now.noise, factors=factors.r * now.factors)
+    rows = scaled_rows(run, now, found)
+    return _Found(
+        rows, {"navigator": navigator}, found, factors.before, factors.after, changed, False, "factors"
+    )
 
 
 def _better_of(one: _Found, other: _Found) -> _Found:
@@ -309,7 +394,7 @@ def _observable(
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
-    poor = estimate.sigma > OBSERVABLE * prior
+    poor = (estimate.sigma > OBSERVABLE * prior) | search.held
     bounded, held = np.zeros(poor.size, np.bool_), poor.copy()
 
     def refuted(index: int, value: float) -> bool:
@@ -335,20 +420,20 @@ def _observable(
 
 
 def _intervals(
-    search: _Search, whole: list[Parameter], estimate: Estimate, shown: Flags
+    search: _Search, whole: list[Parameter], estimate: Estimate, shown: Flags, bounded: Flags
 ) -> dict[int, tuple[float, float]]:
     """Return the ends of the 95 % interval of each parameter that the log shows.
 
     Intervals of latency and lever arm follow the likelihood, because the information about one depends on the
-    other.
+    other, and so do those of noise that may be zero, where the likelihood is flat.
     """
     half = NORMAL * estimate.sigma
     indices = [int(index) for index in np.flatnonzero(shown & (half > 0))]
     ends = {i: (float(estimate.value[i] - half[i]), float(estimate.value[i] + half[i])) for i in indices}
-    receiver = [index for index in indices if index >= LATENCY]
+    uneven = [index for index in indices if index >= LATENCY or bounded[index]]
     with ThreadPoolExecutor(max_workers=2) as pool:
-        found = pool.map(lambda index: interval(search.run, whole, estimate, index), receiver)
-        return ends | dict(zip(receiver, found, strict=True))
+        found = pool.map(lambda index: interval(search.run, whole, estimate, index), uneven)
+        return ends | dict(zip(uneven, found, strict=True))
 
 
 def _zero(now: Assumed) -> Flags:
@@ -356,14 +441,6 @@ def _zero(now: Assumed) -> Flags:
     zero = np.zeros(PARAMETERS, np.bool_)
     zero[NOISE] = ~now.noise.reshape(4, 3).any(axis=1)
     return zero
-
-
-def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
-    """Return the identified assumptions, with the old ones for parameters that the log does not show."""
-    noise = np.where(np.repeat(shown[:4], 3), found.noise, now.noise)
-    factors = np.where(shown[4:7], found.factors, now.factors)
-    arm = np.where(shown[8:], found.lever_arm, now.lever_arm)
-    return Assumed(noise, factors, found.latency if shown[7] else now.latency, arm)
 
 
 def _next_fixes(search: _Search, experiment: ExperimentSettings) -> Seen:

@@ -38,7 +38,16 @@ def test_the_table_comes_and_is_applied(walk: Walk) -> None:
     assert "95 % interval" in text
     assert "Apply the settings." in text
     assert identifying._apply.visible
+    # R was 100 times too large: nothing else is taken over.
+    assert set(identifying._chosen.value) <= {row.parameter for row in identifying._found.rows[4:7]}
+    assert "horizontal position variance" in identifying._chosen.value
+    everything = list(identifying._chosen.value)
+    identifying._chosen.value = []
+    assert not identifying._apply.visible
+    identifying._chosen.value = [name for name in everything if name != "velocity variance"]
+    assert identifying._apply.visible
     identifying._applied()
     changed = walk.page.session.experiment
     assert changed.navigator.r_factors[0] == pytest.approx(0.01, rel=0.5)
+    assert changed.navigator.r_factors[2] == made.navigator.r_factors[2]
     assert changed.sensors.to_dict() == made.sensors.to_dict()

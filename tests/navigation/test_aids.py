@@ -30,7 +30,6 @@ from lab.navigation.north_slaved import north_axes
 from lab.navigation.propagation import layout_constants
 from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI
-from lab.run import ResultError
 from lab.sensors.readings import Readings
 
 RATE = 50.0
@@ -340,11 +339,6 @@ def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
     drift = with_blocks(MODELS["phi"], (blocks.GPS_DRIFT,))
     assert lever.states == drift.states == 18
     assert lever.label != drift.label
-
-
-def test_identification_refuses_further_states() -> None:
-    with pytest.raises(ResultError, match="accepted are none"):
-        of(ALL).run().identify()
 
 
 def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> None:
