@@ -214,7 +214,7 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
 
 
 def _cured(now: Assumed, verdict: Verdict, least: FloatArray) -> tuple[Assumed, str]:
-    """Return the assumptions with the first advice of a verdict, and this advice; empty if it is of others."""
+    """Return the assumptions with the first advice of a verdict, and this advice; empty if of others."""
     first = verdict.findings[0] if verdict.findings else None
     changed = None if first is None else cured(now, first.changes)
     if first is None or changed is None:
