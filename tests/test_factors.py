@@ -125,10 +125,12 @@ def test_factors_that_leave_the_bounds_of_a_setting_are_not_tried():
 
 def test_the_table_says_what_the_filter_assumes_then(wrong):
     result, *_ = wrong
-    rows = {row.parameter: row for row in scaled_rows(result, assumed(result)[0], 0.1, 100.0)}
+    now = assumed(result)
+    found = now._replace(noise=100.0 * now.noise, factors=0.1 * now.factors)
+    rows = {row.parameter: row for row in scaled_rows(result, now, found)}
     changed = scaled(result.experiment, 0.1, 100.0)
     then = belief(changed.sensors, changed.navigator)
     assert rows["vertical position variance"].after == pytest.approx(then.R[2, 2])
     assert rows["gyro noise density"].after == pytest.approx(np.degrees(np.sqrt(then.noise[0])))
-    assert rows["gyro noise density"].words == "chosen by withheld fixes"
+    assert rows["gyro noise density"].words == "chosen as a whole"
     assert rows["latency"].words == "not observable from this log"

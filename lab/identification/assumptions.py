@@ -121,9 +121,11 @@ def cured(now: Assumed, changes: Sequence[Change]) -> Assumed | None:
     if len(changes) != 1:
         return None
     path, value, times, rows = changes[0]
+    if not isinstance(value, float | int):
+        return None
     if path == "navigator.latency":
-        return now._replace(latency=float(str(value)))
-    if not times or not isinstance(value, float | int):
+        return now._replace(latency=float(value))
+    if not times:
         return None
     noise, factors = now.noise.copy(), now.factors.copy()
     if path in ("navigator.q_scale", "navigator.q"):

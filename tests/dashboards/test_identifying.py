@@ -38,9 +38,8 @@ def test_the_table_comes_and_is_applied(walk: Walk) -> None:
     assert "95 % interval" in text
     assert "Apply the settings." in text
     assert identifying._apply.visible
-    # R was 100 times too large: nothing else is taken over.
-    assert set(identifying._chosen.value) <= {row.parameter for row in identifying._found.rows[4:7]}
-    assert "horizontal position variance" in identifying._chosen.value
+    assert set(identifying._chosen.value) >= {row.parameter for row in identifying._found.rows[4:7]}
+    assert tuple(identifying._chosen.value) == identifying._found.applied
     everything = list(identifying._chosen.value)
     identifying._chosen.value = []
     assert not identifying._apply.visible
