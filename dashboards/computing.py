@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -34,6 +35,14 @@ WRITING = ThreadPoolExecutor(max_workers=1, thread_name_prefix="writing")
 it."""
 
 T = TypeVar("T")
+
+_last_run = [-math.inf]
+"""When a run of any session was last begun or ended [s, monotonic]."""
+
+
+def rested() -> float:
+    """Return how long no run of any session has begun or ended [s]: nobody moves a slider."""
+    return time.monotonic() - _last_run[0]
 
 
 def share_interpreter() -> None:
@@ -158,7 +167,9 @@ def run(
     """Run an experiment, unless its result is ready, and prepare the page; an error becomes a sentence."""
 
     def work() -> Result:
+        _last_run[0] = time.monotonic()
         result = experiment.run(progress) if ready is None else ready
+        _last_run[0] = time.monotonic()
         if prepare is not None:
             prepare(result)
         return result

@@ -19,8 +19,10 @@ from bokeh.server.contexts import ApplicationContext
 from bokeh.server.session import ServerSession
 
 from dashboards import garbage
+from dashboards.computing import rested
 from dashboards.upstream.server import models_version
-from lab.memory import give_back
+from lab.memory import give_back, resident
+from lab.stages import CACHE
 
 PAUSE = 0.01
 """Time between two turns [s]: requests of open pages meanwhile take a few rounds of the event loop."""
@@ -37,6 +39,17 @@ ENOUGH = 100
 nothing of it refers to any more."""
 ROOM = 200_000
 """Objects kept since the last full collection from which there is another one; they take 130 MB."""
+MUCH = 200 * 2**20
+"""Memory taken since the last full collection from which there is another one [bytes]: two streams at 1 kHz,
+which are few objects."""
+STILL = 2.0
+"""Time without a run after which a full collection may begin [s]: it takes half a second, so nobody may be
+moving a slider."""
+LOOK = 1.0
+"""Time between two looks whether nobody moves a slider [s]."""
+AT_REST = 64 * 2**20
+"""Memory of the cached results that wait for the next visitor once the last one has left [bytes]: those of
+the first page of a mission."""
 COUNT = 5
 """Ended pages between two counts of the kept objects: each goes through all of them, 90 ms for 700,000."""
 MOST = 900_000
@@ -57,7 +70,8 @@ class Openings(Handler):
         self._waiting: deque[Turn] = deque()
         self._ended: deque[Turn] = deque()
         self._ended_since = 0
-        self._kept = gc.get_freeze_count()  # after the last full collection
+        self._kept, self._taken = gc.get_freeze_count(), resident()  # after the last full collection
+        self._searching: asyncio.Task[None] | None = None
         self._models: WeakKeyDictionary[Document, set[ref[Model]]] = WeakKeyDictionary()
         self._noted: WeakKeyDictionary[Document, tuple[int, int]] = WeakKeyDictionary()
         self._working: asyncio.Task[None] | None = None
@@ -121,17 +135,33 @@ class Openings(Handler):
                 self._search_all()  # what is in use may be so by garbage only
                 return
             self._ended_since += 1
-            if self._ended_since % COUNT == 0:
+            if self._ended_since % COUNT == 0 or self._is_much:
                 self._search_all()
 
         return asyncio.ensure_future(search())
 
+    @property
+    def _is_much(self) -> bool:
+        """Whether the process has taken much memory since the last full collection, or since it had least."""
+        now = resident()
+        self._taken = min(self._taken, now)
+        return now - self._taken > MUCH
+
     def _search_all(self) -> None:
-        """Collect over all objects if enough may be found, and if it does not keep others waiting."""
-        objects = gc.get_freeze_count()
-        if (self._ended_since >= ENOUGH or objects - self._kept > ROOM) and objects < MOST:
+        """Have all objects searched if enough may be found, once that keeps nobody waiting."""
+        due = self._ended_since >= ENOUGH or self._is_much or gc.get_freeze_count() - self._kept > ROOM
+        if due and (self._searching is None or self._searching.done()):
+            loop = asyncio.get_running_loop()
+            self._searching = loop.create_task(self._search_when_still(), context=Context())  # as in `_begin`
+
+    async def _search_when_still(self) -> None:
+        while rested() < STILL:
+            await asyncio.sleep(LOOK)
+        if gc.get_freeze_count() < MOST:
             garbage.search_all()
-            self._ended_since, self._kept = 0, gc.get_freeze_count()
+            await asyncio.to_thread(give_back)
+            self._ended_since = 0
+            self._kept, self._taken = gc.get_freeze_count(), resident()
 
     def _search_again(self, left: list[ref[object]], wait: float) -> None:
         self._ended.append(partial(self._search, _alive(left), wait))
@@ -150,6 +180,8 @@ class Openings(Handler):
     async def _work(self) -> None:
         while self._waiting or self._ended:
             if await self._take_turns():
+                if not self._sessions:
+                    CACHE.shrink(AT_REST)
                 # In a thread, because it goes through all free memory. Others may ask for a turn meanwhile.
                 await asyncio.to_thread(give_back)
 

@@ -276,6 +276,7 @@ class SimulatorPage:
         if self._files is not None:
             self._files.close()
         for page in self._pages.values():
+            page.release()
             page.close()
 
     @property

@@ -13,6 +13,8 @@ from typing import Any
 
 APP = Path(__file__).with_name("simulator.py")
 
+CHECK = 5000
+"""Time between two looks for sessions whose browser has left [ms]; Bokeh looks every 17 s."""
 MAX_BODY = 2**16
 """Largest body of a request [bytes]: the password is the only body; files come over the websocket."""
 
@@ -97,6 +99,7 @@ def serve(
             secret_key=secrets.token_bytes(32),
             sign_sessions=True,
             websocket_max_message_size=MAX_MESSAGE,
+            check_unused_sessions_milliseconds=CHECK,
             http_server_kwargs={"max_body_size": MAX_BODY},
             **admission,
         )

@@ -186,6 +186,9 @@ class Session(param.Parameterized):
         """End the session: deliver no more, and drop the result."""
         self._closed = True
         self._runs.close()
+        self._arrived = None
+        with param.parameterized.discard_events(self):
+            self.result = None
         self._on_settings.clear()
         self._on_rest.clear()
         self._on_library.clear()

@@ -79,6 +79,11 @@ class StageCache:
         mine.set_result(value)
         return value
 
+    def shrink(self, size: int) -> None:
+        """Drop the least recently used results until the others take at most a size [bytes]."""
+        with self._lock:
+            self._shrink(size)
+
     def clear(self) -> None:
         """Drop all results."""
         with self._lock:
@@ -95,9 +100,12 @@ class StageCache:
                 return
             self._kept[at] = (value, size)
             self.bytes += size
-            while self.bytes > self.limit:
-                _, (_, dropped) = self._kept.popitem(last=False)
-                self.bytes -= dropped
+            self._shrink(self.limit)
+
+    def _shrink(self, size: int) -> None:
+        while self.bytes > size:
+            _, (_, dropped) = self._kept.popitem(last=False)
+            self.bytes -= dropped
 
 
 def _freeze(value: Any) -> int:

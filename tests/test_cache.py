@@ -173,6 +173,20 @@ def test_things_that_know_their_memory_are_counted():
     assert cache.bytes == 6 * KILOBYTE
 
 
+def test_a_shrunk_cache_keeps_what_was_used_last():
+    cache = StageCache(10 * KILOBYTE)
+    for key in "abcd":
+        cache.get("stage", key, array)
+    cache.get("stage", "a", array)
+    cache.shrink(2 * KILOBYTE)
+    assert cache.bytes == 2 * KILOBYTE
+    for key in "adcb":
+        cache.get("stage", key, array)
+    assert cache.computed == {"stage": 6}
+    cache.shrink(0)
+    assert cache.bytes == 0
+
+
 def test_clear_forgets_everything():
     cache = StageCache(10 * KILOBYTE)
     cache.get("stage", "key", array)

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from lab.live.reading_times import NO_READINGS
 from lab.live.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
 
-ROOM = 2**17, 2**13
-"""Samples of the IMU and fixes that are kept: two minutes at 1 kHz, and 13 minutes at 10 Hz; 20 MB."""
-READINGS = 2**15
-"""Headings and speeds that are kept: two minutes at 250 Hz; 1 MB."""
+ROOM = 2**17, 2**13, 2**15
+"""Samples of the IMU, fixes, headings and speeds that are kept: two minutes at 1 kHz, 13 minutes at 10 Hz,
+and two minutes at 250 Hz; 21 MB."""
 
 
 class Cursor(NamedTuple):
@@ -56,14 +55,14 @@ class Ring:
     Parameters
     ----------
     room
-        Samples of the IMU and fixes that are kept.
+        Samples of the IMU, fixes and readings that are kept.
     """
 
-    def __init__(self, room: tuple[int, int] = ROOM) -> None:
+    def __init__(self, room: tuple[int, int, int] = ROOM) -> None:
         self._lock = threading.Lock()
         self._imu = np.zeros(room[0], TIMED_IMU)
         self._fix = np.zeros(room[1], TIMED_FIX)
-        self._reading = np.zeros(READINGS, TIMED_READING)
+        self._reading = np.zeros(room[2], TIMED_READING)
         self._end = Cursor()
 
     @property

@@ -20,7 +20,7 @@ from lab.live.reception import Reception
 from lab.live.ring import Cursor, Read, Ring
 from lab.live.sample_watch import SampleWatch
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
-from lab.live.transport import Chunk, Transport
+from lab.live.transport import Chunk, NoTransport, Transport
 from lab.live.true_motion import TrueMotion
 
 if TYPE_CHECKING:
@@ -115,6 +115,14 @@ class Source:
             self._free()
         elif self._thread is not threading.current_thread():
             self._thread.join()
+
+    def forget(self) -> None:
+        """Forget the samples and the device of a source that was closed, which take 100 MB at 1 kHz.
+
+        A simulated device holds its whole flight.
+        """
+        self._ring, self._first_bytes = Ring((1, 1, 1)), FirstBytes()
+        self._transport = NoTransport(self.address)
 
     @property
     def ended(self) -> bool:

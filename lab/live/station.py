@@ -23,6 +23,7 @@ from lab.live.thinned_samples import ThinnedSamples
 from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
+from lab.recordings.mission_error import MissionError
 from lab.sensors.suite import SensorSuite
 
 MOST = 8
@@ -73,7 +74,7 @@ class Station:
         self.recorded = ""
         self._claimed: set[Path] = set()
         self.sensors, self.settings = sensors, navigator
-        self._navigator = LiveNavigator(sensors, navigator)
+        self._navigator: LiveNavigator | None = LiveNavigator(sensors, navigator)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
         self._growing: GrowingAllan | None = None
@@ -112,7 +113,7 @@ class Station:
         if not self._lock.acquire(blocking=False):
             return None
         try:
-            return self._navigator.since(cursor)
+            return None if self._navigator is None else self._navigator.since(cursor)
         finally:
             self._lock.release()
 
@@ -122,10 +123,18 @@ class Station:
         Raises
         ------
         MissionError
-            If nothing has come yet.
+            If nothing has come yet, or the station has closed.
         """
+        with self._lent() as navigator:
+            return navigator.log()
+
+    @contextmanager
+    def _lent(self) -> Iterator[LiveNavigator]:
+        """Lend the navigator to one thread at a time; raises `MissionError` if the station has closed."""
         with self._lock:
-            return self._navigator.log()
+            if self._navigator is None:
+                raise MissionError("The source has ended, and its samples are not kept any more")
+            yield self._navigator
 
     @contextmanager
     def growing(self) -> Iterator[GrowingAllan]:
@@ -152,7 +161,6 @@ class Station:
             read = self.source.since(cursor)
             cursor = read.cursor
             self._note(read)
-            self._navigator.losses = self.source.losses  # after the samples, so that it explains them
             self._navigate(read)
             held.append(read.imu)
             # What is only shown is taken together: thinning one sample costs as much as thinning many.
@@ -168,14 +176,14 @@ class Station:
             self.source.wait(cursor, PERIOD)
 
     def _restart(self, why: str) -> None:
-        with self._lock:
-            self._navigator.restart(why)
+        with self._lent() as navigator:
+            navigator.restart(why)
 
     def _finish(self) -> None:
         """Navigate with what waited for later samples."""
-        with self._lock:
-            self._navigator.finish()
-            self._state = self._navigator.state
+        with self._lent() as navigator:
+            navigator.finish()
+            self._state = navigator.state
 
     def _note(self, read: Read) -> None:
         """Take note of the times of the first and the newest sample or fix."""
@@ -202,9 +210,10 @@ class Station:
         if self.failure:
             return
         try:
-            with self._lock:
-                if self._navigator.feed(read.imu, read.fix, read.reading):
-                    self._state = self._navigator.state
+            with self._lent() as navigator:
+                navigator.losses = self.source.losses  # after the samples, so that it explains them
+                if navigator.feed(read.imu, read.fix, read.reading):
+                    self._state = navigator.state
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise
@@ -215,11 +224,18 @@ class Station:
             self._threads[0].join()
 
     def close(self) -> None:
-        """End the threads, and free the port; may be repeated."""
+        """End the threads, free the port, and forget all samples; may be repeated.
+
+        Pages that have ended refer to their station until a search for garbage finds them.
+        """
         self._ending.set()
         self.source.close()
         for thread in self._threads:
             thread.join()
+        self.source.forget()
+        with self._lock, self._growing_lock:
+            self._navigator = self._growing = None
+            self.thinned = ThinnedSamples(kept=1)
 
 
 class Stations:

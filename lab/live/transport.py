@@ -73,3 +73,23 @@ class Transport(Protocol):
     def close(self) -> None:
         """Free the port; may be repeated."""
         ...
+
+
+class NoTransport:
+    """What a closed source has in place of its transport: nothing comes any more."""
+
+    reconnects = False
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+
+    def open(self) -> None:
+        """Refuse; raises `OSError`."""
+        raise OSError("it is closed")
+
+    def read(self, _longest: float) -> Chunk:
+        """Bring nothing; raises `EOFError`."""
+        raise EOFError("Closed.")
+
+    def close(self) -> None:
+        """Do nothing."""

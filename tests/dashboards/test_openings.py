@@ -149,14 +149,16 @@ def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
     completed(end)
 
 
-UNLIMITED = 10**9
-"""More objects than a process has. After thousands of tests it has more than a server searches at once."""
+UNLIMITED = 10**12
+"""More objects and bytes than a process has. After thousands of tests it has more than a server searches."""
 
 
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list that gets an entry with each search of everything, asked for with each ended page."""
     found: list[int] = []
     monkeypatch.setattr(openings, "COUNT", 1)
+    monkeypatch.setattr(openings, "MUCH", UNLIMITED)
+    monkeypatch.setattr(openings, "rested", lambda: openings.STILL)
     monkeypatch.setattr(garbage, "search_all", lambda: found.append(1))
     return found
 
@@ -166,6 +168,8 @@ def end_pages(turns: Openings, count: int) -> None:
 
     async def end_one() -> None:
         await turns._search([Ended()], 1.0)
+        if turns._searching is not None:
+            await turns._searching
 
     for _ in range(count):
         completed(end_one)
@@ -212,10 +216,62 @@ def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
 
     async def end() -> None:
-        await turns._search([page], UNLIMITED)  # no second search meanwhile
+        await turns._search([page], 1e9)  # no second search meanwhile
+        await turns._searching
 
     completed(end)
     assert found == [1]
+
+
+def test_everything_is_searched_when_much_memory_was_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stream at 1 kHz is few objects, and 100 MB."""
+    memory = [300]
+    monkeypatch.setattr(openings, "resident", lambda: memory[-1])
+    found, turns = searches(monkeypatch), Openings()
+    monkeypatch.setattr(openings, "MUCH", 100)
+    monkeypatch.setattr(openings, "ROOM", UNLIMITED)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
+    expected = 0
+    for now, is_much in ((390, False), (200, False), (290, False), (310, True), (400, False), (420, True)):
+        memory.append(now)
+        end_pages(turns, 1)
+        expected += is_much
+        assert len(found) == expected, now
+
+
+def test_everything_is_searched_only_while_nobody_moves_a_slider(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, turns = searches(monkeypatch), Openings()
+    rests = iter((0.0, openings.STILL / 2, openings.STILL))
+    seen: list[int] = []
+
+    def rested() -> float:
+        seen.append(len(found))
+        return next(rests)
+
+    monkeypatch.setattr(openings, "rested", rested)
+    monkeypatch.setattr(openings, "ENOUGH", 1)
+    monkeypatch.setattr(openings, "LOOK", 0.0)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
+    end_pages(turns, 1)
+    assert seen == [0, 0, 0]
+    assert found == [1]
+
+
+def test_the_cache_of_a_server_without_visitors_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(openings.CACHE, "shrink", sizes.append)
+
+    async def leave() -> None:
+        turns, other = Openings(), SimpleNamespace(connection_count=1, document=Document())
+        context: Any = Context([other])
+        turns._context = ref(context)
+        for _ in range(2):
+            turns.let_go(document := Document(), document)
+            await turns._working
+            context.sessions = []
+
+    completed(leave)
+    assert sizes == [openings.AT_REST]
 
 
 class Context:

@@ -44,3 +44,13 @@ def test_a_text_that_looks_like_a_mission_of_another_setting_is_not_asked(sessio
     """Only the mission is looked up in the catalogue."""
     assert session.change("navigator.model", "psi")
     assert session.experiment.navigator.model == "psi"
+
+
+def test_a_closed_session_keeps_no_result(session: Session) -> None:
+    """A page that has ended waits for a search for garbage; its result need not."""
+    heard: list[object] = []
+    session.param.watch(heard.append, "result")
+    session.result = object()
+    session.close()
+    assert session.result is None
+    assert len(heard) == 1

@@ -26,7 +26,7 @@ def rows(first: int, count: int, kind: np.dtype) -> np.ndarray:
     )
 )
 def test_readers_get_what_was_appended_or_know_what_they_lost(steps: list[tuple[str, int, int]]) -> None:
-    ring, end = Ring((16, 4)), [0, 0]
+    ring, end = Ring((16, 4, 4)), [0, 0]
     cursors: dict[str, Cursor | None] = {"a": None, "b": None}
     for what, imu, fix in steps:
         if what == "append":
@@ -44,7 +44,7 @@ def test_readers_get_what_was_appended_or_know_what_they_lost(steps: list[tuple[
 
 
 def test_what_was_read_is_a_copy() -> None:
-    ring = Ring((4, 4))
+    ring = Ring((4, 4, 4))
     ring.append(rows(0, 3, TIMED_IMU), rows(0, 0, TIMED_FIX))
     before = ring.since().imu
     ring.append(rows(3, 4, TIMED_IMU), rows(0, 0, TIMED_FIX))
@@ -53,7 +53,7 @@ def test_what_was_read_is_a_copy() -> None:
 
 @given(st.integers(0, 60), st.integers(0, 12), st.floats(0, 80))
 def test_the_newest_are_those_of_the_last_seconds(imu: int, fix: int, seconds: float) -> None:
-    ring = Ring((16, 4))
+    ring = Ring((16, 4, 4))
     for k in range(imu):
         ring.append(rows(k, 1, TIMED_IMU), rows(0, 0, TIMED_FIX))
     for k in range(fix):

@@ -62,6 +62,11 @@ class ErrorsPart:
         self.begin_anew()
         self.tell()
 
+    def close(self) -> None:
+        """Refer to no source any more: its truth takes 100 MB at 1 kHz."""
+        self._station = self._truth = None
+        self._recent.clear()
+
     def begin_anew(self) -> None:
         """Forget what is drawn: the next `advance` draws all that the station still has."""
         self._cursor = HistoryCursor()

@@ -27,6 +27,7 @@ from dashboards.style import WHOLE
 from lab.live.live_state import HistoryCursor
 from lab.live.ring import Cursor
 from lab.live.station import Station
+from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 from lab.views.live_figures import WINDOWS, LiveFigures
@@ -146,6 +147,7 @@ class Live(Page):
         self._job.close()
         self._recorder.close()
         self._inviting.close()
+        self._errors.close()
         self._allan.close()
         self._twin.close()
         self._leave()
@@ -381,7 +383,8 @@ def _differences(chosen: Chosen, station: Station) -> list[str]:
 
 
 def _leave(key: str, watcher: object) -> None:
-    """Stop watching; a phone that nobody watches any more is told."""
+    """Stop watching, and give the memory back; a phone that nobody watches any more is told."""
     STATIONS.leave(key, watcher)
+    give_back()
     if key.startswith(PHONE_KEY) and key not in STATIONS.names():
         forget_phone(int(key.removeprefix(PHONE_KEY)))
