@@ -193,6 +193,15 @@ def test_latency_and_lever_arm_that_hide_each_other_are_not_both_set_back():
     assert not left[9:].any()
 
 
+def test_chance_changes_a_parameter_in_one_run_of_twenty():
+    rng, changed = np.random.default_rng(3), 0
+    for value in rng.standard_normal((400, 11)):
+        estimate = Estimate(value, np.ones(11), np.eye(11), 0.0, Seen(np.zeros(0), np.zeros(0)), True, 1)
+        known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
+        changed += refuted(estimate, known, np.zeros(11)).any()
+    assert changed < 0.05 * 400 + 4 * np.sqrt(0.05 * 400)
+
+
 def test_noise_is_found_beside_other_sensors_and_further_states():
     """What states of the filter estimate stays with them."""
     made = Experiment(mission="los_angeles", seed=1001)

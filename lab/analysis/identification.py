@@ -133,7 +133,7 @@ class Identification:
     at_bounds : tuple of str
         Names of the parameters at a bound: of R, or of a setting.
     cure : str
-        What the verdict advises, from which the search began; empty if it advises none of the parameters.
+        The setting that the verdict advises, from which the search began; empty if it is of no parameter.
     seconds : float
         Computing time [s].
     """
@@ -201,8 +201,8 @@ class Identification:
             )
         if self.cure:
             remarks.append(
-                f"The advice of the verdict comes first: {self.cure} The other parameters change only where "
-                "their intervals exclude what is then assumed."
+                f"The advice of the verdict comes first: {self.cure}. The other parameters change only where "
+                "their intervals exclude what is then assumed, beyond what chance does to one of them."
             )
         if not self.white:
             remarks.append(
