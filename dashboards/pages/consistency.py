@@ -18,10 +18,12 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WRAP
-from lab.analysis.finding import Finding
-from lab.analysis.trial import can_be_tried, tried
+from lab.analysis.finding import Change, Finding
+from lab.analysis.trial import advised, can_be_tried, tried
 from lab.analysis.verdict import Verdict
 from lab.ensembles.ensemble import Ensemble
+from lab.experiment import Experiment
+from lab.parameters.settings import SettingError
 from lab.progress import Progress
 from lab.result import Result
 from lab.views.ensemble_card import inside
@@ -69,6 +71,7 @@ class Consistency(ComputedPage):
     depends_on_window = True
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:
+        self._session = session
         self._identifying = None if session is None else Identifying(session)
         super().__init__(axis)
 
@@ -92,6 +95,9 @@ class Consistency(ComputedPage):
         self._one = TimeFigures(CONSISTENCY, self.axis)
         self._many = TimeFigures(ENSEMBLE_CONSISTENCY, self.axis)
         self._verdict = _html()
+        self._changes: tuple[Change, ...] = ()
+        self._follow = pmui.Button(label="Apply the advice", size="small", margin=(4, 12), visible=False)
+        self._follow.on_click(lambda _event: self._followed())
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)
         self._plots_of_many = plot_grid(self._many.figures, 2, 300, fill=False)
@@ -103,7 +109,7 @@ class Consistency(ComputedPage):
     def _parts(self, *plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
         """Return the parts of the page from top to bottom."""
         identifying = [] if self._identifying is None or self.runs > 1 else [self._identifying.view]
-        return [self._choice_and_words, self._verdict, *identifying, *plots, self._tables]
+        return [self._choice_and_words, self._verdict, self._follow, *identifying, *plots, self._tables]
 
     @property
     def runs(self) -> int:
@@ -191,6 +197,7 @@ class Consistency(ComputedPage):
     def clear(self) -> None:
         """Show neither verdict nor plots."""
         self._verdict.object = self._tables.object = ""
+        self._follow.visible = False
         self.view[:] = self._parts()
 
     def paint(self, result: Result, content: Ensemble | Verdict) -> str:
@@ -209,12 +216,25 @@ class Consistency(ComputedPage):
         self._verdict.object = verdict_html(
             verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
         )
+        self._changes = next((one.changes for one in verdict.findings if one.changes), ()) if verdict else ()
+        self._follow.visible = bool(self._changes) and self._session is not None
         tables = [whiteness_html(judged.whiteness)]
         if isinstance(judged, Ensemble) or not judged.lacks("coverage"):
             tables.append(coverage_html(judged))
         self._tables.object = (
             f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
         )
+
+    def _followed(self) -> None:
+        """Change the settings of the session as the first advice says that was tried."""
+        if self._session is None or self._result is None or not self._changes:
+            return
+        changed = advised(self._result, self._changes)
+        assert isinstance(changed, Experiment)
+        try:
+            self._session.take(changed)
+        except SettingError as error:
+            self.say(escape(str(error)))
 
     def _lay_out(self, plots: pn.viewable.Viewable) -> None:
         """Lay out plots that are already drawn, so that they arrive complete."""

@@ -228,6 +228,24 @@ def test_runs_that_arrive_after_one_was_chosen_again_are_not_drawn(walk: Walk) -
     assert "Judged by 1 run," in walk.text()
 
 
+def test_the_advice_for_a_heading_that_is_too_uncertain_is_applied(walk: Walk) -> None:
+    wide = experiment(navigator__attitude_sigma=(0.5, 0.5, 60.0))
+    walk.page.session.experiment = wide.copy()
+    walk.run(wide)
+    walk.open("Consistency")
+    page = walk.shown
+    assert "Tried: " in walk.text()
+    assert page._follow.visible
+    page._followed()
+    changed = walk.page.session.experiment
+    assert changed.navigator.model == "invariant"
+    assert changed.copy().update({"navigator.model": "phi"}).to_dict() == wide.to_dict()
+    walk.run(changed)
+    walk.open("Consistency")
+    assert "Consistent" in walk.text()
+    assert not page._follow.visible
+
+
 def test_21_states_of_a_sensor_without_scale_errors_are_said_to_be_zero(walk: Walk) -> None:
     walk.run(experiment(navigator__states=21))
     walk.open("Errors")
