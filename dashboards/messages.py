@@ -8,6 +8,7 @@ part of that. All other messages are refused here before they are decoded, and t
 from __future__ import annotations
 
 import logging
+import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -42,6 +43,9 @@ KINDS = frozenset({"ModelChanged", "MessageSent"})
 """Accepted kinds of events: a property of a model changes, or a widget sends an event."""
 TYPES = frozenset({"array", "bytes", "event", "map", "number", "object", "set", "typed_array"})
 """Accepted encodings of a value; an object must already exist in the page."""
+
+_READERS = sys.stdlib_module_names | {"bokeh", "numpy"}
+"""Packages whose code reads a message, beside what is here and upstream."""
 
 
 class BoundedReceiver(Receiver):
@@ -106,9 +110,12 @@ class BoundedHandler(ProtocolHandler):
 
 
 def is_refusal(error: Exception) -> bool:
-    """Return whether a message was refused, by Bokeh or here; in a callback, the same error is a fault."""
-    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    return isinstance(error, ValueError) and frame.f_globals["__name__"].startswith(("bokeh.", __name__))
+    """Return whether a message could not be read; in a callback that it causes, the same error is a fault."""
+    modules = [frame.f_globals["__name__"] for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return all(
+        module.partition(".")[0] in _READERS or module.startswith(("dashboards.upstream.", __name__))
+        for module in modules
+    )
 
 
 def _check_header(header: Any) -> None:
