@@ -222,7 +222,7 @@ class _Bank:
     """
 
     def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
-        self._q = np.array([one.q for one in tried])
+        self._q = np.array([(*one.q, 1.0) for one in tried])  # what is unknown in gaps stays so
         self._r = np.sqrt(np.array([one.r for one in tried]))
         self._variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])

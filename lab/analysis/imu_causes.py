@@ -49,8 +49,9 @@ class Steps(NamedTuple):
     ----------
     transition : (m, n, n) array
         Transition from the previous fix, or the start, to each fix.
-    noise : (m, 4, n, n) array
-        Covariance added by gyro noise, accelerometer noise, gyro bias drive and accelerometer bias drive.
+    noise : (m, 5, n, n) array
+        Covariance added by gyro noise, accelerometer noise, gyro bias drive, accelerometer bias drive, and
+        the unknown motion in gaps of the IMU.
     forced : (m, n, p) array
         Error added by the causes, per unit of their p regressors.
     """
@@ -87,7 +88,7 @@ def steps(
         The further blocks of the filter.
     """
     n, regressors = solution.states, sum(len(own) for own in columns().values())
-    shapes = (n, n), (4, n, n), (n, regressors)
+    shapes = (n, n), (5, n, n), (n, regressors)
     whole = Steps(*(np.empty((samples.size, *shape)) for shape in shapes))
     done = 0
     for part in steps_in_parts(solution, belief, imu, samples, names):
@@ -159,14 +160,17 @@ def _steps(
     rate_b, force_b = gathered(dtheta) / safe, gathered(dvelocity) / safe
     F = _system_matrix(names, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
     T = duration[:, None, None]
-    n, density = solution.states, belief.noise
-    noise = np.zeros((count, 4, n, n))
+    n, unknown = solution.states, _in_gaps(belief, imu.time, edges, duration)
+    noise = np.zeros((count, 5, n, n))
+    blocks = [(ATT, 0, belief.noise[:3]), (VEL, 1, belief.noise[3:6])]
+    blocks += [(ATT, 4, unknown[:, :3]), (VEL, 4, unknown[:, 3:])] if unknown.any() else []
     for node, weight in NODES:
         onwards = exponential(F, 0.5 * (1 - node) * T)
-        for block, (rows, sign) in enumerate(((ATT, 1), (VEL, -1), (GYRO_BIAS, 0), (ACCEL_BIAS, 0))):
-            shape = np.sqrt(density[3 * block : 3 * block + 3])
-            into = mean_C / safe[..., None] * shape if sign else np.broadcast_to(np.diag(shape), mean_C.shape)
-            G = onwards[:, :, rows] @ into
+        for rows, block, density in blocks:
+            G = onwards[:, :, rows] @ (mean_C / safe[..., None] * np.sqrt(density)[..., None, :])
+            noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
+        for rows, block in ((GYRO_BIAS, 2), (ACCEL_BIAS, 3)):
+            G = onwards[:, :, rows] * np.sqrt(belief.noise[3 * block : 3 * block + 3])
             noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
     if not forced:
         return Steps(exponential(F, T), noise, np.zeros((count, n, 0)))
@@ -175,6 +179,14 @@ def _steps(
     gyros = direct[0].shape[2]
     kick[:, ATT, :gyros], kick[:, VEL, gyros:] = -direct[0], direct[1]
     return Steps(exponential(F, T), noise, exponential(F, 0.5 * T) @ kick)
+
+
+def _in_gaps(belief: Belief, time: FloatArray, edges: NDArray[np.intp], duration: FloatArray) -> FloatArray:
+    """Return the mean densities (m, 6) that gaps of the IMU add to the noise between samples (m + 1,)."""
+    start, end = (belief.gaps[:, at] for at in (0, 1))
+    first, last = (time[one, None] for one in (edges[:-1], edges[1:]))
+    within = np.maximum(np.minimum(last, end) - np.maximum(first, start), 0.0)
+    return np.asarray(within @ belief.gaps[:, 2:] / np.maximum(duration, 1e-9)[:, None])
 
 
 def exponential(F: FloatArray, T: FloatArray) -> FloatArray:

@@ -162,6 +162,7 @@ def navigate_log(
         P0=start_covariance(assumed, navigator, names, start, variances[0, :3]),
         R=R[rows],
         decay=np.append(np.zeros(6), assumed.decay[6:]),
+        gaps=np.array([(*gap, *gap_noise(imu, *gap)) for gap in log.gaps.tolist()]).reshape(-1, 8),
     )
     fixes = Fixes(*(values[rows].copy() for values in fixes))
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
@@ -335,7 +336,7 @@ def _stretches(
     gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
     changes = sample[:-1][np.diff(measured) != 0]
     ends = {imu.time.size - 1, *gaps.ravel().tolist(), *changes.tolist()} - {0}
-    noises = [np.append(gap_noise(imu, *gap), np.zeros(assumed.noise.size - 6)) for gap in log.gaps.tolist()]
+    noises = np.pad(assumed.gaps[:, 2:], ((0, 0), (0, assumed.noise.size - 6)))
     stretches, done = [], 0
     for end in sorted(ends):
         fix = min(int(np.searchsorted(sample, done, side="right")), fixes.time.size - 1)

@@ -38,6 +38,8 @@ def _zeros(count: int) -> FloatArray:
 
 NO_VECTOR = _zeros(3)
 """Zero vector (3,), read-only: no lever arm, no bias."""
+NO_GAPS = _zeros(0).reshape(0, 8)
+"""No gap of the IMU (0, 8), read-only."""
 NO_REST = _zeros(0).astype(np.bool_)
 """No sample at rest."""
 NO_REST.setflags(write=False)
@@ -173,6 +175,9 @@ class Belief(NamedTuple):
         correlation times [1/s].
     lever_arm : (3,) array
         Place of the antenna, from the IMU forward, right, down [m].
+    gaps : (g, 8) array
+        Start and end of filled gaps of the IMU [s], and the densities that they add to the noise of gyros
+        [rad²/s] and accelerometers [(m/s)²/s].
     """
 
     P0: FloatArray
@@ -180,6 +185,7 @@ class Belief(NamedTuple):
     noise: FloatArray
     decay: FloatArray
     lever_arm: FloatArray = NO_VECTOR
+    gaps: FloatArray = NO_GAPS
 
     def fix_covariance(self, fixes: NDArray[np.intp]) -> FloatArray:
         """Return R of some fixes, (6, 6) or (m, 6, 6)."""
