@@ -13,6 +13,7 @@ from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
 from lab.log_result import LogResult
 from lab.logs.coverage import clock_text
+from lab.logs.full_scale import full_scales
 from lab.logs.log_section import piece
 from lab.logs.vehicle import vehicle_of
 from lab.memory import bytes_per_run, check_memory
@@ -201,6 +202,7 @@ def _result(
         *made.remarks,
         *clock_remarks(log, experiment.sensors.gps.outages),
         *coasting_remarks(log, made.imu.time, fix_times, solution),
+        *range_remarks(log),
         *_vehicle_remarks(experiment, log, made),
         *(comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons),
         _reference_remark(log, truth),
@@ -306,6 +308,16 @@ def coasting_remarks(log: SensorLog, time: FloatArray, fixes: FloatArray, soluti
     return [
         f"The log has no fix for up to {end - start:.3g} s, from {clock_text(log.epoch + start)} s "
         f"to {clock_text(log.epoch + end)} s in the clock of the file: the navigator coasts.{grew}"
+    ]
+
+
+def range_remarks(log: SensorLog) -> list[str]:
+    """Return a remark about each axis of the IMU that stands at an end of its range."""
+    kinds = ("gyros", "accelerometers")
+    return [
+        f"The {kinds[one.axis // 3]} are at the end of their range: {one.words}; the filter does not model "
+        "this."
+        for one in full_scales(np.concatenate(log.rates, axis=1))
     ]
 
 

@@ -247,6 +247,8 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter, from errors and innovations."""
+        if self.evidence.start is None:
+            return self.innovation_verdict
         return self._of_linear(self.evidence)
 
     @cached_property
@@ -261,8 +263,13 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
-        """The verdict from the innovations alone, as for a flight with unknown truth."""
-        return self._of_linear(self.evidence.without_truth())
+        """The verdict from the innovations alone, as for a flight with unknown truth.
+
+        Causes with large factors are tried, beside faults of a log; see `identification.contradiction`.
+        """
+        from lab.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
+
+        return explained(self, self._of_linear(self.evidence.without_truth()))
 
     def _of_linear(self, evidence: Evidence) -> Verdict:
         """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""

@@ -40,16 +40,23 @@ def trajectory() -> Trajectory:
     return Trajectory.from_recording(mission("montreal").recording, RATE)
 
 
-def tables(start: float, end: float, lever_arm=(0.0, 0.0, 0.0), seed: int = 1) -> Tables:
-    """Return what sensors with a little noise and bias would log between two times of the flight."""
-    ideal, rng = trajectory().increments(RATE), np.random.default_rng(seed)
+def tables(
+    start: float,
+    end: float,
+    lever_arm=(0.0, 0.0, 0.0),
+    seed: int = 1,
+    flight: Trajectory | None = None,
+) -> Tables:
+    """Return what sensors with a little noise and bias would log between two times of a flight."""
+    flight = flight or trajectory()
+    ideal, rng = flight.increments(RATE), np.random.default_rng(seed)
     rows = (ideal.time[1:] >= start) & (ideal.time[1:] <= end)
     imu = np.column_stack((ideal.time[1:], ideal.dtheta * RATE, ideal.dvelocity * RATE))[rows]
     imu[:, 1:4] += np.radians((0.1, -0.2, 0.15)) + rng.normal(scale=1e-3, size=(len(imu), 3))
     imu[:, 4:] += np.array((0.02, -0.01, 0.03)) + rng.normal(scale=0.02, size=(len(imu), 3))
     times = np.arange(np.ceil(start), end, 0.5)
-    truth = trajectory().at(times)
-    turn, _ = trajectory().rates(times)
+    truth = flight.at(times)
+    turn, _ = flight.rates(times)
     C = rotation_matrices(truth)
     arm = C @ np.array(lever_arm)
     swing = np.einsum("nij,nj->ni", C, np.cross(turn, lever_arm))

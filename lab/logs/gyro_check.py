@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.frames.displacement import metres_per_radian
+from lab.logs.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, ImuAxes, about_down, others, remedy
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.logs.window_matches import WindowMatches
 from lab.recordings.mission_error import MissionError
@@ -55,9 +56,6 @@ _BETTER = 0.5
 """The same in each window."""
 _MIN_WINDOWS = 2
 """Fewest windows that have to agree."""
-_NAMES = ("forward", "right", "down")
-_REVERSED = np.diag([1.0, 1.0, -1.0])
-"""Gyros of which that about down has the other sign."""
 
 
 class GyroError(MissionError):
@@ -69,31 +67,6 @@ class _Stretch(NamedTuple):
 
     time: FloatArray
     course: FloatArray
-
-
-class _Axes(NamedTuple):
-    """Axes that are tried: matrices applied to the gyros and to the accelerometers."""
-
-    gyros: FloatArray
-    forces: FloatArray
-
-    @property
-    def words(self) -> str:
-        """What has to be changed."""
-        if not np.array_equal(self.forces, np.eye(3)):
-            return f"accelerometers along {_words(self.forces)}"
-        return f"gyros about {_words(self.gyros)}"
-
-    @property
-    def remedy(self) -> str:
-        """How to change it."""
-        if not np.array_equal(self.forces, np.eye(3)):
-            return _remedy("force", "m/s²", self.forces)
-        return _remedy("rate", "rad/s", self.gyros)
-
-
-_AS_IT_IS = _Axes(np.eye(3), np.eye(3))
-"""No change of any axis."""
 
 
 def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
@@ -133,11 +106,11 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
     down = -up / np.linalg.norm(up)
     right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
-    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(matches, _REVERSED):
+    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(matches, GYROS_REVERSED):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
             f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
-            f"the gyros have swapped axes. {_Axes(_REVERSED, np.eye(3)).remedy}"
+            f"the gyros have swapped axes. {GYROS_REVERSED.remedy}"
         )
     if min(right, reversed_) < _AXIS_UNEXPLAINED:
         return
@@ -145,9 +118,9 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
         left = _left(log, stretches, sign * np.eye(3)[axis]) / turned
         if left < _EXPLAINED:
             raise GyroError(
-                f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{_NAMES[axis]}, not "
+                f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{NAMES[axis]}, not "
                 f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
-                f"the gyros are likely. {_remedy('rate', 'rad/s', _about_down(axis, sign))} The other two "
+                f"the gyros are likely. {remedy(('rate', 'rad/s', about_down(axis, sign)))} The other two "
                 "columns are then wrong as well."
             )
 
@@ -198,13 +171,13 @@ def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> fl
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
-def _fits(matches: WindowMatches, gyros: FloatArray) -> bool:
-    """Return whether the velocities, where they change enough, do not contradict other gyros."""
-    as_it_is, other = _misfits(matches), _misfits(matches, _Axes(gyros, np.eye(3)))
+def _fits(matches: WindowMatches, axes: ImuAxes) -> bool:
+    """Return whether the velocities, where they change enough, do not contradict other axes."""
+    as_it_is, other = _misfits(matches), _misfits(matches, axes)
     return bool(other.sum() <= _MAX_WORSE * as_it_is.sum())
 
 
-def _misfits(matches: WindowMatches, axes: _Axes = _AS_IT_IS) -> FloatArray:
+def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:
     """Return the misfit of each window with some axes."""
     return np.array([matches.misfit(number, *axes) for number in range(len(matches.windows))])
 
@@ -214,63 +187,11 @@ def _check_velocities(name: str, matches: WindowMatches) -> None:
     misfits = _misfits(matches)
     if misfits.size < _MIN_WINDOWS or misfits.mean() < _MISFIT:
         return
-    best = min(_others(), key=lambda axes: matches.misfit(0, *axes))
-    others = _misfits(matches, best)
-    if others.mean() < _MUCH_BETTER * misfits.mean() and (others < _BETTER * misfits).all():
+    best = min(others(), key=lambda axes: matches.misfit(0, *axes))
+    left = _misfits(matches, best)
+    if left.mean() < _MUCH_BETTER * misfits.mean() and (left < _BETTER * misfits).all():
         raise GyroError(
             f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
-            f"square residual {misfits.mean():.2g} σ², and {others.mean():.2g} σ² with {best.words}): "
+            f"square residual {misfits.mean():.2g} σ², and {left.mean():.2g} σ² with {best.words}): "
             f"swapped axes or signs are likely. {best.remedy}"
         )
-
-
-def _others() -> Iterator[_Axes]:
-    """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
-    same = np.eye(3)
-    for matrix in _signed(range(3)):
-        if not np.array_equal(matrix, same):
-            yield _Axes(matrix, same)
-    for level in _signed(range(2)):
-        if not np.array_equal(level, np.eye(2)):
-            matrix = np.eye(3)
-            matrix[:2, :2] = level
-            yield _Axes(same, matrix)
-
-
-def _signed(axes: range) -> Iterator[FloatArray]:
-    for order in itertools.permutations(axes):
-        for signs in itertools.product((1.0, -1.0), repeat=len(axes)):
-            matrix = np.zeros((len(axes), len(axes)))
-            matrix[axes, order] = signs
-            yield matrix
-
-
-def _words(matrix: FloatArray) -> str:
-    """Return which axis of the file each of forward, right, down is."""
-    places = np.argmax(np.abs(matrix), axis=1)
-    return ", ".join(
-        f"{'minus ' if row[place] < 0 else ''}{_NAMES[place]}"
-        for row, place in zip(matrix, places, strict=True)
-    )
-
-
-def _about_down(axis: int, sign: int) -> FloatArray:
-    """Return the matrix that tells only which axis of the file is down."""
-    matrix = np.zeros((3, 3))
-    matrix[2, axis] = sign
-    return matrix
-
-
-def _remedy(quantity: str, unit: str, matrix: FloatArray) -> str:
-    """Return which columns have to be called otherwise, and how; rows of zeros say nothing."""
-    changes = [
-        (f"{quantity}_{'xyz'[place]}", f"{'-' if matrix[axis, place] < 0 else ''}{quantity}_{'xyz'[axis]}")
-        for axis, place in zip(*np.nonzero(matrix), strict=True)
-        if axis != place or matrix[axis, place] < 0
-    ]
-    found = ", ".join(f"{called} is {real}" for called, real in changes)
-    options = " ".join(f'--column "{called.upper()}={real}[{unit}]"' for called, real in changes)
-    return (
-        f"It seems that {found}: swap or negate the columns. With other headings in place of the capitals, "
-        f"and their unit, these options do it: {options}."
-    )

@@ -1,0 +1,110 @@
+"""IMU axes: other orders and signs of the axes of an IMU that may be the right ones, and how to set them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+NAMES = ("forward", "right", "down")
+"""The axes of the body."""
+_SAME = np.eye(3)
+
+
+class ImuAxes(NamedTuple):
+    """Axes that are tried: (3, 3) matrices applied to the gyros and to the accelerometers of a log."""
+
+    gyros: FloatArray
+    forces: FloatArray
+
+    @property
+    def words(self) -> str:
+        """What has to be changed."""
+        if not np.array_equal(self.forces, _SAME):
+            return f"accelerometers along {_words(self.forces)}"
+        return f"gyros about {_words(self.gyros)}"
+
+    @property
+    def remedy(self) -> str:
+        """How to change it."""
+        return remedy(("rate", "rad/s", self.gyros), ("force", "m/s²", self.forces))
+
+
+AS_IT_IS = ImuAxes(_SAME, _SAME)
+"""No change of any axis."""
+GYROS_REVERSED = ImuAxes(np.diag([1.0, 1.0, -1.0]), _SAME)
+"""The gyro about down has the other sign."""
+
+
+def others() -> Iterator[ImuAxes]:
+    """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
+    for matrix in signed(range(3)):
+        if not np.array_equal(matrix, _SAME):
+            yield ImuAxes(matrix, _SAME)
+    for matrix in level():
+        yield ImuAxes(_SAME, matrix)
+
+
+def level() -> Iterator[FloatArray]:
+    """Yield all other orders and signs of the two horizontal axes, as (3, 3) matrices."""
+    for inner in signed(range(2)):
+        if not np.array_equal(inner, np.eye(2)):
+            matrix = np.eye(3)
+            matrix[:2, :2] = inner
+            yield matrix
+
+
+def signed(axes: range) -> Iterator[FloatArray]:
+    """Yield the matrices of all orders and signs of some axes."""
+    for order in itertools.permutations(axes):
+        for signs in itertools.product((1.0, -1.0), repeat=len(axes)):
+            matrix = np.zeros((len(axes), len(axes)))
+            matrix[axes, order] = signs
+            yield matrix
+
+
+def _words(matrix: FloatArray) -> str:
+    """Return which axis of the file each of forward, right, down is."""
+    places = np.argmax(np.abs(matrix), axis=1)
+    return ", ".join(
+        f"{'minus ' if row[place] < 0 else ''}{NAMES[place]}"
+        for row, place in zip(matrix, places, strict=True)
+    )
+
+
+def about_down(axis: int, sign: int) -> FloatArray:
+    """Return the matrix that tells only which axis of the file is down."""
+    matrix = np.zeros((3, 3))
+    matrix[2, axis] = sign
+    return matrix
+
+
+def remedy(*parts: tuple[str, str, FloatArray]) -> str:
+    """Return which columns have to be called otherwise, and how.
+
+    Parameters
+    ----------
+    parts
+        Quantity, unit and matrix of each triad; rows of zeros say nothing.
+    """
+    changes = [
+        (
+            f"{quantity}_{'xyz'[place]}",
+            f"{'-' if matrix[axis, place] < 0 else ''}{quantity}_{'xyz'[axis]}",
+            unit,
+        )
+        for quantity, unit, matrix in parts
+        for axis, place in zip(*np.nonzero(matrix), strict=True)
+        if axis != place or matrix[axis, place] < 0
+    ]
+    found = ", ".join(f"{called} is {real}" for called, real, _ in changes)
+    options = " ".join(f'--column "{called.upper()}={real}[{unit}]"' for called, real, unit in changes)
+    return (
+        f"It seems that {found}: swap or negate the columns. With other headings in place of the capitals, "
+        f"and their unit, these options do it: {options}."
+    )
