@@ -23,6 +23,7 @@ from lab.logs.usual_interval import UsualInterval
 FloatArray = NDArray[np.float64]
 
 _SAME = np.eye(3)
+"""No change of any axis."""
 _LOST = 1.5
 """Interval in usual ones from which a sample is lost in it: halfway between one and two."""
 _WORTH = 0.05

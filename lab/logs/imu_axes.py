@@ -14,6 +14,7 @@ FloatArray = NDArray[np.float64]
 NAMES = ("forward", "right", "down")
 """The axes of the body."""
 _SAME = np.eye(3)
+"""No change of any axis."""
 
 
 class ImuAxes(NamedTuple):
