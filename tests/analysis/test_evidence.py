@@ -177,7 +177,7 @@ def test_a_run_whose_causes_are_withheld_does_not_stop_an_ensemble() -> None:
 def of_two_hypotheses(added: float) -> hypotheses.Outcome:
     """Return the likelihoods under Q and ten times Q, of a Q that adds a variance to each of the states."""
     n, fixes = 15, 2
-    noise = np.zeros((fixes, 4, n, n))
+    noise = np.zeros((fixes, 5, n, n))
     noise[:, 0] = added * np.eye(n)
     step = imu_causes.Steps(np.tile(np.eye(n), (fixes, 1, 1)), noise, np.zeros((fixes, n, 0)))
     tried = (hypotheses.HYPOTHESES[0], hypotheses.Hypothesis("Q", 10.0, q=(10.0,) * 4))
