@@ -21,6 +21,15 @@ IMU_RATE = 50.0
 FILTER_RATE = 10.0
 """A rate of the covariance below that of the IMU [Hz]. The code is that of any such rate."""
 
+_OF_CARDS: tuple[dict[str, object], ...] = tuple(
+    {
+        "navigator.states": 21,
+        "navigator.estimate_misalignments": True,
+        "navigator.estimate_g_sensitivity": gyros_feel_force,
+    }
+    for gyros_feel_force in (True, False)
+)
+"""The states that the cards of sensors bring (`lab.sensors.cards`)."""
 _LOOPS: tuple[dict[str, object], ...] = (
     {},
     {"navigator.smoother": True},
@@ -35,6 +44,7 @@ def variants() -> list[Assignments]:
         [{f"navigator.{name}": value} for value in NavigatorSettings.param[name].objects]
         for name in ("model", "states", "mechanization")
     )
+    states = [*states, *_OF_CARDS]
     choices = [list(enumerate(options)) for options in (models, states, _LOOPS, mechanizations)]
     chosen = sorted(product(*choices), key=lambda choice: sum(place > 0 for place, _ in choice))
     return [{name: value for _, option in choice for name, value in option.items()} for choice in chosen]

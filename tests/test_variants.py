@@ -6,7 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lab import Experiment
+from lab import Experiment, cards
+from lab.navigation.belief import chosen_blocks
 from lab.navigation.settings import NavigatorSettings
 from lab.variants import compile_variant, variants
 
@@ -51,6 +52,15 @@ def test_every_combination_is_a_variant_and_the_default_is_the_first() -> None:
     for name in ("model", "states", "mechanization"):
         values = {assignments[f"navigator.{name}"] for assignments in found}
         assert values == set(NavigatorSettings.param[name].objects)
+
+
+def test_the_filter_of_every_card_is_a_variant() -> None:
+    """Whoever chooses a sensor waits for no compiler."""
+    known = {chosen_blocks(Experiment().update(one).navigator, None) for one in variants()}
+    for name, found in cards().items():
+        experiment = Experiment()
+        found.load(experiment)
+        assert chosen_blocks(experiment.navigator, None) in known, name
 
 
 def test_a_combination_that_is_refused_is_no_variant() -> None:
