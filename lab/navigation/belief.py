@@ -270,15 +270,22 @@ def bias_processes(
         Variances of the constant errors after an alignment; by default, those before any alignment.
     """
     gyro, accel = (None, None) if constants is None else (constants[GYRO_BIAS], constants[ACCEL_BIAS])
-    parts = bias_process(sensors.gyro, gyro), bias_process(sensors.accelerometer, accel)
+    parts = (
+        bias_process(sensors.gyro, gyro),
+        bias_process(sensors.accelerometer, accel, hidden_by_fixes(sensors)),
+    )
     drive, decay = (np.concatenate(part) for part in zip(*parts, strict=True))
     return drive, decay
 
 
 def bias_process(
-    errors: GyroErrors | AccelerometerErrors, constant: FloatArray | None = None
+    errors: GyroErrors | AccelerometerErrors,
+    constant: FloatArray | None = None,
+    hidden: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
+
+    `hidden` is the time of `hidden_by_fixes`.
 
     The true bias is a constant plus Gauss-Markov processes; flicker is modelled as one of them. The filter's
     single Gauss-Markov state has the variance of all together and the short-term growth Σ 2 σ² / τ. A random
@@ -289,7 +296,7 @@ def bias_process(
     constant of variance C, that variance need not exceed `HIDDEN` σ² √((C + σ²) / C).
     """
     constant = _turn_on_variance(errors) if constant is None else constant
-    instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors)
+    instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors, hidden)
     total = constant + instability + flicker
     growth = 2 * instability / si(errors, "correlation_time")
     level = HIDDEN * instability * np.sqrt(constant + instability)
@@ -300,18 +307,40 @@ def bias_process(
     return drive + si(errors, "rate_random_walk") ** 2, decay
 
 
-def flicker_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
+def hidden_by_fixes(sensors: SensorSuite) -> FloatArray:
+    """Return the time (3,) within which the fixes hide the flicker of the accelerometers [s]; 0 without any.
+
+    A line through the velocities of fixes of the variance R, one in each period Δ, shows the bias over a time
+    T with the variance 12 R Δ / T³; a parabola through their positions, with 720 R Δ / T⁵. The time is that
+    at which the better of the two falls to the floor of the flicker.
+    """
+    floor = (FLICKER_FLOOR * si(sensors.accelerometer, "flicker")) ** 2
+    period = float(sensors.gps.period)
+
+    def until(variance: str, factor: float, power: int) -> FloatArray:
+        seen = factor * period * float(np.mean(si(sensors.gps, variance)))
+        return np.divide(seen, floor, out=np.zeros(3), where=floor > 0) ** (1 / power)
+
+    times = until("velocity_variance", 12, 3), until("position_variance", 720, 5)
+    return np.asarray(np.minimum(*times))
+
+
+def flicker_process(
+    errors: GyroErrors | AccelerometerErrors, hidden: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Return variance (3,) and correlation time (3,) [s] of the Gauss-Markov process that models flicker.
 
     No process with one state has a 1/f spectrum. This one has the variance 5 B²: flicker reaches 4 B² some
     10⁵ samples after its start, and NEES requires a quarter more, for changes that last longer than the
     correlation time. The peak of its Allan deviation (at 1.89 correlation times, IEEE 952) is at the time at
     which the white noise falls to the floor 0.664 B of the flicker, because the noise hides faster changes.
-    That time is at least 10 s, since changes within a few fixes average out.
+    That time is at least 10 s, since changes within a few fixes average out, and at least that within which
+    the fixes hide changes, `hidden`: between fixes of metres, quiet accelerometers show nothing.
     """
     B, N = si(errors, "flicker"), si(errors, "noise_density")
     meeting = np.divide(N, FLICKER_FLOOR * B, out=np.zeros(3), where=B > 0) ** 2
-    return FLICKER_VARIANCE * B**2, np.maximum(meeting, SHORTEST_MEETING) / FLICKER_PEAK
+    shown = np.maximum(np.maximum(meeting, hidden), SHORTEST_MEETING)
+    return FLICKER_VARIANCE * B**2, shown / FLICKER_PEAK
 
 
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
