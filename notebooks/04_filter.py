@@ -274,9 +274,10 @@ check("04.2")
 
 # %% [markdown]
 # **Try:** fly with a better sensor: import `card` from `lab`, and before the first run write
-# `card("STIM300").load(experiment)`, `experiment.navigator.states = 15` and `experiment.navigator.alignment
-# = 0` (the card aligns the navigator before the flight, which these forty lines do not). Do four blocks
-# still do? For how long must there be no fixes until they do not?
+# `card("STIM300").load(experiment)` and `experiment.update({"navigator": {"states": 15, "alignment": 0,
+# "estimate_misalignments": False, "estimate_g_sensitivity": False}})` (the card aligns the navigator before
+# the flight and brings more states, which these forty lines do not have). Do four blocks still do? For how
+# long must there be no fixes until they do not?
 #
 # ## 6. Look at both
 #

@@ -146,7 +146,8 @@ from lab.frames import earth
 def rms(name):
     return float(np.sqrt((runs[name].errors.position**2).sum("axis").mean()))
 card("STIM300").load(experiment)
-experiment.navigator.states, experiment.navigator.alignment = 15, 0
+fewer = {"estimate_misalignments": False, "estimate_g_sensitivity": False}
+experiment.update({"navigator": {"states": 15, "alignment": 0, **fewer}})
 believed = belief(experiment.sensors, experiment.navigator)
 better_differences = differences(experiment.run(), experiment.run(algorithm=OpenFilter())).loc["difference"]
 """,
