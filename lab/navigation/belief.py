@@ -319,7 +319,7 @@ def hidden_by_fixes(sensors: SensorSuite) -> FloatArray:
 
     def until(variance: str, factor: float, power: int) -> FloatArray:
         seen = factor * period * float(np.mean(si(sensors.gps, variance)))
-        return np.divide(seen, floor, out=np.zeros(3), where=floor > 0) ** (1 / power)
+        return np.asarray(np.divide(seen, floor, out=np.zeros(3), where=floor > 0) ** (1 / power))
 
     times = until("velocity_variance", 12, 3), until("position_variance", 720, 5)
     return np.asarray(np.minimum(*times))
