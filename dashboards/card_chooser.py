@@ -60,13 +60,14 @@ class CardChooser:
         return pn.Column(self._widget, self._switch, self._note, margin=0, sizing_mode="stretch_width")
 
     def refresh(self) -> None:
-        """Show whether the sensors still match the card, and which of their terms are assumed."""
-        note = self._session.experiment.sensors.assumed_remark()
+        """Show whether the sensors still match the card, and which of their terms are assumed or lacking."""
+        sensors = self._session.experiment.sensors
+        note = sensors.card_remark()
         self._note.param.update(object=f"<small>{escape(note)}</small>", visible=bool(note))
-        found = card_in_force(self._session.experiment.sensors)
+        found = card_in_force(sensors)
         self._name = found or self._name
         if found and card(found).assumed:
-            self._turn(bool(note))
+            self._turn(bool(sensors.assumed_terms()))
         self._show(found or (f"{self._name}, changed" if self._name else OWN))
 
     def _arrived(self) -> None:

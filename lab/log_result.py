@@ -126,5 +126,5 @@ class LogResult(Result):
     @cached_property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the reliability of the result: repairs, assumptions, and problems of the filter."""
-        assumed = self.experiment.sensors.assumed_remark()
-        return (*self.recorded.notes, *self._run_remarks(), *((assumed,) if assumed else ()))
+        of_card = self.experiment.sensors.card_remark()
+        return (*self.recorded.notes, *self._run_remarks(), *((of_card,) if of_card else ()))

@@ -61,6 +61,7 @@ IN_EFFECT = frozenset(
         "sensors.gps.velocity_variance",
         "sensors.gps.outages",
         "sensors.assumed",
+        "sensors.lacking",
         *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
         *(f"sensors.heading.{term}" for term in ("source", "declination", "period")),
         *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),

@@ -95,7 +95,7 @@ class Allan(ComputedPage):
         name = card_in_force(sensors) or "Own settings, no card"
         return (
             f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
-            f"{hours['accelerometer']}. {escape(sensors.assumed_remark())} {poor}"
+            f"{hours['accelerometer']}. {escape(sensors.card_remark())} {poor}"
         ).rstrip()
 
 

@@ -47,7 +47,7 @@ def error_budget(
         remarks = list(result.remarks)
         print_json({"mission": chosen.mission, "seed": chosen.seed, "remarks": remarks, **_facts(there)})
     else:
-        note = chosen.sensors.assumed_remark()
+        note = chosen.sensors.card_remark()
         print("\n\n".join((_budget(there), *((note,) if note else ()))))
 
 

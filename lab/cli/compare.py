@@ -67,9 +67,10 @@ def compare(
     with working(chosen.mission) as progress:
         rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own))
     if as_json:
-        print_json([{**asdict(row), "assumed": chosen.sensors.assumed_terms()} for row in rows])
+        gaps = {"assumed": chosen.sensors.assumed_terms(), "lacking": chosen.sensors.lacking_terms()}
+        print_json([{**asdict(row), **gaps} for row in rows])
     else:
-        note = chosen.sensors.assumed_remark()
+        note = chosen.sensors.card_remark()
         print("\n\n".join((_comparison(rows), *((note,) if note else ()))))
 
 

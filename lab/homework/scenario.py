@@ -17,7 +17,9 @@ CHANGEABLE = ("navigator", "sensors")
 """Groups of which settings may be changed or hidden."""
 FIXED = ("mission", "trajectory", "sensors.own_errors", "sensors.gps.period")
 """Settings and groups that a run of a homework takes from the homework: they decide how long it takes."""
-NEVER = (*FIXED, "seed", "navigator.engine", "navigator.own_states", "sensors.gps.outages", "sensors.assumed")
+OF_CARDS = ("sensors.assumed", "sensors.lacking")
+"""What a card says of its numbers: no error of a sensor."""
+NEVER = (*FIXED, "seed", "navigator.engine", "navigator.own_states", "sensors.gps.outages", *OF_CARDS)
 """Settings and groups that no homework lets a student change.
 
 The reference engine takes a hundred times as long. Fixes that are withheld from a filter make its
@@ -162,7 +164,7 @@ def is_never(path: str) -> bool:
 
 def can_be_hidden(path: str) -> bool:
     """Return whether a setting can be hidden: an error of a sensor, or of the start."""
-    is_sensor = path.startswith("sensors.") and not _is_in(path, (*FIXED, "sensors.assumed"))
+    is_sensor = path.startswith("sensors.") and not _is_in(path, (*FIXED, *OF_CARDS))
     return path in START or (is_sensor and not path.endswith(".fitted"))
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from lab.notebook_card import NotebookCard
 from lab.parameters.settings import SettingError, Settings
 from lab.parameters.toml_file import TomlError, read_toml, toml_text
-from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms
+from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms, setting_of
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.sensors.typical import typical
 
@@ -47,6 +47,8 @@ EXPECTED = (
     "bandwidth",
 )
 """Terms that a card of a triad should have; `Card.missing` names the missing ones."""
+NO_ERRORS = ("range", "bandwidth")
+"""Terms of these whose absence makes no error of a sensor zero."""
 
 _TEXTS = ("maker", "grade", "note")
 _KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
@@ -83,7 +85,9 @@ class Card(NotebookCard):
     def __repr__(self) -> str:
         given, assumed = (sum(map(len, terms.values())) for terms in (self.terms, self.assumed))
         kind = ", ".join(part for part in (f"{self.grade} grade" if self.grade else "", self.maker) if part)
-        return f"<Card {self.name}: {kind}; {given} numbers with their source, {assumed} assumed>"
+        zero = 0 if self._receiver_alone() else len(self._lacking())
+        lacking = f", {zero} lacking and zero" if zero else ""
+        return f"<Card {self.name}: {kind}; {given} numbers with their source, {assumed} assumed{lacking}>"
 
     def without_assumed(self) -> Card:
         """Return the card with the given numbers only."""
@@ -94,7 +98,8 @@ class Card(NotebookCard):
 
         A triad is set as a whole: a term that is neither given nor assumed is off, and without a range
         nothing saturates. For the receiver, only the terms of the card are set. The setting ``assumed`` lists
-        the assumed terms.
+        the assumed terms, and ``lacking`` those that are zero because the card has no number; of the classic
+        experiment, whose sensors have no other errors, it lists none.
         """
         suite = SensorSuite().groups()
         triads = () if self._receiver_alone() else TRIADS
@@ -107,7 +112,8 @@ class Card(NotebookCard):
                     into[name] = datum.in_unit(suite[group].param[name].unit)
                     if terms is self.assumed:
                         marks.append(f"{group}.{name}={_mark(into[name])}")
-        return out | ({"assumed": ", ".join(marks)} if triads else {})
+        lacking = [] if self.name == CLASSIC else self._lacking()
+        return out | ({"assumed": ", ".join(marks), "lacking": ", ".join(lacking)} if triads else {})
 
     def load(self, experiment: Settings) -> None:
         """Give an experiment the sensors of the card, a filter that suits them, and an alignment.
@@ -136,16 +142,31 @@ class Card(NotebookCard):
         values = (self.value(triad, name) for triad in TRIADS for name in names if self.datum(triad, name))
         return any(np.any(value) for value in values)
 
+    def _lacking(self) -> list[str]:
+        """Return the errors, as ``gyro.flicker``, that are neither given nor assumed."""
+        return [
+            f"{group}.{name}"
+            for group, names in self._absent().items()
+            for name in names
+            if name not in NO_ERRORS
+        ]
+
+    def _absent(self) -> dict[str, list[str]]:
+        """Return, by group, the expected terms that are neither given nor assumed."""
+        suite = SensorSuite().groups()
+        return {
+            group: [
+                name for name in EXPECTED if name in suite[group].param and self.datum(group, name) is None
+            ]
+            for group in TRIADS
+        }
+
     def missing(self) -> dict[str, list[str]]:
         """Return, by group, the labels of the expected terms that are neither given nor assumed."""
         suite = SensorSuite().groups()
         return {
-            group: [
-                suite[group].param[name].label
-                for name in EXPECTED
-                if name in suite[group].param and self.datum(group, name) is None
-            ]
-            for group in TRIADS
+            group: [suite[group].param[name].label for name in names]
+            for group, names in self._absent().items()
         }
 
     def datum(self, group: str, term: str) -> Datum | None:
@@ -347,7 +368,8 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
     check_keys(f"{where}, assumed", own, TRIADS)
     suite = SensorSuite().groups()
     for triad, data in own.items():
-        twice = [name for name in data if name in terms.get(triad, {})] if isinstance(data, Mapping) else []
+        words = data if isinstance(data, Mapping) else ()
+        twice = [word for word in words if setting_of(word) in terms.get(triad, {})]
         if twice:
             raise SettingError(
                 f"{where}, assumed.{triad}: {twice[0]} is given already; accepted is one of the two"

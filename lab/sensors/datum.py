@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,27 @@ ALIKE = (
     ("%", "ppm"),
 )
 """Units of the same kind; each is accepted in place of the others."""
+
+WORDS = {
+    "bias_instability": "flicker",
+    "bias_stability": "flicker",
+    "in_run_stability": "flicker",
+    "in_run_bias_stability": "flicker",
+    "in_run_bias_instability": "flicker",
+    "arw": DENSITY,
+    "angle_random_walk": DENSITY,
+    "angular_random_walk": DENSITY,
+    "vrw": DENSITY,
+    "velocity_random_walk": DENSITY,
+    "repeatability": "bias_sigma",
+    "bias_repeatability": "bias_sigma",
+    "turn_on_bias": "bias_sigma",
+    "scale_factor_repeatability": "scale_factor_sigma",
+    "nonlinearity": "scale_factor_sigma",
+    "scale_factor_nonlinearity": "scale_factor_sigma",
+}
+"""Words of data sheets for the settings of a triad. Nonlinearity is a scale factor that changes with the
+signal: the lab has a constant one of the same size for it."""
 
 _KEYS = ("value", "unit", "source", "density")
 
@@ -104,7 +126,7 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
     declared
         A group of settings, which declares units and bounds; its values are overwritten.
     table
-        Content of the group in a TOML file.
+        Content of the group in a TOML file; its keys are settings or `WORDS` of data sheets.
     sources
         Documents by key.
 
@@ -121,15 +143,27 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
     ]
     if not isinstance(table, Mapping):
         raise SettingError(f"{where}: is not a table; accepted are {', '.join(accepted)}")
-    check_keys(where, table, accepted)
-    terms = {}
-    for name, entry in table.items():
-        terms[name] = datum = _datum(f"{where}, {name}", entry, declared.param[name], sources)
+    terms: dict[str, Datum] = {}
+    for word, entry in table.items():
+        name = setting_of(word)
+        if name not in accepted:
+            check_keys(where, (word,), accepted)
+        if name in terms:
+            raise SettingError(
+                f"{where}, {word}: is {name}, which is given already; accepted is one of the two"
+            )
+        terms[name] = datum = _datum(f"{where}, {word}", entry, declared.param[name], sources)
         try:
             declared.set(name, datum.in_unit(declared.param[name].unit))
         except SettingError as error:
             raise SettingError(f"{where}, {error}") from error
     return terms
+
+
+def setting_of(word: str) -> str:
+    """Return the setting that a word of data sheets means, in capitals or not; any other word as it is."""
+    plain = re.sub(r"[\s-]+", "_", word.casefold())
+    return WORDS.get(plain, word)
 
 
 def read_sources(where: str, table: Mapping[str, Any]) -> Mapping[str, str]:
@@ -146,7 +180,7 @@ def read_sources(where: str, table: Mapping[str, Any]) -> Mapping[str, str]:
     return sources
 
 
-def check_keys(where: str, table: Mapping[str, Any], accepted: Iterable[str]) -> None:
+def check_keys(where: str, table: Iterable[str], accepted: Iterable[str]) -> None:
     """Raise `SettingError` for a key that is not accepted.
 
     Raises

@@ -24,13 +24,15 @@ OTHER_SENSORS = ("barometer", "heading", "odometer", "airspeed")
 """Groups of the settings of sensors besides IMU and GPS, which may be fitted."""
 _WORDS = {
     "noise_density": "white noise",
+    "flicker": "bias instability",
     "bias_sigma": "turn-on bias",
     "scale_factor_sigma": "scale factor",
+    "misalignment": "misalignment",
     "g_sensitivity": "g-sensitivity",
     "bias_temperature": "temperature",
     "scale_temperature": "temperature",
 }
-"""Words for terms in a sentence, if they differ from their names."""
+"""Words for terms in a sentence."""
 
 _REMEDIES = {
     "scale_factor": ("navigator.states 21", "scale factors"),
@@ -67,9 +69,15 @@ class SensorSuite(Settings):
         doc="Terms without a source, which a card set to values typical of its grade, each with its value, "
         "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
+    lacking = param.String(
+        default="",
+        label="Lacking terms",
+        doc="Terms that a card neither gives nor assumes, so that they are zero, such as gyro.bias_sigma. A "
+        "term that was changed later no longer counts.",
+    )
 
     def remarks(self, states: int | None = None, stated: Collection[str] = ()) -> tuple[str, ...]:
-        """Return remarks on settings without effect, errors without a filter state, and assumed numbers.
+        """Return remarks on settings without effect, errors without a filter state, and gaps of a card.
 
         Parameters
         ----------
@@ -81,7 +89,7 @@ class SensorSuite(Settings):
         found = (
             self._idle_temperature(),
             self._without_state(states, stated),
-            self.assumed_remark(),
+            self.card_remark(),
         )
         return tuple(remark for remark in found if remark)
 
@@ -97,13 +105,26 @@ class SensorSuite(Settings):
 
     def assumed_remark(self) -> str:
         """Return a sentence with the assumed terms; empty if there are none."""
-        terms = [
-            f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
-            for triad, names in self.assumed_terms().items()
-        ]
-        if not terms:
-            return ""
-        return f"Assumed as typical of the grade, since the card has no source: {'; '.join(terms)}."
+        terms = _in_words(self.assumed_terms())
+        return f"Assumed as typical of the grade, since the card has no source: {terms}." if terms else ""
+
+    def lacking_terms(self) -> dict[str, list[str]]:
+        """Return by triad the settings that a card lacks and that still are zero."""
+        found: dict[str, list[str]] = {}
+        for path in self.lacking.split(","):
+            triad, _, name = path.strip().partition(".")
+            if triad in TRIADS and name in _WORDS and not np.any(self._triad(triad).get(name)):
+                found.setdefault(triad, []).append(name)
+        return found
+
+    def card_remark(self) -> str:
+        """Return what a card assumed and what it lacks, as sentences; empty if it is complete."""
+        lacking = _in_words(self.lacking_terms())
+        zero = (
+            f"The card has no number for {lacking}. These errors are zero here, so the sensor appears better "
+            "than any real one."
+        )
+        return " ".join(part for part in (self.assumed_remark(), zero if lacking else "") if part)
 
     def _triad(self, name: str) -> Settings:
         triad = getattr(self, name)
@@ -157,6 +178,14 @@ class SensorSuite(Settings):
             f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "
             f"gives{more}."
         )
+
+
+def _in_words(terms: dict[str, list[str]]) -> str:
+    """Return settings by triad in words."""
+    return "; ".join(
+        f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
+        for triad, names in terms.items()
+    )
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:

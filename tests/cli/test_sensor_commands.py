@@ -57,7 +57,10 @@ def test_what_is_assumed_is_said_with_every_answer_and_can_be_left_out() -> None
     run = ask("run", *flight).stdout
     assert "Assumed as typical of the grade" in run
     assert "gyro white noise" in run
-    assert "Assumed" not in ask("run", *flight, "--no-assumed").stdout
+    bare = ask("run", *flight, "--no-assumed").stdout
+    assert "Assumed" not in bare
+    assert "The card has no number for gyro" in bare
+    assert "no number" not in run
     assert "Assumed" not in ask("run", "los_angeles").stdout
     settings = json.loads(ask("run", *flight, "--json").stdout)["settings"]
     assert settings["navigator"]["states"] == 21
@@ -68,6 +71,8 @@ def test_what_is_assumed_is_said_with_every_answer_and_can_be_left_out() -> None
     (row,) = json.loads(ask("compare", *flight, "--models", "phi", "--json").stdout)
     assert "noise_density" in row["assumed"]["gyro"]
     assert "Assumed" in ask("budget", *flight).stdout
+    for command in (("compare", *flight, "--models", "phi"), ("budget", *flight)):
+        assert "The card has no number for gyro" in ask(*command, "--no-assumed").stdout
     refused(ask("run", "los_angeles", "--no-assumed"), "--no-assumed", "--card")
 
 

@@ -64,6 +64,62 @@ def test_at_least_twenty_cards_have_the_noise_of_both_triads() -> None:
     assert len(whole) >= 20
 
 
+OWN = """
+[Mine]
+grade = "own"
+[Mine.sources]
+sheet = "sheet"
+[Mine.gyro]
+{word} = {{ value = {value}, unit = "{unit}", source = "sheet" }}
+[Mine.accelerometer]
+VRW = {{ value = 0.06, unit = "m/s/√h", source = "sheet" }}
+"""
+SHEET_WORDS = (
+    ("bias_instability", "flicker", 2.0, "°/h"),
+    ("in-run stability", "flicker", 2.0, "°/h"),
+    ("ARW", "noise_density", 0.15, "°/√h"),
+    ("angle_random_walk", "noise_density", 0.15, "°/√h"),
+    ("repeatability", "bias_sigma", 0.2, "°/s"),
+    ("nonlinearity", "scale_factor_sigma", 100.0, "ppm"),
+)
+
+
+@pytest.mark.parametrize(("word", "name", "value", "unit"), SHEET_WORDS)
+def test_words_of_data_sheets_are_the_settings_they_mean(word, name, value, unit, tmp_path) -> None:
+    spoken, plain = tmp_path / "spoken.toml", tmp_path / "plain.toml"
+    spoken.write_text(OWN.format(word=f'"{word}"', value=value, unit=unit))
+    plain.write_text(OWN.format(word=name, value=value, unit=unit))
+    assert cards.card(spoken).settings() == cards.card(plain).settings()
+    twice = OWN.format(word=f'"{word}"', value=value, unit=unit).replace(
+        "[Mine.accelerometer]",
+        f'{name} = {{ value = {value}, unit = "{unit}", source = "sheet" }}\n[Mine.accelerometer]',
+    )
+    spoken.write_text(twice)
+    with pytest.raises(SettingError, match="is given already; accepted is one of the two"):
+        cards.card(spoken)
+
+
+def test_what_a_card_lacks_is_said_until_it_is_stated(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(OWN.format(word="ARW", value=0.15, unit="°/√h"))
+    own, experiment = cards.card(path), Experiment()
+    assert "lacking and zero" in repr(own)
+    own.load(experiment)
+    sensors = experiment.sensors
+    triads = {"gyro": ["flicker", "bias_sigma", "scale_factor_sigma", "misalignment", "g_sensitivity"]}
+    triads["accelerometer"] = triads["gyro"][:4]
+    assert sensors.lacking_terms() == triads
+    assert "no number for gyro bias instability, turn-on bias, scale factor" in sensors.card_remark()
+    assert sensors.card_remark() in sensors.remarks()
+    sensors.gyro.bias_sigma = (0.2,) * 3
+    assert "bias_sigma" not in sensors.lacking_terms()["gyro"]
+    for whole in ("STIM300", cards.CLASSIC):
+        cards.card(whole).load(experiment)
+        assert experiment.sensors.lacking_terms() == {}
+    cards.card("BMI088", assumed=False).load(experiment)
+    assert "misalignment" in experiment.sensors.lacking_terms()["gyro"]
+
+
 def test_what_has_no_source_is_said_to_be_missing() -> None:
     missing = cards.card("HG9900", assumed=False).missing()
     assert "White noise" in missing["accelerometer"]
