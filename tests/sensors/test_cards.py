@@ -64,7 +64,7 @@ def test_at_least_twenty_cards_have_the_noise_of_both_triads() -> None:
     assert len(whole) >= 20
 
 
-OWN = """
+SPOKEN = """
 [Mine]
 grade = "own"
 [Mine.sources]
@@ -87,10 +87,10 @@ SHEET_WORDS = (
 @pytest.mark.parametrize(("word", "name", "value", "unit"), SHEET_WORDS)
 def test_words_of_data_sheets_are_the_settings_they_mean(word, name, value, unit, tmp_path) -> None:
     spoken, plain = tmp_path / "spoken.toml", tmp_path / "plain.toml"
-    spoken.write_text(OWN.format(word=f'"{word}"', value=value, unit=unit))
-    plain.write_text(OWN.format(word=name, value=value, unit=unit))
+    spoken.write_text(SPOKEN.format(word=f'"{word}"', value=value, unit=unit))
+    plain.write_text(SPOKEN.format(word=name, value=value, unit=unit))
     assert cards.card(spoken).settings() == cards.card(plain).settings()
-    twice = OWN.format(word=f'"{word}"', value=value, unit=unit).replace(
+    twice = SPOKEN.format(word=f'"{word}"', value=value, unit=unit).replace(
         "[Mine.accelerometer]",
         f'{name} = {{ value = {value}, unit = "{unit}", source = "sheet" }}\n[Mine.accelerometer]',
     )
@@ -101,7 +101,7 @@ def test_words_of_data_sheets_are_the_settings_they_mean(word, name, value, unit
 
 def test_what_a_card_lacks_is_said_until_it_is_stated(tmp_path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(OWN.format(word="ARW", value=0.15, unit="°/√h"))
+    path.write_text(SPOKEN.format(word="ARW", value=0.15, unit="°/√h"))
     own, experiment = cards.card(path), Experiment()
     assert "lacking and zero" in repr(own)
     own.load(experiment)
