@@ -24,7 +24,7 @@ OTHER_SENSORS = ("barometer", "heading", "odometer", "airspeed")
 """Groups of the settings of sensors besides IMU and GPS, which may be fitted."""
 _WORDS = {
     "noise_density": "white noise",
-    "flicker": "bias instability",
+    "flicker": "flicker",
     "bias_sigma": "turn-on bias",
     "scale_factor_sigma": "scale factor",
     "misalignment": "misalignment",

@@ -109,7 +109,7 @@ def test_what_a_card_lacks_is_said_until_it_is_stated(tmp_path) -> None:
     triads = {"gyro": ["flicker", "bias_sigma", "scale_factor_sigma", "misalignment", "g_sensitivity"]}
     triads["accelerometer"] = triads["gyro"][:4]
     assert sensors.lacking_terms() == triads
-    assert "no number for gyro bias instability, turn-on bias, scale factor" in sensors.card_remark()
+    assert "no number for gyro flicker, turn-on bias, scale factor" in sensors.card_remark()
     assert sensors.card_remark() in sensors.remarks()
     sensors.gyro.bias_sigma = (0.2,) * 3
     assert "bias_sigma" not in sensors.lacking_terms()["gyro"]
