@@ -413,8 +413,9 @@ def test_the_result_names_what_is_assumed_and_what_the_filter_has_no_state_for()
     assert "sensors.gyro.misalignment" in remarks
     assert "scale_factor_sigma" not in remarks
     cards.card("LN-200S", assumed=False).load(experiment)
-    (alignment,) = experiment.run().remarks
+    alignment, lacking = experiment.run().remarks
     assert alignment.startswith("An alignment of 30 s at rest")
+    assert lacking.startswith("The card has no number for gyro")
 
 
 def test_an_assumed_coefficient_of_temperature_is_no_fault_of_the_user() -> None:
