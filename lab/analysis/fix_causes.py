@@ -186,7 +186,10 @@ def of_fixes(values: FloatArray, fixes: NDArray[np.intp]) -> FloatArray:
 
 
 def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
-    """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero for rejected ones."""
+    """Return the gains (m, n, 6) of some fixes; zero for rejected ones.
+
+    K = P Hᵀ R⁻¹ with P after the fix, except along heading and vertical gyro bias where these were held.
+    """
     H, R = of_fixes(solution.fix_H, fixes), of_fixes(solution.fix_R, fixes)
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
@@ -194,7 +197,28 @@ def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
         part = first + np.flatnonzero(used[first : first + FIXES_AT_ONCE])
         P = solution.fix_covariance[fixes[part]]
         K[part] = P @ H[part].transpose(0, 2, 1) @ np.linalg.inv(R[part])
+        hold_heading(K, part, np.array([0.0, 0.0, 1.0]), solution.fix_held[fixes[part]])
     return K
+
+
+def hold_heading(K: FloatArray, part: NDArray[np.intp], vertical: FloatArray, held: FloatArray) -> None:
+    """Remove heading and vertical gyro bias from the gains of fixes that left them as they were.
+
+    Parameters
+    ----------
+    K : (m, n, 6) array
+        Gains, changed in place.
+    part : (k,) array
+        Numbers of some of these fixes.
+    vertical : (3,) or (k, 3) array
+        The vertical in the axes of the attitude errors.
+    held : (k, 3) array
+        As `Solution.fix_held`.
+    """
+    is_held = held.any(axis=1)
+    for block, axis in ((ATT, np.broadcast_to(vertical, held.shape)), (GYRO_BIAS, held)):
+        along, gain = axis[is_held, :, None], K[part[is_held], block]
+        K[part[is_held], block] = gain - along * (along * gain).sum(axis=1, keepdims=True)
 
 
 def response(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lab.analysis.aid_verdict import SENSORS
 from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
+from lab.analysis.fix_causes import hold_heading
 from lab.analysis.transition import NAV
 from lab.frames import ecef
 from lab.navigation import blocks
@@ -168,8 +169,9 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     back = np.tile(np.eye(solution.states), (fixes.size, 1, 1))
     back[:, :NAV, :NAV] = np.linalg.inv(maps)
     P = back @ solution.fix_covariance[fixes] @ back.mT
-    # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
+    # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b), except along what was held.
     K = P @ H.mT @ np.linalg.inv(solution.fix_R[fixes])
+    hold_heading(K, np.arange(fixes.size), C_fe.mT[:, :, 2], solution.fix_held[fixes])
     # Errors of a fix are along north, east and down of the true place.
     turned = C_fe @ ecef.axes(*place.T)
     none = np.zeros_like(turned)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lab.navigation import blocks, frames, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.heading_observability import DIRECTIONS
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout
@@ -38,6 +39,8 @@ class Filter(NamedTuple):
     H: FloatArray  # of this fix, for the model's own errors
     z: FloatArray  # navigator minus this fix
     S: FloatArray  # of this fix once P was raised
+    directions: FloatArray  # of heading and vertical gyro bias, see `heading_observability`
+    kept: FloatArray  # covariance and estimate of the states along them
     x: FloatArray  # an estimated error
     spare: FloatArray  # a navigator
     scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
@@ -94,6 +97,8 @@ class Filter(NamedTuple):
             np.zeros((MEASUREMENTS, n)),
             np.zeros(MEASUREMENTS),
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
+            np.zeros((DIRECTIONS, n)),
+            np.zeros((DIRECTIONS, DIRECTIONS + 1)),
             np.zeros(n),
             np.zeros(state.size),
             np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),

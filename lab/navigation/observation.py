@@ -25,11 +25,20 @@ from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.error_models import ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Kernel
+from lab.navigation.heading_observability import (
+    DIRECTIONS,
+    put_back_covariance,
+    remove_directions,
+    shows_heading,
+    take_covariance,
+    write_directions,
+)
 from lab.navigation.kalman import (
     EVERY,
     MEASUREMENTS,
     RECOVERED,
     REJECTED,
+    USED,
     normalised_square,
     plausibility,
     predict_fix,
@@ -174,6 +183,79 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
             seen[i, j] = H[i, j]
 
 
+@inline_kernel
+def own_attitude(state: FloatArray, seen: Vector) -> Vector:
+    """Return the row of H for the model's own attitude error, given that of the navigation frame's."""
+    return seen
+
+
+@inline_kernel
+def own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
+    """Return the row of H for an attitude error in b, given that for the navigation frame's."""
+    return in_body(state, seen)
+
+
+@inline_kernel
+def in_body(state: FloatArray, v: Vector) -> Vector:
+    """Return a vector of the navigation frame, resolved in b."""
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    return (
+        C[0][0] * v[0] + C[1][0] * v[1] + C[2][0] * v[2],
+        C[0][1] * v[0] + C[1][1] * v[1] + C[2][1] * v[2],
+        C[0][2] * v[0] + C[1][2] * v[1] + C[2][2] * v[2],
+    )
+
+
+@kernel
+def keeps_heading(
+    state: FloatArray, P: FloatArray, H: FloatArray, S: FloatArray, rows: int, D: FloatArray, kept: FloatArray
+) -> bool:
+    """Return whether a measurement shows the heading by chance at most; write what an update must keep.
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    P : (n, n + 1) array
+        The covariance, and the estimate in its last column.
+    H, S, rows
+        The measurement, as for `shows_heading`.
+    D : (2, n) array
+        Receives the directions of heading and vertical gyro bias.
+    kept : (2, 3) array
+        Receives covariance and estimate of the states along them.
+    """
+    vertical = (0.0, 0.0, 1.0)
+    own = own_attitude(state, vertical)
+    write_directions(own, in_body(state, vertical), D)
+    if shows_heading(P, H, S, rows, own, D):
+        return False
+    take_covariance(P, D, kept)
+    for k in range(DIRECTIONS):
+        kept[k, DIRECTIONS] = 0.0
+        for i in range(STATES):
+            kept[k, DIRECTIONS] += D[k, i] * P[i, X]
+    return True
+
+
+@kernel
+def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray, scalars: FloatArray) -> None:
+    """Undo what an update did to heading and vertical gyro bias; arguments as for `keeps_heading`.
+
+    `scalars` (r, 2 n + 2) are the scalar updates, whose gains lose what moved these states.
+    """
+    put_back_covariance(P, D, kept)
+    for k in range(DIRECTIONS):
+        missing = kept[k, DIRECTIONS]
+        for i in range(STATES):
+            missing -= D[k, i] * P[i, X]
+        for i in range(STATES):
+            P[i, X] += D[k, i] * missing
+    for m in range(scalars.shape[0]):
+        remove_directions(scalars[m], STATES, D)
+
+
 @embedded_kernel
 def observe(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
@@ -208,26 +290,13 @@ def observe(
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
             used[i, j] = R[i, j]
+    held = became == USED and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
+    if held:
+        put_heading_back(P, run.directions, run.kept, scalars)
+        for i in range(3):
+            out.fix_held[m, i] = run.directions[1, NAV + i]
     return became
-
-
-@inline_kernel
-def own_attitude(state: FloatArray, seen: Vector) -> Vector:
-    """Return the row of H for the model's own attitude error, given that of the navigation frame's."""
-    return seen
-
-
-@inline_kernel
-def own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
-    """Return the row of H for an attitude error in b, given that for the navigation frame's."""
-    at = strapdown.Q_NB
-    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
-    return (
-        C[0][0] * seen[0] + C[1][0] * seen[1] + C[2][0] * seen[2],
-        C[0][1] * seen[0] + C[1][1] * seen[1] + C[2][1] * seen[2],
-        C[0][2] * seen[0] + C[1][2] * seen[1] + C[2][2] * seen[2],
-    )
 
 
 @embedded_kernel
@@ -396,7 +465,11 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         return False
     for i in range(STATES):
         done[i] *= per_sigma
+    updates, run.S[0, 0] = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1)], s / variance
+    held = keeps_heading(state, run.P, updates, run.S, 1, run.directions, run.kept)
     scalar_update(w, z * per_sigma, done)
+    if held:
+        put_heading_back(run.P, run.directions, run.kept, updates)
     for i in range(STATES):
         gain = done[STATES + i]
         if i < NAV:  # from the model's own errors to those in north, east, down

@@ -228,6 +228,9 @@ class Solution(NamedTuple):
     fix_recovered : (m,) array
         Whether the filter used the fix after it took itself to be wrong and raised P; the innovation and its
         covariance are those before.
+    fix_held : (m, 3) array
+        The vertical in b, if heading and vertical gyro bias kept their estimates at the fix, which showed
+        them at most by chance (`heading_observability`); else zero.
     fix_H : (m, 6, states) array
         Measurement matrix of the fix: the innovation is H times the error of the navigator, plus noise.
     fix_R : (m, 6, 6) array
@@ -259,6 +262,7 @@ class Solution(NamedTuple):
     fix_sample: NDArray[np.int64]
     fix_rejected: NDArray[np.bool_]
     fix_recovered: NDArray[np.bool_]
+    fix_held: FloatArray
     fix_H: FloatArray
     fix_R: FloatArray
     rest: NDArray[np.bool_]
@@ -334,6 +338,7 @@ class Solution(NamedTuple):
             fix_sample=np.full(fixes, -1, dtype=np.int64),
             fix_rejected=np.zeros(fixes, dtype=np.bool_),
             fix_recovered=np.zeros(fixes, dtype=np.bool_),
+            fix_held=np.zeros((fixes, 3)),
             fix_H=np.full((fixes, MEASUREMENTS, states), np.nan),
             fix_R=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
             rest=np.zeros(samples, dtype=np.bool_),

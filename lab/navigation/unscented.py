@@ -30,10 +30,12 @@ from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_ker
 from lab.navigation.error_models import ATT, write_map
 from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.generation import Variant, generated
+from lab.navigation.heading_observability import put_back_covariance, remove_directions
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
     REJECTED,
+    USED,
     cholesky_of_fix,
     normalised_square,
     plausibility,
@@ -51,7 +53,7 @@ from lab.navigation.sigma_points import displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
-from lab.navigation.unscented_aids import observe_aid
+from lab.navigation.unscented_aids import keeps_heading, observe_aid
 from lab.navigation.unscented_filter import (
     GPS_DRIFT,
     GYRO_DRIFT,
@@ -277,16 +279,19 @@ def _judge(
 
 
 @embedded_kernel
-def _update(run: UnscentedFilter, nu: FloatArray) -> None:
+def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray) -> None:
     """Update P with an innovation, and correct the navigator by the estimated error.
+
+    `held` (3,) receives the vertical in b if heading and vertical gyro bias kept their estimates.
 
     H is linear except for the lever arm, which is small compared with relevant position errors. For a linear
     H, the unscented transform is exact, and the update is that of the Kalman filter (Groves 3.2.7). With S =
     L Lᵀ and W = P Hᵀ L⁻ᵀ, the estimate is W L⁻¹ ν, and P is reduced by W Wᵀ.
     """
-    P, x, H = run.P, run.x, run.H
-    S, root = np.empty((MEASUREMENTS, MEASUREMENTS)), np.zeros((MEASUREMENTS, MEASUREMENTS))
+    P, x, H, S, D = run.P, run.x, run.H, run.S, run.directions
+    root = np.zeros((MEASUREMENTS, MEASUREMENTS))
     predict_fix(P, H, run.R_fix, S)
+    keeps = became == USED and keeps_heading(run, MEASUREMENTS)
     cholesky_of_fix(S, root)
     W = np.empty((x.size, MEASUREMENTS))
     white = np.empty(MEASUREMENTS)
@@ -311,6 +316,11 @@ def _update(run: UnscentedFilter, nu: FloatArray) -> None:
             for m in range(MEASUREMENTS):
                 total += W[i, m] * W[j, m]
             P[i, j] -= total
+    if keeps:
+        put_back_covariance(P, D, run.kept)
+        remove_directions(x, 0, D)
+        for i in range(3):
+            held[i] = D[1, NAV + i]
     displace(run.state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
 
@@ -473,7 +483,7 @@ def filter_all(
                 if became == REJECTED:
                     out.fix_rejected[m] = True
                 else:
-                    _update(run, nu)
+                    _update(run, nu, became, out.fix_held[m])
                     _show(run)
                     _store_fix(out, m, k + 1, run)
                     out.fix_recovered[m] = became == RECOVERED

@@ -12,6 +12,7 @@ from lab.navigation import blocks, frames, strapdown, wander, wander_models
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filter import initial_covariance
 from lab.navigation.further_columns import with_blocks
+from lab.navigation.heading_observability import DIRECTIONS
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_points import room_for
 from lab.navigation.lever_arm import NO_TURNS
@@ -69,6 +70,9 @@ class UnscentedFilter(NamedTuple):
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
     H: FloatArray  # of this fix
+    S: FloatArray  # covariance of an innovation
+    directions: FloatArray  # of heading and vertical gyro bias, see `heading_observability`
+    kept: FloatArray  # covariance of the states along them
     noise: FloatArray
     decay: FloatArray
     lever_arm: FloatArray
@@ -120,6 +124,9 @@ class UnscentedFilter(NamedTuple):
             np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
             np.zeros((MEASUREMENTS, n)),
+            np.zeros((MEASUREMENTS, MEASUREMENTS)),
+            np.zeros((DIRECTIONS, n)),
+            np.zeros((DIRECTIONS, DIRECTIONS)),
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),

@@ -1,0 +1,165 @@
+"""Heading observability: whether a measurement shows the heading by the motion, or at most by chance.
+
+Fixes show the heading by horizontal acceleration, and the gyro bias about the vertical by turns. A vehicle
+that goes straight has neither. The filter does not know that: it linearises about the estimated motion, in
+which noise of the gyros tilts the specific force to and fro. A velocity error δv of another cause then seems
+to belong to a heading error φ as φ × δv does, although this product of two errors shows neither. Over
+minutes, σ of the heading falls while its error grows.
+
+So what a measurement would show of the heading is compared with what the errors of position, velocity and
+tilt would make it show by chance. If it is not more, heading and vertical gyro bias keep their estimates,
+variances and covariance in the update, as the parameters of Schmidt's filter do. Their correlations with all
+other states remain, so that nothing is lost once the vehicle turns or accelerates.
+
+References
+----------
+S. F. Schmidt, *Application of state-space methods to navigation problems*, Advances in Control Systems 3
+(1966); G. P. Huang, A. I. Mourikis, S. I. Roumeliotis, *Observability-based rules for designing consistent
+EKF SLAM estimators*, Int. J. Robotics Research 29 (2010).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation.compilation import allocating_kernel, kernel
+from lab.navigation.propagation import NAV
+from lab.navigation.strapdown import Vector, get, put
+
+FloatArray = NDArray[np.float64]
+
+CHANCE = 3.0
+"""Response of a measurement to the heading above which it counts, in σ of what it would be by chance. Level
+flight of 15 minutes stays below 2 σ, as it does with 2.5 to 4 times the noise of the gyros; a turn of 90° at
+60 m/s has 700 σ."""
+
+DIRECTIONS = 2
+"""Directions of the states that are kept: of the heading, and of the gyro biases. Other states turn the
+heading too little for chance to matter: it shows some 0.1/rad² with each fix."""
+
+
+@kernel
+def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
+    """Write the directions (2, n) of heading and vertical gyro bias among the states.
+
+    Parameters
+    ----------
+    own
+        The vertical in the coordinates of the filter's attitude error.
+    down
+        The vertical in b.
+    D
+        Receives a unit vector in each row.
+    """
+    for k in range(DIRECTIONS):
+        for j in range(D.shape[1]):
+            D[k, j] = 0.0
+    put(D[0], NAV - 3, own)
+    put(D[1], NAV, down)
+
+
+@kernel
+def covariance_along(P: FloatArray, D: FloatArray, k: int, m: int) -> float:
+    """Return the covariance of the states along two of the directions."""
+    total = 0.0
+    for i in range(D.shape[1]):
+        if D[k, i] != 0:
+            for j in range(D.shape[1]):
+                total += D[k, i] * D[m, j] * P[i, j]
+    return total
+
+
+@kernel
+def chance_variance(P: FloatArray, row: FloatArray, own: Vector) -> float:
+    """Return the variance of what a row of H would show per radian of heading by chance.
+
+    It is that of row · (δr × d, δv × d, φ × d) with the errors of the filter and the vertical d.
+    """
+    total = 0.0
+    for a in range(0, NAV, 3):
+        u, v, w = _across(get(row, a), own)
+        for b in range(0, NAV, 3):
+            x, y, z = _across(get(row, b), own)
+            total += u * (P[a, b] * x + P[a, b + 1] * y + P[a, b + 2] * z)
+            total += v * (P[a + 1, b] * x + P[a + 1, b + 1] * y + P[a + 1, b + 2] * z)
+            total += w * (P[a + 2, b] * x + P[a + 2, b + 1] * y + P[a + 2, b + 2] * z)
+    return total
+
+
+@kernel
+def _across(a: Vector, b: Vector) -> Vector:
+    """Return a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@allocating_kernel
+def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, rows: int, own: Vector, D: FloatArray) -> bool:
+    """Return whether a measurement shows heading or vertical gyro bias more than by chance.
+
+    Parameters
+    ----------
+    P : (n, ≥ n) array
+        Covariance before the update.
+    H : (≥ rows, ≥ n) array
+        Measurement matrix, for the filter's own errors.
+    S : (≥ rows, ≥ rows) array
+        Covariance of the innovation.
+    rows
+        How many numbers are measured.
+    own, D
+        As of `write_directions`.
+    """
+    shown, chance = np.zeros(DIRECTIONS), 0.0
+    n = D.shape[1]
+    for m in range(rows):
+        for k in range(DIRECTIONS):
+            response = 0.0
+            for i in range(n):
+                if H[m, i] != 0:
+                    for j in range(n):
+                        response += H[m, i] * P[i, j] * D[k, j]
+            shown[k] += response * response / S[m, m]
+        chance += chance_variance(P, H[m], own) / S[m, m]
+    limit = CHANCE * CHANCE * chance * covariance_along(P, D, 0, 0)
+    more = False
+    for k in range(DIRECTIONS):
+        more |= shown[k] > limit * covariance_along(P, D, k, k)
+    return more
+
+
+@kernel
+def take_covariance(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
+    """Write the covariance (2, ≥ 2) of the states along the directions."""
+    for k in range(DIRECTIONS):
+        for m in range(DIRECTIONS):
+            kept[k, m] = covariance_along(P, D, k, m)
+
+
+@allocating_kernel
+def put_back_covariance(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
+    """Give the states along the directions a covariance (2, ≥ 2); those with other states stay.
+
+    With the gain K of an optimal update, Schmidt's is K − Dᵀ D K, and P is larger by Dᵀ (D K S Kᵀ Dᵀ) D,
+    which is what the optimal update had taken off.
+    """
+    now = np.empty((DIRECTIONS, DIRECTIONS))
+    take_covariance(P, D, now)
+    n = D.shape[1]
+    for i in range(n):
+        for j in range(n):
+            for k in range(DIRECTIONS):
+                if D[k, i] != 0:
+                    for m in range(DIRECTIONS):
+                        P[i, j] += D[k, i] * (kept[k, m] - now[k, m]) * D[m, j]
+
+
+@kernel
+def remove_directions(gain: FloatArray, first: int, D: FloatArray) -> None:
+    """Remove the components along the directions from the gain that begins at number `first` of an array."""
+    for k in range(DIRECTIONS):
+        along = 0.0
+        for i in range(D.shape[1]):
+            along += D[k, i] * gain[first + i]
+        for i in range(D.shape[1]):
+            gain[first + i] -= D[k, i] * along
