@@ -348,6 +348,8 @@ class Result(NotebookCard, Repeatable):
                 "row were so implausible that the filter took itself to be wrong; it raised P and used the "
                 "fix."
             )
+        straight = observability.straight_remark(self)
+        remarks += [straight] if straight else []
         beyond = feedforward.remark(self.free_run, self.experiment.navigator)
         # A navigator that is far off contradicts all that is measured.
         remarks += [beyond] if beyond else aiding.larger_than_assumed(self)

@@ -24,7 +24,7 @@ from lab.analysis.budget import (
 from lab.analysis.gains import epochs_of
 from lab.frames.rotation import wrap
 from lab.navigation import strapdown
-from lab.navigation.error_models import ErrorModel
+from lab.navigation.error_models import ATT, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.frames import lead
 from lab.navigation.further_columns import with_blocks
@@ -66,6 +66,15 @@ AT_ONCE = 2**16
 """Samples whose attitude is computed together, with some 100 bytes each."""
 WORTH_A_WORD = 10.0
 """Smallest share of the reduction for which a manoeuvre is named [%]: at most ten manoeuvres have as much."""
+LEAST_REDUCTION = 0.01
+"""Relative reduction of σ in a flight below which no manoeuvre is credited with it: rounding of P, and the
+correlation with other states, reduce σ of what no manoeuvre shows by thousandths."""
+STRAIGHT = 60.0
+"""Shortest time without information on the heading that is remarked [s]. Level stretches of the shipped
+flights last for up to a minute."""
+UNCERTAIN = np.radians(3.0)
+"""Smallest σ of the heading at its end that is remarked [rad]: by then, an error of the heading shows in the
+plots, and a default gyro takes some 30 s to it."""
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 
 
@@ -220,7 +229,7 @@ def observability(run: Run) -> xr.Dataset:
     reduction = known[:-1] - known[1:]
     gained = np.maximum(reduction, 0)
     total = gained.sum(axis=0)
-    share = 100 * np.divide(gained, total, out=np.zeros_like(gained), where=total > 0)
+    share = 100 * np.divide(gained, total, out=np.zeros_like(gained), where=total > LEAST_REDUCTION)
     dims = ("segment", "quantity")
     return xr.Dataset(
         {
@@ -241,6 +250,29 @@ def observability(run: Run) -> xr.Dataset:
             "start": ("segment", edges[:-1], {"units": "s"}),
             "end": ("segment", edges[1:], {"units": "s"}),
         },
+    )
+
+
+def straight_remark(run: Run) -> str:
+    """Return a sentence about the longest time in which no fix shows the heading; empty if it matters little.
+
+    The fixes are those that held it (`lab.navigation.heading_observability`).
+    """
+    solution = run.solution_arrays
+    used = np.flatnonzero(solution.fix_sample >= 0)
+    held = solution.fix_held[used].any(axis=1)
+    edges = np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    if not edges.size:
+        return ""
+    at = solution.fix_sample[used]
+    lasts = run.time[at[edges[:, 1] - 1]] - run.time[at[edges[:, 0]]]
+    longest = int(np.argmax(lasts))
+    sigma = float(np.sqrt(solution.variance[at[edges[longest, 1] - 1], ATT][2]))
+    if lasts[longest] < STRAIGHT or sigma < UNCERTAIN:
+        return ""
+    return (
+        f"The vehicle goes straight for {lasts[longest]:.0f} s: heading and vertical gyro bias are not "
+        f"observable there, and σ of the heading reaches {np.degrees(sigma):.2g}°."
     )
 
 

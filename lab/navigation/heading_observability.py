@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import allocating_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, inline_kernel, kernel
 from lab.navigation.propagation import NAV
 from lab.navigation.strapdown import Vector, get, put
 
@@ -59,6 +59,12 @@ def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
     put(D[1], NAV, down)
 
 
+@inline_kernel
+def is_held(vertical: FloatArray) -> bool:
+    """Return whether a fix held the heading, given its row of `Solution.fix_held`."""
+    return vertical[0] != 0 or vertical[1] != 0 or vertical[2] != 0
+
+
 @kernel
 def covariance_along(P: FloatArray, D: FloatArray, k: int, m: int) -> float:
     """Return the covariance of the states along two of the directions."""
@@ -74,17 +80,24 @@ def covariance_along(P: FloatArray, D: FloatArray, k: int, m: int) -> float:
 def chance_variance(P: FloatArray, row: FloatArray, own: Vector) -> float:
     """Return the variance of what a row of H would show per radian of heading by chance.
 
-    It is that of row · (δr × d, δv × d, φ × d) with the errors of the filter and the vertical d.
+    It is that of row · (δr × d, δv × d, φ × d) with the vertical d and the errors of the filter, less the
+    part of these that comes from the heading itself.
     """
-    total = 0.0
+    total, with_heading, heading = 0.0, 0.0, 0.0
     for a in range(0, NAV, 3):
-        u, v, w = _across(get(row, a), own)
+        turned = _across(get(row, a), own)
+        for i in range(3):
+            for j in range(3):
+                with_heading += turned[i] * P[a + i, NAV - 3 + j] * own[j]
         for b in range(0, NAV, 3):
-            x, y, z = _across(get(row, b), own)
-            total += u * (P[a, b] * x + P[a, b + 1] * y + P[a, b + 2] * z)
-            total += v * (P[a + 1, b] * x + P[a + 1, b + 1] * y + P[a + 1, b + 2] * z)
-            total += w * (P[a + 2, b] * x + P[a + 2, b + 1] * y + P[a + 2, b + 2] * z)
-    return total
+            other = _across(get(row, b), own)
+            for i in range(3):
+                for j in range(3):
+                    total += turned[i] * P[a + i, b + j] * other[j]
+    for i in range(3):
+        for j in range(3):
+            heading += own[i] * P[NAV - 3 + i, NAV - 3 + j] * own[j]
+    return total - with_heading * with_heading / heading if heading > 0 else total
 
 
 @kernel

@@ -34,10 +34,17 @@ from lab.navigation.error_models import (
     ErrorModel,
 )
 from lab.navigation.filter import initial_covariance
-from lab.navigation.heading_observability import CHANCE
 from lab.navigation.lever_arm import turns
 from lab.navigation.own_states import of_blocks
-from lab.navigation.reference_aids import as_biases, azimuth_variance, bent_airspeed, bent_speed, see_aid
+from lab.navigation.reference_aids import (
+    as_biases,
+    azimuth_variance,
+    bent_airspeed,
+    bent_speed,
+    see_aid,
+    shows_heading,
+    vertical_directions,
+)
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
@@ -171,7 +178,7 @@ def _use_fix(
     H, antenna, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
     z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
-    D = _vertical(state, model)
+    D = vertical_directions(state, model.states, in_body=model.in_body)
     held = _update(kalman, z, H @ model.map(state), R, D)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
@@ -226,7 +233,8 @@ def _use_aid(
     out.aid_H[a] = row
     if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
         return
-    _update(kalman, residual + H @ kalman.x, H, R, _vertical(here, model))
+    D = vertical_directions(here, model.states, in_body=model.in_body)
+    _update(kalman, residual + H @ kalman.x, H, R, D)
     out.aid_gain[a] = T @ kalman.K[:, 0]
     out.aid_sample[a] = k + 1
     feedback.apply(state, kalman, time, dt)
@@ -449,7 +457,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
     """
     x, P = kalman.x, kalman.P
     kalman.update(z, R=R, H=H)
-    held = not _shows_heading(P, H, np.diag(kalman.S), D)
+    held = not shows_heading(P, H, np.diag(kalman.S), D)
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y
@@ -457,27 +465,6 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
         kalman.P = left @ P @ left.T + kalman.K @ R @ kalman.K.T
     kalman.P = (kalman.P + kalman.P.T) / 2
     return held
-
-
-def _vertical(state: FloatArray, model: ErrorModel) -> FloatArray:
-    """Return the directions (2, n) of the heading and of the gyro biases about the vertical."""
-    C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
-    D = np.zeros((2, model.states))
-    D[0, ATT] = C_nb[2] if model.in_body else (0.0, 0.0, 1.0)
-    D[1, GYRO_BIAS] = C_nb[2]
-    return D
-
-
-def _shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) -> bool:
-    """Return whether a measurement with variances S (r,) shows the states along D more than by chance."""
-    variance = np.diag(D @ P @ D.T)
-    turned = np.zeros((9, 9))
-    for block in (POS, VEL, ATT):
-        turned[block, block] = skew(D[0, ATT])
-    by_chance = H[:, :9] @ turned @ P[:9, :9] @ turned.T @ H[:, :9].T
-    limit = CHANCE**2 * variance[0] * (np.diag(by_chance) / S).sum()
-    shown = ((H @ P @ D.T) ** 2 / S[:, None]).sum(axis=0)
-    return bool((shown > limit * variance).any())
 
 
 def _radii(state: FloatArray) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.heading_observability import CHANCE
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +81,51 @@ def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
     effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)
     # They are taken off behind the scale factors, the biases before them.
     H[:, own] = H[:, GYRO_BIAS] * (1 + _three(state, strapdown.GYRO_SCALE)) @ effects.T[:3]
+
+
+def vertical_directions(state: FloatArray, states: int, *, in_body: bool) -> FloatArray:
+    """Return the directions (2, n) of heading and vertical gyro bias among the states.
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    states
+        Number n of states.
+    in_body
+        Whether the attitude error is resolved in b.
+    """
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    D = np.zeros((2, states))
+    D[0, ATT] = C_nb[2] if in_body else (0.0, 0.0, 1.0)
+    D[1, GYRO_BIAS] = C_nb[2]
+    return D
+
+
+def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) -> bool:
+    """Return whether a measurement shows heading or vertical gyro bias more than by chance.
+
+    Parameters
+    ----------
+    P : (n, n) array
+        Covariance before the update.
+    H : (r, n) array
+        Measurement matrix, for the filter's own errors.
+    S : (r,) array
+        Variances of the innovation.
+    D : (2, n) array
+        From `vertical_directions`.
+    """
+    variance = np.diag(D @ P @ D.T)
+    turned = np.zeros((9, 9))
+    for block in (POS, VEL, ATT):
+        turned[block, block] = skew(D[0, ATT])
+    of_heading = (P @ D[0])[:9]
+    others = P[:9, :9] - np.outer(of_heading, of_heading) / variance[0]
+    by_chance = H[:, :9] @ turned @ others @ turned.T @ H[:, :9].T
+    limit = CHANCE**2 * variance[0] * (np.diag(by_chance) / S).sum()
+    shown = ((H @ P @ D.T) ** 2 / S[:, None]).sum(axis=0)
+    return bool((shown > limit * variance).any())
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:

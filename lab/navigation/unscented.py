@@ -16,7 +16,6 @@ F. L. Markley, *Unscented filtering for spacecraft attitude estimation*, JGCD 26
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -27,7 +26,7 @@ from lab.histories import SINGLE
 from lab.navigation import blocks, strapdown, wander_models
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
-from lab.navigation.error_models import ATT, write_map
+from lab.navigation.error_models import write_map
 from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.generation import Variant, generated
 from lab.navigation.heading_observability import put_back_covariance, remove_directions
@@ -63,6 +62,7 @@ from lab.navigation.unscented_filter import (
     MISALIGNMENT,
     SCALE,
     UnscentedFilter,
+    check_heading,
 )
 from lab.navigation.unscented_noise import decay_errors, drive
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
@@ -118,23 +118,6 @@ def navigate(
 
     go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
     return solution
-
-
-LARGEST_SIGMA = math.radians(60)
-"""Largest σ of an initial attitude error [rad]: the sigma points lie at √3 σ, and for σ of 104° and more they
-overlap on the other side of the circle."""
-
-
-def check_heading(P0: FloatArray) -> None:
-    """Raise `SettingError` if an initial attitude is too uncertain for sigma points."""
-    sigma = math.sqrt(float(np.max(np.diag(P0)[ATT])))
-    if sigma > LARGEST_SIGMA:
-        raise SettingError(
-            "navigator.model: the sigma points of the model nonlinear do not span an initial attitude with a "
-            f"σ of {math.degrees(sigma):.0f}°; accepted are up to {math.degrees(LARGEST_SIGMA):.0f}° "
-            "(navigator.attitude_sigma, navigator.p0), or the model invariant, which also starts from an "
-            "unknown heading"
-        )
 
 
 def check(schedule: Schedule) -> None:

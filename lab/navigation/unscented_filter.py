@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from lab.navigation import blocks, frames, strapdown, wander, wander_models
 from lab.navigation.aids import NO_AIDS, Aids
+from lab.navigation.error_models import ATT
 from lab.navigation.filter import initial_covariance
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.heading_observability import DIRECTIONS
@@ -19,6 +21,7 @@ from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
+from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
@@ -135,4 +138,21 @@ class UnscentedFilter(NamedTuple):
             np.array(blocks.places(names), dtype=np.int64),
             np.array([blocks.first_state(names, name) for name in SEEN], dtype=np.int64),
             read_only(aids),
+        )
+
+
+LARGEST_SIGMA = math.radians(60)
+"""Largest σ of an initial attitude error [rad]: the sigma points lie at √3 σ, and for σ of 104° and more they
+overlap on the other side of the circle."""
+
+
+def check_heading(P0: FloatArray) -> None:
+    """Raise `SettingError` if an initial attitude is too uncertain for sigma points."""
+    sigma = math.sqrt(float(np.max(np.diag(P0)[ATT])))
+    if sigma > LARGEST_SIGMA:
+        raise SettingError(
+            "navigator.model: the sigma points of the model nonlinear do not span an initial attitude with a "
+            f"σ of {math.degrees(sigma):.0f}°; accepted are up to {math.degrees(LARGEST_SIGMA):.0f}° "
+            "(navigator.attitude_sigma, navigator.p0), or the model invariant, which also starts from an "
+            "unknown heading"
         )
