@@ -154,7 +154,7 @@ def test_what_is_put_back_makes_p_that_of_josephs_form() -> None:
 
 
 def test_a_turn_shows_the_heading_and_level_flight_does_not() -> None:
-    """By hand: beside four horizontal components with σ of 0.1, a response counts from 3 √4 · 0.1 = 0.6 on."""
+    """By hand: beside four horizontal components with σ of 0.1, a response counts above 3 √4 · 0.1 = 0.6."""
     D = np.empty((2, 15))
     heading_observability.write_directions((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), D)
     H, S = np.eye(6, 15), np.eye(6)
