@@ -11,6 +11,9 @@ tilt would make it show by chance. If it is not more, heading and vertical gyro 
 variances and covariance in the update, as the parameters of Schmidt's filter do. Their correlations with all
 other states remain, so that nothing is lost once the vehicle turns or accelerates.
 
+For a smoother, this is an optimal update after which heading and vertical gyro bias are moved by noise with
+the variance that the update took off. So it may halve this variance in a straight flight, and no more.
+
 References
 ----------
 S. F. Schmidt, *Application of state-space methods to navigation problems*, Advances in Control Systems 3
@@ -23,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import allocating_kernel, inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, kernel
 from lab.navigation.propagation import NAV
 from lab.navigation.strapdown import Vector, get, put
 
@@ -57,12 +60,6 @@ def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
             D[k, j] = 0.0
     put(D[0], NAV - 3, own)
     put(D[1], NAV, down)
-
-
-@inline_kernel
-def is_held(vertical: FloatArray) -> bool:
-    """Return whether a fix held the heading, given its row of `Solution.fix_held`."""
-    return vertical[0] != 0 or vertical[1] != 0 or vertical[2] != 0
 
 
 @kernel
@@ -168,11 +165,11 @@ def put_back_covariance(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
 
 
 @kernel
-def remove_directions(gain: FloatArray, first: int, D: FloatArray) -> None:
-    """Remove the components along the directions from the gain that begins at number `first` of an array."""
+def remove_directions(gain: FloatArray, D: FloatArray) -> None:
+    """Remove the components along the directions from a gain, or from an estimate, (n,)."""
     for k in range(DIRECTIONS):
         along = 0.0
         for i in range(D.shape[1]):
-            along += D[k, i] * gain[first + i]
+            along += D[k, i] * gain[i]
         for i in range(D.shape[1]):
-            gain[first + i] -= D[k, i] * along
+            gain[i] -= D[k, i] * along

@@ -240,11 +240,8 @@ def keeps_heading(
 
 
 @kernel
-def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray, scalars: FloatArray) -> None:
-    """Undo what an update did to heading and vertical gyro bias; arguments as for `keeps_heading`.
-
-    `scalars` (r, 2 n + 2) are the scalar updates, whose gains lose what moved these states.
-    """
+def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
+    """Undo what an update did to heading and vertical gyro bias; arguments as for `keeps_heading`."""
     put_back_covariance(P, D, kept)
     for k in range(DIRECTIONS):
         missing = kept[k, DIRECTIONS]
@@ -252,8 +249,6 @@ def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray, scalars: Fl
             missing -= D[k, i] * P[i, X]
         for i in range(STATES):
             P[i, X] += D[k, i] * missing
-    for m in range(scalars.shape[0]):
-        remove_directions(scalars[m], STATES, D)
 
 
 @embedded_kernel
@@ -293,7 +288,7 @@ def observe(
     held = became == USED and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
     if held:
-        put_heading_back(P, run.directions, run.kept, scalars)
+        put_heading_back(P, run.directions, run.kept)
         for i in range(3):
             out.fix_held[m, i] = run.directions[1, NAV + i]
     return became
@@ -427,6 +422,17 @@ def position_variance(T: FloatArray, P: FloatArray) -> float:
 
 
 @kernel
+def _map_gain(T: FloatArray, own: FloatArray, gain: FloatArray) -> None:
+    """Write a gain (n,) for the errors in north, east, down, given that for the model's own errors."""
+    for i in range(STATES):
+        gain[i] = own[i]
+    for i in range(NAV):
+        gain[i] = 0.0
+        for j in range(NAV):
+            gain[i] += T[i, j] * own[j]
+
+
+@kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used.
 
@@ -469,14 +475,13 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     held = keeps_heading(state, run.P, updates, run.S, 1, run.directions, run.kept)
     scalar_update(w, z * per_sigma, done)
     if held:
-        put_heading_back(run.P, run.directions, run.kept, updates)
+        put_heading_back(run.P, run.directions, run.kept)
+    own = run.x
     for i in range(STATES):
-        gain = done[STATES + i]
-        if i < NAV:  # from the model's own errors to those in north, east, down
-            gain = 0.0
-            for j in range(NAV):
-                gain += T[i, j] * done[STATES + j]
-        gains[i] = gain * per_sigma
+        own[i] = done[STATES + i] * per_sigma
+    if held:
+        remove_directions(own, run.directions)
+    _map_gain(T, own, gains)
     return True
 
 

@@ -453,7 +453,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
     """Update with a measurement; return whether the states along D (2, n) kept their estimates.
 
     They keep them if the measurement shows them at most by chance, by the gain K − Dᵀ D K of Schmidt's filter
-    and Joseph's form of P (`heading_observability`).
+    (`heading_observability`).
     """
     x, P = kalman.x, kalman.P
     kalman.update(z, R=R, H=H)
@@ -461,8 +461,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y
-        left = np.eye(x.size) - kalman.K @ H
-        kalman.P = left @ P @ left.T + kalman.K @ R @ kalman.K.T
+        kalman.P = kalman.P + D.T @ D @ (P - kalman.P) @ D.T @ D
     kalman.P = (kalman.P + kalman.P.T) / 2
     return held
 

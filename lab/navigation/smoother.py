@@ -34,10 +34,8 @@ from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.frames import change, model_at
-from lab.navigation.heading_observability import DIRECTIONS, is_held, write_directions
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import go_through, takes_aids, within_frame, within_frame_in_piece
-from lab.navigation.observation import in_body, own_attitude
 from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
@@ -322,38 +320,6 @@ def _before_aids(
 
 
 @kernel
-def _part_from_heading(
-    state: FloatArray, Phi: FloatArray, fix_held: FloatArray, ahead: int, D: FloatArray
-) -> None:
-    """Remove from a step what heading and vertical gyro bias do to the other errors of navigation.
-
-    Before a fix that shows them at most by chance, this is chance too (`heading_observability`): later fixes
-    would show them by it. `ahead` is the number of the next fix.
-    """
-    if ahead >= fix_held.shape[0] or not is_held(fix_held[ahead]):
-        return
-    vertical = (0.0, 0.0, 1.0)
-    write_directions(own_attitude(state, vertical), in_body(state, vertical), D)
-    for k in range(DIRECTIONS):
-        along = 0.0  # what the direction does to the heading itself
-        for m in range(NAV):
-            along += D[0, m] * _product(Phi[m], D[k])
-        for m in range(NAV):
-            effect = _product(Phi[m], D[k]) - along * D[0, m]
-            for j in range(STATES):
-                Phi[m, j] -= effect * D[k, j]
-
-
-@inline_kernel
-def _product(a: FloatArray, b: FloatArray) -> float:
-    """Return the scalar product of two vectors."""
-    total = 0.0
-    for j in range(STATES):
-        total += a[j] * b[j]
-    return total
-
-
-@kernel
 def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray, P: FloatArray) -> None:
     """Replace [P | x] by those of the smoothed error: P − P Λ P, x − P λ."""
     for i in range(STATES):
@@ -414,7 +380,6 @@ def backwards(
                 kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
     for k in range(last - 1, first - 1, -1):
         at, dt = k - first, imu.time[k + 1] - imu.time[k]
-        ahead = kept.fixes[at]  # the first fix after the step
         _copy(kept.w[at], run.w)
         _smooth(run.w, later, Later, half, P)
         state = corrected(kept.state[at], run.w, run.T, x, spare)
@@ -428,7 +393,6 @@ def backwards(
             _before_update(kept.rest[at], later, Later, x)
         for b in range(DRIVEN):
             decay[b] = 1 - dt * run.decay[b]
-        _part_from_heading(kept.state[at], kept.Phi[at], out.fix_held, ahead, run.directions)
         _before_step(kept.Phi[at], decay, later, Later, half)
     if first == 0:
         _copy(kept.w[last], run.w)

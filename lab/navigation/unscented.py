@@ -301,7 +301,7 @@ def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray)
             P[i, j] -= total
     if keeps:
         put_back_covariance(P, D, run.kept)
-        remove_directions(x, 0, D)
+        remove_directions(x, D)
         for i in range(3):
             held[i] = D[1, NAV + i]
     displace(run.state, x, run.places)

@@ -121,7 +121,7 @@ def observe_aid(
             P[i, j] -= gain[i] * gain[j] / s
     if held:
         put_back_covariance(P, run.directions, run.kept)
-        remove_directions(x, 0, run.directions)
+        remove_directions(x, run.directions)
     displace(state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
     return True
