@@ -11,8 +11,7 @@ tilt would make it show by chance. If it is not more, heading and vertical gyro 
 variances and covariance in the update, as the parameters of Schmidt's filter do. Their correlations with all
 other states remain, so that nothing is lost once the vehicle turns or accelerates.
 
-For a smoother, this is an optimal update after which heading and vertical gyro bias are moved by noise with
-the variance that the update took off. So it may halve this variance in a straight flight, and no more.
+A smoother has the filter without this rule: its backward pass is that of optimal updates.
 
 References
 ----------

@@ -285,7 +285,8 @@ def observe(
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
             used[i, j] = R[i, j]
-    held = became == USED and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
+    may_hold = schedule.hold_heading and became == USED
+    held = may_hold and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
     if held:
         put_heading_back(P, run.directions, run.kept)
@@ -472,7 +473,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     for i in range(STATES):
         done[i] *= per_sigma
     updates, run.S[0, 0] = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1)], s / variance
-    held = keeps_heading(state, run.P, updates, run.S, 1, run.directions, run.kept)
+    held = schedule.hold_heading and keeps_heading(state, run.P, updates, run.S, 1, run.directions, run.kept)
     scalar_update(w, z * per_sigma, done)
     if held:
         put_heading_back(run.P, run.directions, run.kept)

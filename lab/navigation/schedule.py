@@ -39,6 +39,9 @@ class Schedule(NamedTuple):
         do not.
     aid_gate : float
         Largest NIS of one measurement of `aids` that is used.
+    hold_heading : bool
+        Whether measurements that show the heading at most by chance leave it as it is; see
+        `heading_observability`.
     """
 
     feedback: bool = True
@@ -50,6 +53,7 @@ class Schedule(NamedTuple):
     agreeing: int = 4
     any_of: int = 10
     aid_gate: float = math.inf
+    hold_heading: bool = True
 
 
 class Stretch(NamedTuple):

@@ -122,6 +122,8 @@ def navigate(
         and smoothed covariances at the fixes; innovations remain the filter's.
     """
     assert schedule.stride == 1
+    # The backward pass is that of an optimal filter.
+    schedule = schedule._replace(hold_heading=False)
     imu, fixes = read_only(imu), read_only(fixes)
     is_long = imu.time.size > SINGLE
     shown = np.float32 if is_long else np.float64

@@ -70,6 +70,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
             fix_sample=np.array(fixes, dtype=np.int64),
             fix_H=np.tile(np.eye(6, 15), (len(fixes), 1, 1)),
             fix_R=np.tile(np.eye(6), (len(fixes), 1, 1)),
+            fix_held=np.zeros((len(fixes), 3)),
             aid_sample=np.zeros(0, dtype=np.int64),
             states=15,
             position=np.tile([LATITUDE, -2.0, 0.0], (n + 1, 1)),

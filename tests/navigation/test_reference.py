@@ -190,21 +190,28 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     np.testing.assert_array_equal(compiled.fix_sample, in_filterpy.fix_sample)
     np.testing.assert_array_equal(compiled.fix_rejected, in_filterpy.fix_rejected)
     np.testing.assert_array_equal(compiled.rest, in_filterpy.rest)
+    np.testing.assert_array_equal(compiled.fix_held.any(axis=1), in_filterpy.fix_held.any(axis=1))
     assert compiled.rest.any() == (CASES[name].rest > 0)
     gated = np.isfinite(CASES[name].schedule.gate)
     assert (compiled.fix_sample[~compiled.fix_rejected] > 0).all()
     assert compiled.fix_rejected.any() == gated
     parted = not np.array_equal(compiled.position, in_filterpy.position)
-    assert state <= 1e-9 + parted * POSITION_ROUNDOFF / position_deviation(CASES[name])
-    assert sigma <= 1e-9
+    # An attitude that is 60° wrong until the take-off is corrected at once: that carries roundoff of 1e-12, where
+    # it differs, into 5e-9.
+    allowed = 1e-8 if CASES[name].astray else 1e-9
+    assert state <= allowed + parted * POSITION_ROUNDOFF / position_deviation(CASES[name])
+    assert sigma <= allowed
     np.testing.assert_allclose(
-        compiled.innovation, in_filterpy.innovation, rtol=0, atol=1e-9 * deviation.max() + POSITION_ROUNDOFF
+        compiled.innovation,
+        in_filterpy.innovation,
+        rtol=0,
+        atol=allowed * deviation.max() + POSITION_ROUNDOFF,
     )
     used = ~compiled.fix_rejected
     after, expected = compiled.fix_covariance[used], in_filterpy.fix_covariance[used]
     fix_sigma = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
     np.testing.assert_allclose(
-        (after - expected) / (fix_sigma[:, :, None] * fix_sigma[:, None, :]), 0, atol=1e-9
+        (after - expected) / (fix_sigma[:, :, None] * fix_sigma[:, None, :]), 0, atol=allowed
     )
     position_sigma = in_filterpy.variance[:, [0, 0, 1]] * in_filterpy.variance[:, [1, 2, 2]]
     covariance = (compiled.covariance - in_filterpy.covariance)[:, 0] / np.sqrt(position_sigma)
