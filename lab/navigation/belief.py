@@ -373,6 +373,7 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         agreeing=max(FEWEST_AGREEING, accusing),
         any_of=max(FEWEST_SCATTERED, 2 * accusing),
         aid_gate=gate(navigator.gate, 1),
+        hold_heading=not navigator.smoother,  # its backward pass is that of optimal updates
     )
 
 

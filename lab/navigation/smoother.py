@@ -49,6 +49,8 @@ FloatArray = NDArray[np.float64]
 GO = 1024
 """Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are
 twice as many: at the start of each block, a copy of the filter is kept, with 12 kB."""
+OPTIMAL = EVERY_FIX._replace(hold_heading=False)
+"""A schedule whose updates are optimal, as the backward pass takes them to be."""
 SHARED = ("P", "F_sum", "F_step", "scalars", "R", "decay", "lever_arm", "turns", "aids", "aid_scalars")
 """Arrays of a filter that are not copied: P is a part of `w`, sums of F serve a covariance that is propagated
 less often, updates by fixes are kept for all fixes, the others do not change. R and the angular rates about
@@ -99,7 +101,7 @@ def navigate(
     fixes: Fixes,
     start: Start,
     belief: Belief,
-    schedule: Schedule = EVERY_FIX,
+    schedule: Schedule = OPTIMAL,
     model: ErrorModel = PHI,
     stretches: Sequence[Stretch] = (),
     aids: Aids = NO_AIDS,
@@ -110,7 +112,8 @@ def navigate(
     Parameters
     ----------
     imu, fixes, start, belief, schedule, model, stretches, aids
-        As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
+        As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1), and the
+        heading is not held (`schedule.hold_heading` is false).
     used
         Called after each block of the backward pass, with the number of the increment from which on all
         have been used.
@@ -122,8 +125,7 @@ def navigate(
         and smoothed covariances at the fixes; innovations remain the filter's.
     """
     assert schedule.stride == 1
-    # The backward pass is that of an optimal filter.
-    schedule = schedule._replace(hold_heading=False)
+    assert not schedule.hold_heading
     imu, fixes = read_only(imu), read_only(fixes)
     is_long = imu.time.size > SINGLE
     shown = np.float32 if is_long else np.float64

@@ -196,8 +196,7 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     assert (compiled.fix_sample[~compiled.fix_rejected] > 0).all()
     assert compiled.fix_rejected.any() == gated
     parted = not np.array_equal(compiled.position, in_filterpy.position)
-    # A heading that is 60° wrong until the take-off is corrected at once: that carries differences of 1e-12 by
-    # roundoff into 5e-9.
+    # A heading that is 60° wrong is corrected at once after the take-off: roundoff of 1e-12 becomes 5e-9.
     allowed = 1e-8 if CASES[name].astray else 1e-9
     assert state <= allowed + parted * POSITION_ROUNDOFF / position_deviation(CASES[name])
     assert sigma <= allowed
