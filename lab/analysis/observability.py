@@ -69,6 +69,8 @@ WORTH_A_WORD = 10.0
 LEAST_REDUCTION = 0.01
 """Relative reduction of σ in a flight below which no manoeuvre is credited with it: rounding of P, and the
 correlation with other states, reduce σ of what no manoeuvre shows by thousandths."""
+MOVING = 2.0
+"""Speed above which a vehicle goes somewhere by its fixes [m/s]: four σ of the velocity of a default one."""
 STRAIGHT = 60.0
 """Shortest time without information on the heading that is remarked [s]. Level stretches of the shipped
 flights last for up to a minute."""
@@ -260,7 +262,8 @@ def straight_remark(run: Run) -> str:
     """
     solution = run.solution_arrays
     used = np.flatnonzero(solution.fix_sample >= 0)
-    held = solution.fix_held[used].any(axis=1)
+    moves = np.linalg.norm(solution.velocity_n[solution.fix_sample[used]], axis=1) > MOVING
+    held = solution.fix_held[used].any(axis=1) & moves
     edges = np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     if not edges.size:
         return ""

@@ -61,7 +61,7 @@ def tilted_gravity(state: FloatArray, north: float, east: float, both: float) ->
     """
     g = state[strapdown.GRAVITY]
     trace = north + east
-    return 0.25 * g * g * (trace * trace + 2 * (north * north + east * east + 2 * both * both))
+    return float(0.25 * g * g * (trace * trace + 2 * (north * north + east * east + 2 * both * both)))
 
 
 @embedded_kernel
