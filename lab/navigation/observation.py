@@ -209,7 +209,7 @@ def in_body(state: FloatArray, v: Vector) -> Vector:
 
 @kernel
 def keeps_heading(
-    state: FloatArray, P: FloatArray, H: FloatArray, S: FloatArray, rows: int, D: FloatArray, kept: FloatArray
+    state: FloatArray, P: FloatArray, H: FloatArray, rows: int, D: FloatArray, kept: FloatArray
 ) -> bool:
     """Return whether a measurement shows the heading by chance at most; write what an update must keep.
 
@@ -219,7 +219,7 @@ def keeps_heading(
         The navigator.
     P : (n, n + 1) array
         The covariance, and the estimate in its last column.
-    H, S, rows
+    H, rows
         The measurement, as for `shows_heading`.
     D : (2, n) array
         Receives the directions of heading and vertical gyro bias.
@@ -229,7 +229,7 @@ def keeps_heading(
     vertical = (0.0, 0.0, 1.0)
     own = own_attitude(state, vertical)
     write_directions(own, in_body(state, vertical), D)
-    if shows_heading(P, H, S, rows, own, D):
+    if shows_heading(P, H, rows, own, D):
         return False
     take_covariance(P, D, kept)
     for k in range(DIRECTIONS):
@@ -286,7 +286,7 @@ def observe(
         for j in range(MEASUREMENTS):
             used[i, j] = R[i, j]
     may_hold = schedule.hold_heading and became == USED
-    held = may_hold and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
+    held = may_hold and keeps_heading(state, P, H, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
     if held:
         put_heading_back(P, run.directions, run.kept)
@@ -472,8 +472,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         return False
     for i in range(STATES):
         done[i] *= per_sigma
-    updates, run.S[0, 0] = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1)], s / variance
-    held = schedule.hold_heading and keeps_heading(state, run.P, updates, run.S, 1, run.directions, run.kept)
+    updates = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1)]
+    held = schedule.hold_heading and keeps_heading(state, run.P, updates, 1, run.directions, run.kept)
     scalar_update(w, z * per_sigma, done)
     if held:
         put_heading_back(run.P, run.directions, run.kept)

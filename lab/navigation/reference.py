@@ -457,7 +457,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
     """
     x, P = kalman.x, kalman.P
     kalman.update(z, R=R, H=H)
-    held = not shows_heading(P, H, np.diag(kalman.S), D)
+    held = not shows_heading(P, H, D)
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y

@@ -18,7 +18,7 @@ from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.heading_observability import CHANCE
+from lab.navigation.heading_observability import CHANCE, LEVEL
 
 FloatArray = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def vertical_directions(state: FloatArray, states: int, *, in_body: bool) -> Flo
     return D
 
 
-def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) -> bool:
+def shows_heading(P: FloatArray, H: FloatArray, D: FloatArray) -> bool:
     """Return whether a measurement shows heading or vertical gyro bias more than by chance.
 
     Parameters
@@ -111,8 +111,6 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
         Covariance before the update.
     H : (r, n) array
         Measurement matrix, for the filter's own errors.
-    S : (r,) array
-        Variances of the innovation.
     D : (2, n) array
         From `vertical_directions`.
     """
@@ -122,10 +120,12 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
         turned[block, block] = skew(D[0, ATT])
     of_heading = (P @ D[0])[:9]
     others = P[:9, :9] - np.outer(of_heading, of_heading) / variance[0]
-    by_chance = H[:, :9] @ turned @ others @ turned.T @ H[:, :9].T
-    limit = CHANCE**2 * variance[0] * (np.diag(by_chance) / S).sum()
-    shown = ((H @ P @ D.T) ** 2 / S[:, None]).sum(axis=0)
-    return bool((shown > limit * variance).any())
+    chance = np.diag(H[:, :9] @ turned @ others @ turned.T @ H[:, :9].T)
+    response = H @ P @ D.T
+    own_variance = np.diag(H @ P @ H.T) - response[:, 0] ** 2 / variance[0]
+    counts = (H @ D.T != 0) | (chance > LEVEL * own_variance)[:, None]
+    limit = CHANCE**2 * variance[0] * chance[:, None] * variance
+    return bool((counts & (response**2 > limit)).any())
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:

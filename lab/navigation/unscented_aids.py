@@ -64,11 +64,11 @@ def _turn_as_biased(state: FloatArray, there: FloatArray) -> None:
 def keeps_heading(run: UnscentedFilter, rows: int) -> bool:
     """Return whether a measurement shows the heading by chance at most; write what an update must keep.
 
-    Its matrix is in `run.H`, and the covariance of its innovation in `run.S`.
+    Its matrix is in `run.H`.
     """
     vertical, D = (0.0, 0.0, 1.0), run.directions
     write_directions(vertical, in_body(run.state, vertical), D)
-    if shows_heading(run.P, run.H, run.S, rows, vertical, D):
+    if shows_heading(run.P, run.H, rows, vertical, D):
         return False
     take_covariance(run.P, D, run.kept)
     return True
@@ -113,7 +113,6 @@ def observe_aid(
     if nu * nu > schedule.aid_gate * s:
         return False
     see_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
-    run.S[0, 0] = s
     held = keeps_heading(run, 1)
     for i in range(n):
         x[i] = gain[i] / s * nu

@@ -147,12 +147,12 @@ def test_what_is_put_back_makes_p_that_of_josephs_form() -> None:
 
 
 def test_a_turn_shows_the_heading_and_level_flight_does_not() -> None:
-    """By hand: beside four horizontal components with σ of 0.1, a response counts above 3 √4 · 0.1 = 0.6."""
+    """By hand: beside velocities with σ of 0.1 m/s, a response of more than 0.25 m/s per radian counts."""
     D = np.empty((2, 15))
     heading_observability.write_directions((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), D)
-    H, S = np.eye(6, 15), np.eye(6)
-    for response, shown in ((0.1, False), (0.55, False), (0.65, True), (50.0, True)):
+    H = np.eye(6, 15)
+    for response, shown in ((0.1, False), (0.24, False), (0.26, True), (50.0, True)):
         P = np.diag(np.full(15, 0.01))
         P[3, 8] = P[8, 3] = response * P[8, 8]
         P[3, 3] += response**2 * P[8, 8]
-        assert heading_observability.shows_heading(P, H, S, 6, (0.0, 0.0, 1.0), D) is shown
+        assert heading_observability.shows_heading(P, H, 6, (0.0, 0.0, 1.0), D) is shown
