@@ -33,8 +33,8 @@ FloatArray = NDArray[np.float64]
 
 CHANCE = 2.5
 """Response of a measurement to the heading above which it counts, in σ of what it would be by chance. Errors
-of the heading after 15 minutes of level flight are 1.1 σ with 2 and 1.0 σ with 2.5. A start with a heading σ of
-60° is found by the take-off run as without this rule (NEES 1.0), with 3 a little worse (1.1)."""
+of the heading after 15 minutes of level flight are 1.1 σ with 2, and 1.0 σ with 2.5. A start with a heading
+σ of 60° is found by the take-off run as without this rule (NEES 1.0), with 3 a little worse (1.1)."""
 LEVEL = 1e-4
 """Least variance by chance of a row of H that is level, as a part of the row's own variance: that of a
 vertical position or velocity is 10⁻⁶ or less, and shows no heading."""
