@@ -183,7 +183,9 @@ def likelihoods(
     white = np.array([not hypothesis.correlated[0] for hypothesis in tried])
     position = float(np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3]))
     banks = [
-        _Bank([tried[at] for at in np.flatnonzero(own)], P0, position) for own in (white, ~white) if own.any()
+        _Bank([tried[int(at)] for at in np.flatnonzero(own)], P0, position)
+        for own in (white, ~white)
+        if own.any()
     ]
     own, covariance, gains = np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6))
     left = np.zeros(m, dtype=np.bool_)

@@ -131,7 +131,7 @@ def cured(now: Assumed, changes: Sequence[Change]) -> Assumed | None:
     if path in ("navigator.q_scale", "navigator.q"):
         noise[slice(*(rows or (None,)))] *= value
     elif path == "navigator.r_scale" or (path == "navigator.r" and rows in _FIX_ROWS):
-        factors[_FIX_ROWS.get(rows, slice(None))] *= value
+        factors[_FIX_ROWS[rows] if rows else slice(None)] *= value
     else:
         return None
     return now._replace(noise=noise, factors=factors)

@@ -197,8 +197,7 @@ def _of_log(log: SensorLog) -> list[Candidate]:
 def _of_noise() -> list[Candidate]:
     """Return noise of single axes of the IMU, of triads, and of the fixes."""
     found = []
-    for sensor, kind in enumerate(("gyro", "accelerometer")):
-        first = 3 * sensor
+    for first, kind in ((0, "gyro"), (3, "accelerometer")):
         places = {f"the {name} {kind}": (first + axis, first + axis + 1) for axis, name in enumerate(NAMES)}
         found += _scaled("navigator.q", places, OF_CHANNEL)
         found += _scaled("navigator.q", {f"the {kind}s": (first, first + 3)}, OF_TRIAD)

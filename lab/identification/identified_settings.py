@@ -168,4 +168,4 @@ def at_bounds(
     wanted = found.noise.reshape(4, 3)
     short = (np.abs(noise - wanted) > REACHED * wanted).any(axis=1)
     least_of_all = (found.factors < (1 + REACHED) * least) & (found.factors < now.factors)
-    return tuple(name for name, at in zip(NAMES, (*short, *least_of_all), strict=False) if at)
+    return tuple(name for name, at in zip(NAMES, np.concatenate((short, least_of_all)), strict=False) if at)

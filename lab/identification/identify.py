@@ -270,7 +270,7 @@ def _judged(
         begin, shown = np.where(wrong, estimate.value, start), wrong
         estimate = _maximised(search, whole, begin, ~shown, tell, done, done + 0.1)
         known |= _known(search, whole, estimate, shown, bounded)
-        wrong = refuted(estimate, {int(index): known[index] for index in np.flatnonzero(shown)}, start)
+        wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
     begun = search.begun
     found = mixed(stands, begun.moved(estimate.value), wrong)
     rows = rows_of(run, now, begun, found, known)

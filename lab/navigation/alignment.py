@@ -274,7 +274,7 @@ def mean_turned(vector_n: FloatArray, force_n: FloatArray, sigma: float) -> Floa
 
 def about(force_n: FloatArray) -> FloatArray:
     """Return the attitude error (3,) of one radian of heading, after levelling by a specific force in n."""
-    return force_n / force_n[2]
+    return np.asarray(force_n / force_n[2])
 
 
 def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
@@ -383,7 +383,7 @@ def _force_at_start(imu: Imu) -> FloatArray:
     """Return the mean specific force (3,) over `_LEVELLING`, in b of the first sample [m/s²]."""
     last = max(1, int(np.searchsorted(imu.time, imu.time[0] + _LEVELLING, "right")) - 1)
     C = turned(imu.dtheta[:last])[:-1].as_matrix()
-    return np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0])
+    return np.asarray(np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0]))
 
 
 def _mean_force(imu: Imu, length: float) -> FloatArray:
