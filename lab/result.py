@@ -247,7 +247,7 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter, from errors and innovations."""
-        if self.evidence.start is None:
+        if self.evidence.nees is None:
             return self.innovation_verdict
         return self._of_linear(self.evidence)
 

@@ -161,11 +161,13 @@ def put_back_covariance(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
     take_covariance(P, D, now)
     n = D.shape[1]
     for i in range(n):
-        for j in range(n):
+        for j in range(i, n):
+            p = P[i, j]
             for k in range(DIRECTIONS):
-                if D[k, i] != 0:
-                    for m in range(DIRECTIONS):
-                        P[i, j] += D[k, i] * (kept[k, m] - now[k, m]) * D[m, j]
+                for m in range(DIRECTIONS):
+                    p += D[k, i] * (kept[k, m] - now[k, m]) * D[m, j]
+            P[i, j] = p
+            P[j, i] = p
 
 
 @kernel
