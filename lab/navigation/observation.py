@@ -28,7 +28,6 @@ from lab.navigation.generation import Kernel
 from lab.navigation.heading_observability import (
     DIRECTIONS,
     put_back_covariance,
-    remove_directions,
     shows_heading,
     take_covariance,
     write_directions,
@@ -423,17 +422,6 @@ def position_variance(T: FloatArray, P: FloatArray) -> float:
 
 
 @kernel
-def _map_gain(T: FloatArray, own: FloatArray, gain: FloatArray) -> None:
-    """Write a gain (n,) for the errors in north, east, down, given that for the model's own errors."""
-    for i in range(STATES):
-        gain[i] = own[i]
-    for i in range(NAV):
-        gain[i] = 0.0
-        for j in range(NAV):
-            gain[i] += T[i, j] * own[j]
-
-
-@kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used.
 
@@ -472,17 +460,14 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         return False
     for i in range(STATES):
         done[i] *= per_sigma
-    updates = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1)]
-    held = schedule.hold_heading and keeps_heading(state, run.P, updates, 1, run.directions, run.kept)
     scalar_update(w, z * per_sigma, done)
-    if held:
-        put_heading_back(run.P, run.directions, run.kept)
-    own = run.x
     for i in range(STATES):
-        own[i] = done[STATES + i] * per_sigma
-    if held:
-        remove_directions(own, run.directions)
-    _map_gain(T, own, gains)
+        gain = done[STATES + i]
+        if i < NAV:  # from the model's own errors to those in north, east, down
+            gain = 0.0
+            for j in range(NAV):
+                gain += T[i, j] * done[STATES + j]
+        gains[i] = gain * per_sigma
     return True
 
 

@@ -233,9 +233,9 @@ def _use_aid(
     out.aid_H[a] = row
     if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
         return
-    D = vertical_directions(here, model.states, in_body=model.in_body)
-    _update(kalman, residual + H @ kalman.x, H, R, D)
-    out.aid_gain[a] = T @ kalman.K[:, 0]
+    out.aid_gain[a] = T @ kalman.P @ H[0] / out.aid_variance[a]
+    kalman.update(residual + H @ kalman.x, R=R, H=H)
+    kalman.P = (kalman.P + kalman.P.T) / 2
     out.aid_sample[a] = k + 1
     feedback.apply(state, kalman, time, dt)
 

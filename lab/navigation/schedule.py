@@ -40,7 +40,7 @@ class Schedule(NamedTuple):
     aid_gate : float
         Largest NIS of one measurement of `aids` that is used.
     hold_heading : bool
-        Whether measurements that show the heading at most by chance leave it as it is; see
+        Whether fixes that show the heading at most by chance leave it as it is; see
         `heading_observability`.
     """
 

@@ -29,7 +29,13 @@ from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_ker
 from lab.navigation.error_models import write_map
 from lab.navigation.flight_piece import FlightPiece
 from lab.navigation.generation import Variant, generated
-from lab.navigation.heading_observability import put_back_covariance, remove_directions
+from lab.navigation.heading_observability import (
+    put_back_covariance,
+    remove_directions,
+    shows_heading,
+    take_covariance,
+    write_directions,
+)
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -45,14 +51,14 @@ from lab.navigation.lane_points import MOST_TURN, point_of, step_abreast, step_k
 from lab.navigation.lane_step import LANES
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
-from lab.navigation.observation import felt_by_gyro, see_latency
+from lab.navigation.observation import felt_by_gyro, in_body, see_latency
 from lab.navigation.propagation import NAV
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
-from lab.navigation.unscented_aids import keeps_heading, observe_aid
+from lab.navigation.unscented_aids import observe_aid
 from lab.navigation.unscented_filter import (
     GPS_DRIFT,
     GYRO_DRIFT,
@@ -62,11 +68,11 @@ from lab.navigation.unscented_filter import (
     MISALIGNMENT,
     SCALE,
     UnscentedFilter,
+    check,
     check_heading,
 )
 from lab.navigation.unscented_noise import decay_errors, drive
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
-from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
@@ -118,20 +124,6 @@ def navigate(
 
     go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
     return solution
-
-
-def check(schedule: Schedule) -> None:
-    """Raise `SettingError` if a schedule leaves the navigator uncorrected."""
-    if not schedule.feedback:
-        raise SettingError(
-            "navigator.correction: the nonlinear filter places its sigma points about its estimate, so it "
-            "has no free-running navigator; accepted is feedback"
-        )
-    if schedule.correction_period:
-        raise SettingError(
-            "navigator.correction_period: the nonlinear filter places its sigma points about the corrected "
-            "navigator, so it corrects at each fix; accepted is 0"
-        )
 
 
 @embedded_kernel
@@ -261,6 +253,17 @@ def _judge(
     return became
 
 
+@kernel
+def _keeps_heading(run: UnscentedFilter) -> bool:
+    """Return whether a fix shows the heading by chance at most; write what its update must keep."""
+    vertical, D = (0.0, 0.0, 1.0), run.directions
+    write_directions(vertical, in_body(run.state, vertical), D)
+    if shows_heading(run.P, run.H, MEASUREMENTS, vertical, D):
+        return False
+    take_covariance(run.P, D, run.kept)
+    return True
+
+
 @embedded_kernel
 def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray) -> None:
     """Update P with an innovation, and correct the navigator by the estimated error.
@@ -274,7 +277,7 @@ def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray)
     P, x, H, S, D = run.P, run.x, run.H, run.S, run.directions
     root = np.zeros((MEASUREMENTS, MEASUREMENTS))
     predict_fix(P, H, run.R_fix, S)
-    keeps = became == USED and keeps_heading(run, MEASUREMENTS)
+    keeps = became == USED and _keeps_heading(run)
     cholesky_of_fix(S, root)
     W = np.empty((x.size, MEASUREMENTS))
     white = np.empty(MEASUREMENTS)

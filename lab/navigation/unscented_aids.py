@@ -19,16 +19,9 @@ from numpy.typing import NDArray
 from lab.navigation import strapdown
 from lab.navigation.aids import HEADING, MAGNETIC, see_aid
 from lab.navigation.compilation import inline_kernel, kernel
-from lab.navigation.heading_observability import (
-    put_back_covariance,
-    remove_directions,
-    shows_heading,
-    take_covariance,
-    write_directions,
-)
 from lab.navigation.lane_points import point_of
 from lab.navigation.north_slaved import north_axes, north_variance
-from lab.navigation.observation import in_body, seen_azimuth_variance
+from lab.navigation.observation import seen_azimuth_variance
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport
 from lab.navigation.solution import Solution
@@ -58,20 +51,6 @@ def _turn_as_biased(state: FloatArray, there: FloatArray) -> None:
         there[strapdown.PREVIOUS_DTHETA + i] += (here[i] - own[i]) / state[strapdown.PER_STEP]
         felt = state[strapdown.GYRO_G + i] - there[strapdown.GYRO_G + i]
         there[strapdown.PREVIOUS_DTHETA + i] += felt * state[strapdown.PREVIOUS_DVELOCITY + i]
-
-
-@kernel
-def keeps_heading(run: UnscentedFilter, rows: int) -> bool:
-    """Return whether a measurement shows the heading by chance at most; write what an update must keep.
-
-    Its matrix is in `run.H`.
-    """
-    vertical, D = (0.0, 0.0, 1.0), run.directions
-    write_directions(vertical, in_body(run.state, vertical), D)
-    if shows_heading(run.P, run.H, rows, vertical, D):
-        return False
-    take_covariance(run.P, D, run.kept)
-    return True
 
 
 @kernel
@@ -112,15 +91,10 @@ def observe_aid(
     out.aid_innovation[a], out.aid_variance[a] = nu, s
     if nu * nu > schedule.aid_gate * s:
         return False
-    see_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
-    held = keeps_heading(run, 1)
     for i in range(n):
         x[i] = gain[i] / s * nu
         for j in range(n):
             P[i, j] -= gain[i] * gain[j] / s
-    if held:
-        put_back_covariance(P, run.directions, run.kept)
-        remove_directions(x, run.directions)
     displace(state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
     return True

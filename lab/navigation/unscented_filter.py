@@ -18,6 +18,7 @@ from lab.navigation.heading_observability import DIRECTIONS
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_points import room_for
 from lab.navigation.lever_arm import NO_TURNS
+from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
@@ -155,4 +156,18 @@ def check_heading(P0: FloatArray) -> None:
             f"σ of {math.degrees(sigma):.0f}°; accepted are up to {math.degrees(LARGEST_SIGMA):.0f}° "
             "(navigator.attitude_sigma, navigator.p0), or the model invariant, which also starts from an "
             "unknown heading"
+        )
+
+
+def check(schedule: Schedule) -> None:
+    """Raise `SettingError` if a schedule leaves the navigator uncorrected."""
+    if not schedule.feedback:
+        raise SettingError(
+            "navigator.correction: the nonlinear filter places its sigma points about its estimate, so it "
+            "has no free-running navigator; accepted is feedback"
+        )
+    if schedule.correction_period:
+        raise SettingError(
+            "navigator.correction_period: the nonlinear filter places its sigma points about the corrected "
+            "navigator, so it corrects at each fix; accepted is 0"
         )
