@@ -25,7 +25,6 @@ from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, MAGNETIC, NO_AIDS, A
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.correction import bend_estimate
 from lab.navigation.error_models import (
-    ACCEL_BIAS,
     ATT,
     GYRO_BIAS,
     GYRO_SCALE,
@@ -188,7 +187,8 @@ def _use_fix(
         out.fix_rejected[m], out.fix_held[m] = True, 0.0
         return
     feedback.apply(state, kalman, time, dt)
-    out.fix_covariance[m], out.fix_sample[m] = _output_covariance(state, kalman, model), k + 1
+    T = model.map(_corrected(state, kalman.x, model))
+    out.fix_covariance[m], out.fix_sample[m] = T @ kalman.P @ T.T, k + 1
 
 
 def _use_aid(
@@ -521,25 +521,11 @@ def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArra
     return corrected
 
 
-def _output_covariance(state: FloatArray, kalman: KalmanFilter, model: ErrorModel) -> FloatArray:
-    """Return the covariance (n, n) of the errors in north, east, down.
-
-    That of the vertical accelerometer bias includes the second moment of ½ g φ² with the tilts φ, for which
-    the estimate of the bias stands too (`storage.tilted_gravity`).
-    """
-    corrected = _corrected(state, kalman.x, model)
-    T = model.map(corrected)
-    P = T @ kalman.P @ T.T
-    tilts, down = P[ATT, ATT][:2, :2], _get(corrected, strapdown.C_NB + 6)
-    moment = state[strapdown.GRAVITY] ** 2 / 4 * (np.trace(tilts) ** 2 + 2 * np.trace(tilts @ tilts))
-    P[ACCEL_BIAS, ACCEL_BIAS] += moment * np.outer(down, down)
-    return np.asarray(P)
-
-
 def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model: ErrorModel) -> None:
     """Write sample k of the solution, corrected by the estimated error."""
     corrected = _corrected(state, kalman.x, model)
-    P = _output_covariance(state, kalman, model)
+    T = model.map(corrected)
+    P = T @ kalman.P @ T.T
     out.position[k] = _get(corrected, strapdown.LATITUDE)
     out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
     out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)

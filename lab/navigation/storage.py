@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
-from lab.navigation.error_models import ACCEL_BIAS, ErrorModel, write_map
+from lab.navigation.error_models import ErrorModel, write_map
 from lab.navigation.generation import Kernel
 from lab.navigation.north_slaved import store_state
 from lab.navigation.propagation import (
@@ -28,9 +27,6 @@ from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE
 
 FloatArray = NDArray[np.float64]
 
-ACCEL = ACCEL_BIAS.start
-"""First state of the accelerometer biases."""
-
 
 @embedded_kernel
 def _store_sensor_errors(out: Solution, k: int, state: FloatArray) -> None:
@@ -44,53 +40,12 @@ def _store_sensor_errors(out: Solution, k: int, state: FloatArray) -> None:
 
 
 @inline_kernel
-def tilted_gravity(state: FloatArray, north: float, east: float, both: float) -> float:
-    """Return the second moment of ½ g φ² with the tilts φ, which no linear filter has [(m/s²)²].
-
-    A tilt in any direction makes the navigator see less of the specific force upwards, so the error of the
-    vertical accelerometer bias is larger by ½ g φ². For normal tilts, its second moment is
-    ¼ g² ((tr Σ)² + 2 tr Σ²) with their covariance Σ. Nothing else is wrong by it: the estimate of the bias
-    takes it in.
-
-    Parameters
-    ----------
-    state
-        The navigator.
-    north, east, both
-        Variances of the tilts about north and east, and their covariance [rad²].
-    """
-    g = state[strapdown.GRAVITY]
-    trace = north + east
-    return float(0.25 * g * g * (trace * trace + 2 * (north * north + east * east + 2 * both * both)))
-
-
-@embedded_kernel
-def _widen(variance: FloatArray, state: FloatArray, moment: float) -> None:
-    """Add the second moment of `tilted_gravity` to the variances of the accelerometer biases."""
-    for i in range(3):
-        down = state[strapdown.C_NB + 6 + i]
-        variance[ACCEL + i] += moment * down * down
-
-
-@embedded_kernel
-def _widen_fix(P: FloatArray, state: FloatArray) -> None:
-    """Add the second moment of `tilted_gravity` to a covariance after a fix."""
-    moment = tilted_gravity(state, P[6, 6], P[7, 7], P[6, 7])
-    for i in range(3):
-        for j in range(3):
-            down = state[strapdown.C_NB + 6 + i] * state[strapdown.C_NB + 6 + j]
-            P[ACCEL + i, ACCEL + j] += moment * down
-
-
-@inline_kernel
 def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Write sample k of the solution."""
     store_state(out, k, state)
     _store_sensor_errors(out, k, state)
     for i in range(STATES):
         out.variance[k, i] = w[(WIDTH + 1) * i]
-    moment = tilted_gravity(state, w[(WIDTH + 1) * 6], w[(WIDTH + 1) * 7], w[WIDTH * 6 + 7])
-    _widen(out.variance[k], state, moment)
     for block in range(2):
         at = (WIDTH + 1) * 6 * block
         out.covariance[k, block, 0] = w[at + 1]
@@ -104,7 +59,6 @@ def store_fix(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatArray) ->
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] = w[WIDTH * i + j]
-    _widen_fix(P, state)
 
 
 @inline_kernel
@@ -114,8 +68,6 @@ def store_mapped(out: Solution, k: int, state: FloatArray, w: FloatArray, T: Flo
     _store_sensor_errors(out, k, state)
     write_map(state, T)
     project(T, w, k, out.variance, out.covariance)
-    variance, tilts = out.variance[k], out.covariance[k, 1, 0]
-    _widen(variance, state, tilted_gravity(state, variance[6], variance[7], tilts))
 
 
 @allocating_kernel
@@ -138,7 +90,6 @@ def store_fix_mapped(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatAr
                 for c in range(NAV):
                     P[i, j] += half[i, c] * T[j, c]
             P[j, i] = P[i, j]
-    _widen_fix(P, state)
 
 
 def storing(model: ErrorModel) -> dict[Kernel, object]:
