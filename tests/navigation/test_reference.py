@@ -197,7 +197,7 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     assert compiled.fix_rejected.any() == gated
     parted = not np.array_equal(compiled.position, in_filterpy.position)
     # A heading that is 60° wrong is corrected at once after the take-off: roundoff of 1e-12 becomes 5e-9.
-    # The gain of a held heading is not optimal, so roundoff may weigh a little more than the bound above says.
+    # The gain of a held heading is not optimal: roundoff may weigh a little more than the bound above says.
     allowed = 1e-8 if CASES[name].astray else 2e-9
     assert state <= allowed + parted * POSITION_ROUNDOFF / position_deviation(CASES[name])
     assert sigma <= allowed
