@@ -22,6 +22,8 @@ EKF SLAM estimators*, Int. J. Robotics Research 29 (2010).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,7 +46,7 @@ heading too little for chance to matter: it shows some 0.1/rad² with each fix."
 
 
 @kernel
-def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
+def write_directions(own: Vector, down: Vector, P: FloatArray, D: FloatArray) -> None:
     """Write the directions (2, n) of heading and vertical gyro bias among the states.
 
     Parameters
@@ -53,6 +55,8 @@ def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
         The vertical in the coordinates of the filter's attitude error.
     down
         The vertical in b.
+    P : (n, ≥ n) array
+        Covariance: a gyro bias that is certain has no part in the vertical one.
     D
         Receives a unit vector in each row.
     """
@@ -60,7 +64,14 @@ def write_directions(own: Vector, down: Vector, D: FloatArray) -> None:
         for j in range(D.shape[1]):
             D[k, j] = 0.0
     put(D[0], NAV - 3, own)
-    put(D[1], NAV, down)
+    square = 0.0
+    for i in range(3):
+        if P[NAV + i, NAV + i] > 0:
+            D[1, NAV + i] = down[i]
+            square += down[i] * down[i]
+    if square > 0:
+        for i in range(3):
+            D[1, NAV + i] /= math.sqrt(square)
 
 
 @kernel
@@ -105,7 +116,9 @@ def _across(a: Vector, b: Vector) -> Vector:
 
 
 @kernel
-def shows_heading(P: FloatArray, H: FloatArray, rows: int, own: Vector, D: FloatArray) -> bool:
+def shows_heading(
+    P: FloatArray, H: FloatArray, most: FloatArray, rows: int, own: Vector, D: FloatArray
+) -> bool:
     """Return whether a measurement shows heading or vertical gyro bias more than by chance.
 
     Parameters
@@ -114,6 +127,10 @@ def shows_heading(P: FloatArray, H: FloatArray, rows: int, own: Vector, D: Float
         Covariance before the update.
     H : (≥ rows, ≥ n) array
         Measurement matrix, for the filter's own errors.
+    most : (≥ rows, ≥ rows) array
+        Its diagonal is the largest variance by chance of each row: that of the innovation for a linear
+        filter, and that of the measurement for one with sigma points, in whose P a large heading error also
+        spreads the velocity to both sides alike, which is not chance.
     rows
         How many numbers are measured.
     own, D
@@ -122,7 +139,7 @@ def shows_heading(P: FloatArray, H: FloatArray, rows: int, own: Vector, D: Float
     n, heading = D.shape[1], covariance_along(P, D, 0, 0)
     more = False
     for m in range(rows):
-        chance, own_variance = chance_variance(P, H[m], own), 0.0
+        chance, own_variance = min(chance_variance(P, H[m], own), most[m, m]), 0.0
         for i in range(n):
             if H[m, i] != 0:
                 for j in range(n):

@@ -208,7 +208,7 @@ def in_body(state: FloatArray, v: Vector) -> Vector:
 
 @kernel
 def keeps_heading(
-    state: FloatArray, P: FloatArray, H: FloatArray, rows: int, D: FloatArray, kept: FloatArray
+    state: FloatArray, P: FloatArray, H: FloatArray, S: FloatArray, rows: int, D: FloatArray, kept: FloatArray
 ) -> bool:
     """Return whether a measurement shows the heading by chance at most; write what an update must keep.
 
@@ -218,7 +218,7 @@ def keeps_heading(
         The navigator.
     P : (n, n + 1) array
         The covariance, and the estimate in its last column.
-    H, rows
+    H, S, rows
         The measurement, as for `shows_heading`.
     D : (2, n) array
         Receives the directions of heading and vertical gyro bias.
@@ -227,8 +227,8 @@ def keeps_heading(
     """
     vertical = (0.0, 0.0, 1.0)
     own = own_attitude(state, vertical)
-    write_directions(own, in_body(state, vertical), D)
-    if shows_heading(P, H, rows, own, D):
+    write_directions(own, in_body(state, vertical), P, D)
+    if shows_heading(P, H, S, rows, own, D):
         return False
     take_covariance(P, D, kept)
     for k in range(DIRECTIONS):
@@ -285,7 +285,7 @@ def observe(
         for j in range(MEASUREMENTS):
             used[i, j] = R[i, j]
     may_hold = schedule.hold_heading and became == USED
-    held = may_hold and keeps_heading(state, P, H, MEASUREMENTS, run.directions, run.kept)
+    held = may_hold and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
     if held:
         put_heading_back(P, run.directions, run.kept)

@@ -178,7 +178,7 @@ def _use_fix(
     H, antenna, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
     z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
-    D = vertical_directions(state, model.states, in_body=model.in_body)
+    D = vertical_directions(state, kalman.P, in_body=model.in_body)
     held = _update(kalman, z, H @ model.map(state), R, D)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
@@ -457,7 +457,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
     """
     x, P = kalman.x, kalman.P
     kalman.update(z, R=R, H=H)
-    held = not shows_heading(P, H, D)
+    held = not shows_heading(P, H, np.diag(kalman.S), D)
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y

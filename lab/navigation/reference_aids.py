@@ -83,26 +83,27 @@ def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
     H[:, own] = H[:, GYRO_BIAS] * (1 + _three(state, strapdown.GYRO_SCALE)) @ effects.T[:3]
 
 
-def vertical_directions(state: FloatArray, states: int, *, in_body: bool) -> FloatArray:
+def vertical_directions(state: FloatArray, P: FloatArray, *, in_body: bool) -> FloatArray:
     """Return the directions (2, n) of heading and vertical gyro bias among the states.
 
     Parameters
     ----------
     state
         The navigator.
-    states
-        Number n of states.
+    P : (n, n) array
+        Covariance: a gyro bias that is certain has no part in the vertical one.
     in_body
         Whether the attitude error is resolved in b.
     """
     C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
-    D = np.zeros((2, states))
+    D = np.zeros((2, P.shape[0]))
     D[0, ATT] = C_nb[2] if in_body else (0.0, 0.0, 1.0)
-    D[1, GYRO_BIAS] = C_nb[2]
+    down = np.where(np.diag(P)[GYRO_BIAS] > 0, C_nb[2], 0.0)
+    D[1, GYRO_BIAS] = down / (np.linalg.norm(down) or 1.0)
     return D
 
 
-def shows_heading(P: FloatArray, H: FloatArray, D: FloatArray) -> bool:
+def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) -> bool:
     """Return whether a measurement shows heading or vertical gyro bias more than by chance.
 
     Parameters
@@ -111,6 +112,8 @@ def shows_heading(P: FloatArray, H: FloatArray, D: FloatArray) -> bool:
         Covariance before the update.
     H : (r, n) array
         Measurement matrix, for the filter's own errors.
+    S : (r,) array
+        Variances of the innovation.
     D : (2, n) array
         From `vertical_directions`.
     """
@@ -120,7 +123,7 @@ def shows_heading(P: FloatArray, H: FloatArray, D: FloatArray) -> bool:
         turned[block, block] = skew(D[0, ATT])
     of_heading = (P @ D[0])[:9]
     others = P[:9, :9] - np.outer(of_heading, of_heading) / variance[0]
-    chance = np.diag(H[:, :9] @ turned @ others @ turned.T @ H[:, :9].T)
+    chance = np.minimum(np.diag(H[:, :9] @ turned @ others @ turned.T @ H[:, :9].T), S)
     response = H @ P @ D.T
     own_variance = np.diag(H @ P @ H.T) - response[:, 0] ** 2 / variance[0]
     counts = (H @ D.T != 0) | (chance > LEVEL * own_variance)[:, None]

@@ -257,8 +257,8 @@ def _judge(
 def _keeps_heading(run: UnscentedFilter) -> bool:
     """Return whether a fix shows the heading by chance at most; write what its update must keep."""
     vertical, D = (0.0, 0.0, 1.0), run.directions
-    write_directions(vertical, in_body(run.state, vertical), D)
-    if shows_heading(run.P, run.H, MEASUREMENTS, vertical, D):
+    write_directions(vertical, in_body(run.state, vertical), run.P, D)
+    if shows_heading(run.P, run.H, run.R_fix, MEASUREMENTS, vertical, D):
         return False
     take_covariance(run.P, D, run.kept)
     return True

@@ -136,7 +136,7 @@ def test_what_is_put_back_makes_p_that_of_josephs_form() -> None:
         P, H, R = root @ root.T, rng.normal(size=(6, 15)), np.diag(rng.uniform(0.5, 2.0, 6))
         own, down = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
         D, kept = np.empty((2, 15)), np.empty((2, 2))
-        heading_observability.write_directions(tuple(own), tuple(down), D)
+        heading_observability.write_directions(tuple(own), tuple(down), P, D)
         heading_observability.take_covariance(P, D, kept)
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
         found = np.ascontiguousarray(P - K @ H @ P)
@@ -149,10 +149,10 @@ def test_what_is_put_back_makes_p_that_of_josephs_form() -> None:
 def test_a_turn_shows_the_heading_and_level_flight_does_not() -> None:
     """By hand: beside velocities with σ of 0.1 m/s, a response of more than 0.25 m/s per radian counts."""
     D = np.empty((2, 15))
-    heading_observability.write_directions((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), D)
+    heading_observability.write_directions((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), np.eye(15), D)
     H = np.eye(6, 15)
     for response, shown in ((0.1, False), (0.24, False), (0.26, True), (50.0, True)):
         P = np.diag(np.full(15, 0.01))
         P[3, 8] = P[8, 3] = response * P[8, 8]
         P[3, 3] += response**2 * P[8, 8]
-        assert heading_observability.shows_heading(P, H, 6, (0.0, 0.0, 1.0), D) is shown
+        assert heading_observability.shows_heading(P, H, np.eye(6), 6, (0.0, 0.0, 1.0), D) is shown
