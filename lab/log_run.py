@@ -60,6 +60,7 @@ IN_EFFECT = frozenset(
         "sensors.gps.position_variance",
         "sensors.gps.velocity_variance",
         "sensors.gps.outages",
+        "sensors.gps.period",
         "sensors.assumed",
         "sensors.lacking",
         *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),

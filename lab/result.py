@@ -249,7 +249,7 @@ class Result(NotebookCard, Repeatable):
         """The verdict on the filter, from errors and innovations."""
         if self.evidence.nees is None:
             return self.innovation_verdict
-        return self._of_linear(self.evidence)
+        return self._of_linear(judge(self.evidence), self.evidence)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -269,12 +269,13 @@ class Result(NotebookCard, Repeatable):
         """
         from lab.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
 
-        return explained(self, self._of_linear(self.evidence.without_truth()))
+        evidence = self.evidence.without_truth()
+        return self._of_linear(explained(self, judge(evidence)), evidence)
 
-    def _of_linear(self, evidence: Evidence) -> Verdict:
-        """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
+    def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
+        """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""
         navigator = self.experiment.navigator
-        found = linear_verdict.judge(judge(evidence), evidence, navigator)
+        found = linear_verdict.judge(verdict, evidence, navigator)
         return feedforward.judge(self.free_run, found, navigator, evidence.nees)
 
     @cached_property

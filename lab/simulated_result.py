@@ -93,7 +93,7 @@ class SimulatedResult(Result):
     def filtered(self) -> Filtered:
         """The filter's own run; see `Result.filtered`."""
         is_smoothed = self.experiment.navigator.smoother and not self.algorithm
-        if not (self.is_long and is_smoothed):
+        if not is_smoothed:
             return super().filtered
         from lab.identification import renavigation  # noqa: PLC0415 - most runs need none of it
 

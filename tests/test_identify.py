@@ -55,8 +55,8 @@ def within(row, true: float) -> bool:
     """Return whether the true value is as near as the error bar says; that of noise in its logarithm."""
     if row.unit in {"s", "m"}:
         return abs(row.after - true) < LIMIT * row.sigma
-    half = np.log(row.high / row.after) / 1.96
-    return abs(np.log(row.after / true)) < LIMIT * half
+    found, half = np.sqrt(row.low * row.high), np.log(row.high / row.low) / (2 * 1.96)
+    return abs(np.log(found / true)) < LIMIT * half
 
 
 def test_what_the_filter_assumes_wrongly_is_found(control):

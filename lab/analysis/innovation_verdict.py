@@ -115,6 +115,8 @@ def explanations(seen: Innovations) -> list[Explanation]:
     found = []
     for name in dict.fromkeys(hypothesis.name for hypothesis in HYPOTHESES[1:]):
         own = [at for at, hypothesis in enumerate(HYPOTHESES) if hypothesis.name == name]
+        if name in R_CHANNELS and not seen.offered.number[list(R_CHANNELS[name])].any():
+            continue  # the receiver of a log may not measure all channels
         source = GPS if name.startswith(("R", "GPS")) else START if name.startswith("P0") else IMU
         if name == CORRELATION:
             at = max(own, key=lambda at: seen.likelihoods[at])

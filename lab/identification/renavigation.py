@@ -190,7 +190,7 @@ class _Gathered:
 
 
 def filtered(run: Run) -> Filtered:
-    """Return the filter's own run for a long simulated run that was smoothed, without most histories.
+    """Return the filter's own run for a simulated run that was smoothed; a long one has few histories.
 
     Only the navigation is computed again; see `navigator.navigate_to_fixes`.
     """
@@ -198,17 +198,15 @@ def filtered(run: Run) -> Filtered:
     assert run.ideal is not None
     navigator = run.experiment.navigator
     imu, fixes = _measured(run)
+    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    model = chosen_model(navigator, run.experiment.sensors)
+    if not run.is_long:
+        given = imu, fixes, run.aligned.start, run.belief, schedule, model
+        return Filtered(linear.navigate(*given, aids=run.aids))
     seen, samples = offered(run.solution_arrays, fixes, imu)
     gathered = _Gathered(seen, samples, imu.time, run.solution_arrays.states)
     found = linear.navigate_to_fixes(
-        imu,
-        fixes,
-        run.aligned.start,
-        run.belief,
-        schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0]),
-        chosen_model(navigator, run.experiment.sensors),
-        run.aids,
-        gathered,
+        imu, fixes, run.aligned.start, run.belief, schedule, model, run.aids, gathered
     )
     # A smoother leaves the other data of the fixes as they are.
     same = {name: getattr(run.solution_arrays, name) for name in UNSMOOTHED}
