@@ -37,6 +37,9 @@ CHANCE = 2.5
 """Response of a measurement to the heading above which it counts, in σ of what it would be by chance. Errors
 of the heading after 15 minutes of level flight are 1.1 σ with 2, and 1.0 σ with 2.5. A start with a heading
 σ of 60° is found by the take-off run as without this rule (NEES 1.0), with 3 a little worse (1.1)."""
+UNKNOWN = math.pi**2
+"""Variance of a heading that is known no better than by chance [rad²]: more is not held, where P is so
+large that its differences are rounding."""
 LEVEL = 1e-4
 """Least variance by chance of a row of H that is level, as a part of the row's own variance: that of a
 vertical position or velocity is 10⁻⁶ or less, and shows no heading."""
@@ -137,7 +140,7 @@ def shows_heading(
         As of `write_directions`.
     """
     n, heading = D.shape[1], covariance_along(P, D, 0, 0)
-    more = False
+    more = heading > UNKNOWN
     for m in range(rows):
         chance, own_variance = min(chance_variance(P, H[m], own), most[m, m]), 0.0
         for i in range(n):

@@ -18,7 +18,7 @@ from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.heading_observability import CHANCE, LEVEL
+from lab.navigation.heading_observability import CHANCE, LEVEL, UNKNOWN
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +128,7 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
     own_variance = np.diag(H @ P @ H.T) - response[:, 0] ** 2 / variance[0]
     counts = (H @ D.T != 0) | (chance > LEVEL * own_variance)[:, None]
     limit = CHANCE**2 * variance[0] * chance[:, None] * variance
-    return bool((counts & (response**2 > limit)).any())
+    return bool(variance[0] > UNKNOWN or (counts & (response**2 > limit)).any())
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
