@@ -270,7 +270,9 @@ class Result(NotebookCard, Repeatable):
         from lab.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
 
         evidence = self.evidence.without_truth()
-        return self._of_linear(explained(self, judge(evidence)), evidence)
+        judged = judge(evidence)
+        found = explained(self, judged)
+        return self._of_linear(found, evidence) if found is judged else found
 
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
         """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""
