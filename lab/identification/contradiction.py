@@ -201,8 +201,7 @@ def _of_noise() -> list[Candidate]:
         places = {f"the {name} {kind}": (first + axis, first + axis + 1) for axis, name in enumerate(NAMES)}
         found += _scaled("navigator.q", places, OF_CHANNEL)
         found += _scaled("navigator.q", {f"the {kind}s": (first, first + 3)}, OF_TRIAD)
-    for kind, name in enumerate(("position", "velocity")):
-        first = 3 * kind
+    for first, name in ((0, "position"), (3, "velocity")):
         places = {
             f"the {name} of the fixes": (first, first + 3),
             f"the {name} {AXES[2]} of the fixes": (first + 2, first + 3),

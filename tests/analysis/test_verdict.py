@@ -24,6 +24,7 @@ from lab.analysis.evidence import Evidence, Reference, Squares, evidence
 from lab.analysis.fix_evidence import RATIOS, TIMES
 from lab.analysis.innovation_evidence import offered
 from lab.analysis.outliers import outliers
+from lab.analysis.sums import Kept
 from lab.analysis.verdict import judge
 from lab.experiment import Experiment
 from lab.frames import earth
@@ -297,8 +298,9 @@ def one() -> Evidence:
     ("mean", "direction", "words"), [(4.0, "too large", "2 ×"), (0.25, "too small", "0.5 ×")]
 )
 def test_what_no_cause_explains_is_still_said(one, mean, direction, words):
-    verdict = judge(replace(one, nees=Squares(np.array(50 * mean), np.array(50.0))))
-    (finding,) = verdict.findings
+    wrong = replace(one.states, means=Kept(mean * np.ones_like(one.states.means.values)))
+    nees = Squares(np.array(50 * mean), np.array(50.0))
+    finding = judge(replace(one, nees=nees, states=wrong)).findings[0]
     assert (finding.quantity, finding.direction) == ("NEES", direction)
     assert finding.factor == pytest.approx(4)
     assert words in finding.sentence
