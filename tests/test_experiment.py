@@ -442,7 +442,7 @@ def test_a_smoothed_run_has_smaller_errors_and_the_same_innovations() -> None:
     )
     assert (after < 0.8 * before).all()
     assert (smoothed.sigma["position"].mean("time") < filtered.sigma["position"].mean("time")).all()
-    # The filter of a smoothed run holds no heading: that moves innovations of 0.7 m by millimetres.
+    # The filter of a smoothed run holds no heading: that moves innovations of 0.7 m by less than 5 cm.
     np.testing.assert_allclose(smoothed.innovations["position"], filtered.innovations["position"], atol=0.05)
     with pytest.raises(SettingError, match=r"navigator\.smoother"):
         _ = smoothed.budget
