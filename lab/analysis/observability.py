@@ -76,7 +76,7 @@ STRAIGHT = 60.0
 flights last for up to a minute."""
 UNCERTAIN = np.radians(3.0)
 """Smallest σ of the heading at its end that is remarked [rad]: by then, an error of the heading shows in the
-plots, and a default gyro takes some 30 s to it."""
+plots, and a default gyro takes some 20 s to it."""
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 
 

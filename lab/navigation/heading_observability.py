@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from lab.navigation.compilation import allocating_kernel, kernel
 from lab.navigation.propagation import NAV
-from lab.navigation.strapdown import Vector, get, put
+from lab.navigation.strapdown import Vector, cross, get, put
 
 FloatArray = NDArray[np.float64]
 
@@ -97,12 +97,12 @@ def chance_variance(P: FloatArray, row: FloatArray, own: Vector) -> float:
     """
     total, with_heading, heading = 0.0, 0.0, 0.0
     for a in range(0, NAV, 3):
-        turned = _across(get(row, a), own)
+        turned = cross(get(row, a), own)
         for i in range(3):
             for j in range(3):
                 with_heading += turned[i] * P[a + i, NAV - 3 + j] * own[j]
         for b in range(0, NAV, 3):
-            other = _across(get(row, b), own)
+            other = cross(get(row, b), own)
             for i in range(3):
                 for j in range(3):
                     total += turned[i] * P[a + i, b + j] * other[j]
@@ -110,12 +110,6 @@ def chance_variance(P: FloatArray, row: FloatArray, own: Vector) -> float:
         for j in range(3):
             heading += own[i] * P[NAV - 3 + i, NAV - 3 + j] * own[j]
     return total - with_heading * with_heading / heading if heading > 0 else total
-
-
-@kernel
-def _across(a: Vector, b: Vector) -> Vector:
-    """Return a × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
