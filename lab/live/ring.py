@@ -70,6 +70,13 @@ class Ring:
         """The cursor of someone who has read everything."""
         return self._end
 
+    def forget(self) -> None:
+        """Give the memory of all samples back; `end` still says how many there were, and nothing more may come."""
+        with self._lock:
+            self._imu, self._fix, self._reading = (
+                np.zeros(0, kind) for kind in (TIMED_IMU, TIMED_FIX, TIMED_READING)
+            )
+
     def append(
         self, imu: NDArray[np.void], fix: NDArray[np.void], reading: NDArray[np.void] = NO_READINGS
     ) -> None:
@@ -103,7 +110,7 @@ class Ring:
                 (
                     rows["time"][(count - 1) % len(rows)]
                     for rows, count in zip((self._imu, self._fix), end[:2], strict=True)
-                    if count
+                    if count and len(rows)
                 ),
                 default=0.0,
             )
@@ -137,7 +144,7 @@ def _taken(room: NDArray[np.void], begin: int, end: int) -> tuple[NDArray[np.voi
     begin = min(begin, end)
     lost = max(0, end - size - begin)
     begin += lost
-    at, count = begin % size, end - begin
+    at, count = begin % max(size, 1), end - begin
     if at + count <= size:  # to join records, even with none, costs more than all else here
         return room[at : at + count].copy(), lost
     return np.concatenate((room[at:], room[: at + count - size])), lost

@@ -121,7 +121,8 @@ class Source:
 
         A simulated device holds its whole flight.
         """
-        self._ring, self._first_bytes = Ring((1, 1, 1)), FirstBytes()
+        self._ring.forget()
+        self._first_bytes = FirstBytes()
         self._transport = NoTransport(self.address)
 
     @property
