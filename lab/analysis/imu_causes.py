@@ -215,7 +215,7 @@ def _system_matrix(
     F[:, VEL, ACCEL_BIAS] = -C_nb
     F[:, ATT, GYRO_BIAS] = C_nb
     F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.decay[:3])
-    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:])
+    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:6])
     for rows, sign, shown, scale, misalignment in (
         (ATT, 1, rate_b, blocks.GYRO_SCALE, blocks.GYRO_MISALIGNMENT),
         (VEL, -1, force_b, blocks.ACCEL_SCALE, blocks.ACCEL_MISALIGNMENT),
