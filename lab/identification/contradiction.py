@@ -21,11 +21,12 @@ from lab.analysis.aid_verdict import QUANTITIES as AIDS
 from lab.analysis.finding import MATTERS, RATIO, Change, Finding, Verdict, headline, size_weight, written
 from lab.analysis.finding_names import CLOCK, CONTRADICTION
 from lab.analysis.fix_verdict import latency
+from lab.analysis.identification import HeldOut
 from lab.analysis.innovation_verdict import ALIKE
 from lab.analysis.likelihood import Parameter, Seen, maximise
 from lab.analysis.pattern import AXES
 from lab.analysis.selection import PRICE
-from lab.analysis.trial import WORSE, Repeatable
+from lab.analysis.trial import Repeatable
 from lab.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
 from lab.logs.imu_axes import NAMES
@@ -120,9 +121,12 @@ def _is_doubtful(finding: Finding) -> bool:
 
 
 def _is_large(finding: Finding) -> bool:
-    """Return whether a finding, or its advice, states a large factor on a variance."""
+    """Return whether a finding, or its advice, raises a variance by a large factor.
+
+    Innovations that are too small contradict nothing.
+    """
     factors = [change.value for change in finding.changes if change.times]
-    return any(isinstance(one, float | int) and max(one, 1 / one) > LARGE for one in factors)
+    return any(isinstance(one, float | int) and one > LARGE for one in factors)
 
 
 def _since(outcome: Outcome, stamps: FloatArray) -> float:
@@ -314,9 +318,7 @@ def _from(since: float) -> str:
 def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:
     """Return whether a large factor predicts withheld fixes better, and the samples show such noise."""
     was, becomes = whole.withheld(Candidate("")), whole.withheld(stated)
-    # A start matters to the few fixes after it, and hardly any of them is withheld.
-    least = WORSE if all(change.path.startswith("navigator.p0") for change in stated.changes) else 1.0
-    if was is not None and (becomes is None or becomes.position_error >= least * was.position_error):
+    if was is not None and not _predicts_better(becomes, was, stated):
         return False
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     shown = shown_noise(imu)
@@ -329,6 +331,19 @@ def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:
         if any(change.value * run.belief.noise[row] > VISIBLE * shown[row] for row in rows):
             return False
     return True
+
+
+def _predicts_better(becomes: HeldOut | None, was: HeldOut, stated: Candidate) -> bool:
+    """Return whether withheld fixes are predicted better with the changes of a candidate.
+
+    A start that is trusted less moves the few fixes after it, and the smallest prior would win: there, the
+    likelihood decides, which a start that is trusted too much has lost.
+    """
+    if becomes is None:
+        return False
+    if all(change.path.startswith("navigator.p0") for change in stated.changes):
+        return becomes.log_likelihood > was.log_likelihood
+    return becomes.position_error < was.position_error
 
 
 def shown_noise(imu: Imu) -> FloatArray:
