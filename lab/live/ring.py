@@ -71,7 +71,7 @@ class Ring:
         return self._end
 
     def forget(self) -> None:
-        """Give the memory of all samples back; nothing more may come. `end` still says how many there were."""
+        """Give the memory of all samples back; nothing more may come. `end` still says how many came."""
         with self._lock:
             self._imu, self._fix, self._reading = (
                 np.zeros(0, kind) for kind in (TIMED_IMU, TIMED_FIX, TIMED_READING)
