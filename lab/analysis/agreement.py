@@ -131,7 +131,7 @@ class _Off(NamedTuple):
     evidence: str
 
 
-def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
+def judge_agreement(means: RunMeans, told: Told, told_small: Told | None = None) -> list[Weighed]:
     """Judge the size of errors and innovations, for which no cause was found.
 
     A figure is off if the runs disagree by their own scatter. It is off too, also of a single run, if all
@@ -143,6 +143,8 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
         The means of the runs.
     told
         How it is told.
+    told_small
+        How it is told of errors or innovations that are too small; as `told` by default.
     """
     by_scatter = {one.figure: one for one in agreements(means)}
     off: dict[str, list[_Off]] = {}
@@ -161,12 +163,14 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
         else:
             continue
         off.setdefault(figure.quantity, []).append(_Off(figure, ratio, weight, evidence))
-    return [_weighed(found, told) for found in off.values()]
+    return [_weighed(found, told, told_small or told) for found in off.values()]
 
 
-def _weighed(off: list[_Off], told: Told) -> Weighed:
+def _weighed(off: list[_Off], told: Told, told_small: Told) -> Weighed:
     """Return the finding on a quantity of which some figures are off."""
     first = max(off, key=lambda one: (one.figure == Figure(one.figure.quantity), one.weight))
+    if first.ratio < 1:
+        told = told_small
     also = [one for one in sorted(off, key=lambda one: -one.weight) if one is not first][: NAMED - 1]
     evidence, more = [one.evidence for one in (first, *also)], len(off) - 1 - len(also)
     factor = max(first.ratio, 1 / first.ratio)

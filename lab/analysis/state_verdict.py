@@ -21,6 +21,12 @@ _SETTINGS = {
     "accelerometer scale": "sensors.accelerometer.scale_factor_sigma",
 }
 
+_OF_SMALL_INNOVATIONS = (
+    "R and the timing and place of the fixes are not wrong by enough to explain it. A Q or P₀ that is too large "
+    "hardly shows in innovations: one of them may be."
+)
+_CHECK_NOISE = "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of the start."
+
 
 def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
     """Judge P0 by the initial error: in one group of states, or as a whole.
@@ -83,6 +89,9 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
         "Look for errors that the filter does not model: scale factors, drifting biases, an error model that "
         "does not fit, or attitude errors of degrees, whose products a linear model neglects.",
     )
+    small = told._replace(advice="Look for errors that the filter allows for and the sensors do not have.")
+    if evidence.start is None:
+        small = told._replace(excluded=_OF_SMALL_INNOVATIONS, advice=_CHECK_NOISE)
     if not used:
-        told = told._replace(between=(NEES, "errors of the position"))
-    return judge_agreement(evidence.means, told)
+        told, small = (one._replace(between=(NEES, "errors of the position")) for one in (told, small))
+    return judge_agreement(evidence.means, told, small)
