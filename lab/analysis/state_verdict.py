@@ -22,10 +22,12 @@ _SETTINGS = {
 }
 
 _OF_SMALL_INNOVATIONS = (
-    "R and the timing and place of the fixes are not wrong by enough to explain it. A Q or P₀ that is too large "
-    "hardly shows in innovations: one of them may be."
+    "R and the timing and place of the fixes are not wrong by enough to explain it. A Q or P₀ that is too "
+    "large hardly shows in innovations: one of them may be."
 )
-_CHECK_NOISE = "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of the start."
+_CHECK_NOISE = (
+    "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of the start."
+)
 
 
 def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
