@@ -41,6 +41,7 @@ plots.fit_phones()
 experiment = Experiment(mission="los_angeles", seed=1)
 experiment.trajectory.imu_rate = 20  # Hz: Python takes a while for each sample
 experiment.navigator.rest_updates = False  # only GPS corrects
+experiment.navigator.hold_heading = False  # each fix corrects all states
 compiled = experiment.run()
 plots.ground_track(compiled)
 

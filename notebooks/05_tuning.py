@@ -34,6 +34,7 @@ pd.set_option("display.max_colwidth", None)
 experiment = Experiment(mission="los_angeles", seed=1)
 experiment.trajectory.imu_rate = 20  # Hz: this flight does not shake
 experiment.navigator.rest_updates = False  # only GPS corrects
+experiment.navigator.hold_heading = False  # each fix corrects all states
 
 
 def run(**scales):

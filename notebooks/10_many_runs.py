@@ -143,7 +143,7 @@ bar = np.array([runs.std(ddof=1) / np.sqrt(runs.size) for runs in heading])
 )
 
 # %% [markdown]
-# Sixteen times the noise makes the heading worse by only 30 %. Most of its error is left from before the
+# Sixteen times the noise makes the heading worse by only a third. Most of its error is left from before the
 # first turn, and the gyro has nothing to do with that. Without the error bars you might see a step between
 # the first two points; with them, you do not.
 

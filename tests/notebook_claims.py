@@ -45,7 +45,7 @@ CLAIMS: dict[str, dict[str, str]] = {
         "Four blocks are enough for this sensor": "abs(rms('four blocks') / rms('all of F') - 1) < 0.01",
         "Its σ of the attitude grows too": "honest(runs['without velocity from tilt'], 'attitude') < 3",
         "but that of the position does not": "honest(runs['without velocity from tilt'], 'position') > 100",
-        "and `experiment.navigator.alignment = 0`": "(better_differences < 1e-9).all()",
+        "brings more states, which these forty lines do not have": "(better_differences < 1e-9).all()",
     },
     "05_tuning": {
         "Q wrong by a factor of 10 in either direction hardly changes it": (
@@ -72,7 +72,7 @@ CLAIMS: dict[str, dict[str, str]] = {
             "all(misses(model, 9) > 50 and misses(model, 18) < 3 for model in MODELS)"
         ),
         "phi computes it from its own attitude": (
-            "table['phi']['NEES, expected 15'] > 4 * table['invariant']['NEES, expected 15']"
+            "table['phi']['NEES, expected 15'] > 2 * table['invariant']['NEES, expected 15']"
         ),
         "and soon no linear model holds": (
             "position_rms(corrected('feedforward', 0.3)) > 20 * position_rms(corrected('feedback', 0.3))"
@@ -113,7 +113,7 @@ CLAIMS: dict[str, dict[str, str]] = {
             "abs(position_rms(matched).max() / position_rms(matched).min() - 1.2) < 0.02"
         ),
         "So 87 % instead of 95 %": "round(100 * inside[0]) == 87",
-        "makes the heading worse by only 30 %": "abs(mean[-1] / mean[0] - 1.3) < 0.02",
+        "makes the heading worse by only a third": "abs(mean[-1] / mean[0] - 4 / 3) < 0.02",
         "With the same seeds the filter is worse by 7 mm, at 2.6σ": (
             "round(1e3 * paired.mean()) == 7"
             " and abs(paired.mean() / (paired.std(ddof=1) / np.sqrt(20)) - 2.6) < 0.05"

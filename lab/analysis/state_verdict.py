@@ -26,7 +26,7 @@ _OF_SMALL_INNOVATIONS = (
     "large hardly shows in innovations: one of them may be."
 )
 _CHECK_NOISE = (
-    "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of the start."
+    "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of it."
 )
 
 

@@ -373,7 +373,8 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         agreeing=max(FEWEST_AGREEING, accusing),
         any_of=max(FEWEST_SCATTERED, 2 * accusing),
         aid_gate=gate(navigator.gate, 1),
-        hold_heading=not navigator.smoother,  # its backward pass is that of optimal updates
+        # The backward pass of a smoother is that of optimal updates.
+        hold_heading=bool(navigator.hold_heading) and not navigator.smoother,
     )
 
 

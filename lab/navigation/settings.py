@@ -165,6 +165,13 @@ class NavigatorSettings(Settings):
         doc="Zero angular rate updates: where the vehicle stands still for 10 s or more, the mean of the "
         "gyros shows their biases. GPS velocity and spread of the IMU samples detect the rest.",
     )
+    hold_heading = param.Boolean(
+        default=True,
+        label="Hold heading going straight",
+        doc="Fixes that show the heading at most by chance, as those of a vehicle that goes straight, leave it "
+        "and the vertical gyro bias as they are. Without, σ of the heading becomes too small there. A "
+        "smoother has no such rule.",
+    )
     smoother = param.Boolean(
         default=False,
         label="Smoother",
