@@ -68,6 +68,8 @@ _STRAIGHT_SIGMA = np.radians(0.3)
 """σ of a gyro bias from straight motion, and smallest σ of one from velocity matching [rad/s]."""
 _LEAST_STRAIGHT = 10
 """Fewest seconds of straight motion for a gyro bias."""
+_HIDDEN = 0.15
+"""Part of a turn that an IMU does not see about its own vertical: a bank of 30° hides a seventh."""
 _ROUNDS = 3
 """Number of iterations of levelling and heading, each with the result of the previous one."""
 _LEAST_FAST = 0.5
@@ -362,8 +364,9 @@ def _mean_rate(imu: Imu, length: float) -> FloatArray:
 def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
 
-    A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the bias is
-    zero, and its σ is the mean rate of the whole record.
+    A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the course
+    shows the bias about the vertical; where it does not, the bias is zero, and its σ is the mean rate of the
+    whole record.
     """
     ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
     angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
@@ -376,7 +379,44 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
         straight = known & (np.abs(turn) < _STRAIGHT)
         if straight.sum() >= _LEAST_STRAIGHT:
             return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
-    return np.zeros(3), np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0])))
+    mean = _mean_rate(imu, float(imu.time[-1] - imu.time[0]))
+    if fast.sum() < 2 or np.ptp(fixes.time[fast]) < _LEAST_STRAIGHT:
+        return np.zeros(3), np.abs(mean)
+    return _along_course(imu, fixes.time[fast], course, mean)
+
+
+def _along_course(
+    imu: Imu, time: FloatArray, course: FloatArray, mean: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias (3,) by which the IMU turned more than the course, and its σ [rad/s].
+
+    Parameters
+    ----------
+    imu
+        Samples of a vehicle that follows its nose.
+    time, course : (m,) arrays
+        Course [rad] at times [s].
+    mean : (3,) array
+        Mean rate of the whole record, the σ about level axes [rad/s].
+    """
+    turning = np.interp(time, imu.time, _turned(imu, np.zeros(3)))
+    apart = np.unwrap(course - turning)
+    since = time - time.mean()
+    slope = float(since @ apart) / float(since @ since)
+    scatter = float(np.std(apart - apart.mean() - slope * since))
+    # The errors of neighbouring fixes depend on each other: one in a second counts.
+    noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
+    hidden = _HIDDEN * abs(slope + float(np.polyfit(since, turning, 1)[0]))
+    down = _down(imu)
+    level = mean - down * float(mean @ down)
+    sigma = float(np.linalg.norm((noise, hidden, _STRAIGHT_SIGMA)))
+    return -slope * down, np.hypot(np.abs(level), np.abs(down) * sigma)
+
+
+def _down(imu: Imu) -> FloatArray:
+    """Return the vertical (3,) in b of a nearly level IMU."""
+    force = _mean_force(imu, _LEVELLING)
+    return np.asarray(-force / np.linalg.norm(force))
 
 
 def _force_at_start(imu: Imu) -> FloatArray:
@@ -421,9 +461,7 @@ def _acceleration(
 
 def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
     """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
-    down = -_mean_force(imu, _LEVELLING)
-    down /= np.linalg.norm(down)
-    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ down
+    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _down(imu)
     return np.concatenate(([0.0], np.cumsum(turned)))
 
 

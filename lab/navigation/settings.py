@@ -168,8 +168,8 @@ class NavigatorSettings(Settings):
     hold_heading = param.Boolean(
         default=True,
         label="Hold heading going straight",
-        doc="Fixes that show the heading at most by chance, as those of a vehicle that goes straight, leave it "
-        "and the vertical gyro bias as they are. Without, σ of the heading becomes too small there. A "
+        doc="Fixes that show the heading at most by chance, as those of a vehicle that goes straight, leave "
+        "it and the vertical gyro bias as they are. Without, σ of the heading becomes too small there. A "
         "smoother has no such rule.",
     )
     smoother = param.Boolean(

@@ -198,10 +198,11 @@ def test_tilts_of_a_start_without_any_heading_err_as_the_card_says():
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
-def test_tilts_of_a_start_in_motion_err_as_the_card_says():
+@pytest.mark.parametrize("name", ["ADIS16470", "BMI088"])
+def test_tilts_of_a_start_in_motion_err_as_the_card_says(name):
     """It begins on a straight road, in turns, and with the brakes on."""
     begins = (22.0, 26.0, 29.0, 38.0, 46.0)
-    ratios = [tilts("ADIS16470", 1001 + k, begins[k % 5], begins[k % 5] + 11.0) for k in range(20)]
+    ratios = [tilts(name, 1001 + k, begins[k % 5], begins[k % 5] + 11.0) for k in range(40)]
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 

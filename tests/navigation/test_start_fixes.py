@@ -104,3 +104,12 @@ def test_the_heading_of_a_copter_is_uncertain_where_positions_do_not_show_it(sig
         true = log.reference.euler[0, 2]
         error = np.abs(wrap(euler_from_quaternion(alignment.start.q_nb)[2] - true))
         assert error < 3 * alignment.attitude_sigma[2]
+
+
+def test_the_course_shows_the_gyro_bias_about_the_vertical():
+    """Where no ten seconds are straight, the mean rate of the record is a turn, and no σ of a bias."""
+    found = [navigate_log(positions_only(45, 10, seed), suite(), NavigatorSettings()) for seed in range(8)]
+    errors = np.degrees([made.alignment.gyro_bias[2] for made in found]) - 0.25
+    sigmas = np.degrees([made.alignment.gyro_bias_sigma[2] for made in found])
+    assert np.sqrt(np.mean((errors / sigmas) ** 2)) < 1.3
+    assert sigmas.max() < 1
