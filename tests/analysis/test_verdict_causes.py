@@ -108,6 +108,7 @@ def test_what_stands_for_flicker_is_not_called_too_large(name):
 def test_a_g_sensitive_gyro_is_no_wrong_p0():
     experiment = Experiment(seed=1)
     card("MPU-6000", assumed=False).load(experiment)
+    experiment.set("navigator.estimate_g_sensitivity", False)
     (finding,) = experiment.run().verdict.findings
     assert finding.quantity == "gyro g-sensitivity"
 

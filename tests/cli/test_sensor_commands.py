@@ -64,7 +64,7 @@ def test_what_is_assumed_is_said_with_every_answer_and_can_be_left_out() -> None
     assert "Assumed" not in ask("run", "los_angeles").stdout
     settings = json.loads(ask("run", *flight, "--json").stdout)["settings"]
     assert settings["navigator"]["states"] == 21
-    assert "gyro.flicker=0.5" in settings["sensors"]["assumed"]
+    assert "gyro.flicker=0.65" in settings["sensors"]["assumed"]
     chosen = ask("run", *flight, "--set", "navigator.states=15", "--json").stdout
     assert json.loads(chosen)["settings"]["navigator"]["states"] == 15
     assert "Assumed" in ask("compare", *flight, "--models", "phi").stdout
