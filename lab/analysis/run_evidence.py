@@ -12,7 +12,7 @@ from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.sensor_evidence import Reference
 from lab.further_truth import errors_of_states
-from lab.navigation.belief import bias_processes, of_bias_states
+from lab.navigation.belief import bias_processes, hidden_by_fixes, of_bias_states
 from lab.navigation.blocks import CONSIDERED, GPS_DRIFT, LATENCY, LEVER_ARM, SCALES
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
@@ -93,4 +93,5 @@ def reference_of(run: Run) -> Reference:
         drives[0],
         run.true_further() if run.solution_arrays.further.size else None,
         errors_of_states(run.simulated_settings, run.blocks, ideal),
+        hidden=np.append(np.zeros(3), hidden_by_fixes(experiment.sensors)),
     )

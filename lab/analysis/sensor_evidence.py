@@ -77,6 +77,9 @@ class Reference(NamedTuple):
     bias_drive : (6,) array
         Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] in a filter matched to the sensors;
         None if unknown.
+    hidden : (6,) array
+        Longest period of changes of the biases that a matched filter does not follow, because the fixes hide
+        them (`belief.hidden_by_fixes`) [s]; None if it follows all.
     further : (n + 1, k) array
         True values of the further states of the filter (`navigation.blocks`), if it has any.
     of_states : (n, 6) array
@@ -97,6 +100,7 @@ class Reference(NamedTuple):
     further: FloatArray | None = None
     of_states: FloatArray | None = None
     flight: Truth | None = None
+    hidden: FloatArray | None = None
 
     @property
     def whole(self) -> Truth:
@@ -207,6 +211,7 @@ def sensor_errors(
     matrix, vector = np.zeros((runs, 6, terms, terms)), np.zeros((runs, 6, terms))
     squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6, 2))
     matched = np.zeros(6) if reference.bias_drive is None else reference.bias_drive
+    hidden = np.zeros(6) if reference.hidden is None else reference.hidden
     clipped = Squares(np.zeros(2), np.zeros(2))
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
@@ -230,7 +235,7 @@ def sensor_errors(
         squares[0, axis], number[0, axis] = noise @ noise, noise.size
         spread = np.linalg.lstsq(motion, noise, rcond=None)[0]
         rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
-        found = _drift(wide, belief, int(axis), float(matched[axis]), rest, spread)
+        found = _drift(wide, belief, int(axis), float(matched[axis]), float(hidden[axis]), rest, spread)
         drive[0, axis] = found[0]
         drift_matrix[0, axis], drift_vector[0, axis], drift_squares[0, axis], determinant[0, axis] = found[1:]
     return SensorErrors(
@@ -413,12 +418,19 @@ def _fitted(effect: FloatArray, added: FloatArray) -> float:
 
 
 def _drift(
-    seen: _Axis, belief: Belief, axis: int, matched: float, rest: float, spread: FloatArray
+    seen: _Axis,
+    belief: Belief,
+    axis: int,
+    matched: float,
+    period: float,
+    rest: float,
+    spread: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the first two drives, and the normal equations of a bias under all tried drives.
 
-    `matched` is the drive of a filter matched to the sensor, `rest` the variance of the noise relative to the
-    assumed one, `spread` the errors that depend on the motion (6,).
+    `matched` is the drive of a filter matched to the sensor, which does not follow changes with a period
+    below `period` [s]; `rest` the variance of the noise relative to the assumed one, `spread` the errors that
+    depend on the motion (6,).
     """
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest
@@ -426,6 +438,9 @@ def _drift(
     hidden = 3 * density / duration**2
     base = max(drive, UNSEEN * hidden)
     power, basis = spectrum(seen.noise.size, seen.window, decay)
+    # A sine of the period T is integrated to (T / 2π)² of its variance.
+    slow = power * seen.window >= (period / (2 * np.pi)) ** 2
+    power, basis = power[slow], basis[:, slow]
     # Saturated windows contain no information about the bias.
     values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
     values, causes = basis.T @ values, basis.T @ seen.drift

@@ -31,6 +31,9 @@ SENSORS = ("gyro", "accelerometer")
 EXPLAINS = 0.2
 """Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
 depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
+LAG = 0.01
+"""Shortest lag of a sensor that is reported [s]: that of a latency. What a lag adds to the navigator is
+gone at the end of the manoeuvre; a bandwidth of 50 Hz lags by 3 ms, and NEES does not show it."""
 LEFT = 0.1
 """Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
 remainder."""
@@ -121,6 +124,8 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
             continue
         if entry.name == EARTH_RATE:
             found += _earth_rate(entry)
+        elif entry.name == "bandwidth" and _lag(entry) < LAG:
+            continue
         elif 2 * entry.gain / count > EXPLAINS:
             found.append(_stated(entry, kind, sensor))
     rest = total - explained
@@ -153,10 +158,15 @@ def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit
     return Fit(matrix.reshape(-1, p, p), vector.reshape(-1, p), np.array(squares.sum()))
 
 
+def _lag(entry: Explained) -> float:
+    """Return the lag of a sensor of limited bandwidth, root mean square of the axes [s]."""
+    return float(np.sqrt(np.mean(entry.estimate.sum(axis=1) ** 2)))
+
+
 def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
     unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / STANDARD_GRAVITY))[sensor]
-    estimate = entry.estimate.sum(axis=1) if entry.name == "bandwidth" else entry.estimate
-    factor = float(np.sqrt(np.mean(estimate**2)))
+    is_lag = entry.name == "bandwidth"
+    factor = _lag(entry) if is_lag else float(np.sqrt(np.mean(entry.estimate**2)))
     size = (
         factor
         * {

@@ -35,6 +35,7 @@ from lab.navigation.belief import (
     belief,
     bias_processes,
     chosen_blocks,
+    hidden_by_fixes,
     is_aided,
     schedule_of,
 )
@@ -90,6 +91,7 @@ class SeedLanes:
         self._model = chosen_model(self._navigator, self._sensors)
         self._belief = belief(self._sensors, self._navigator)
         self._drive = bias_processes(self._sensors)[0]
+        self._hidden = np.append(np.zeros(3), hidden_by_fixes(self._sensors))
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._exact: tuple[Exact, Exact] | None = None
         self._room = threading.local()
@@ -433,6 +435,7 @@ class SeedLanes:
             self._temperature,
             (one.gyro.saturated, one.accelerometer.saturated),
             self._drive if one.constants is None else bias_processes(self._sensors, one.constants)[0],
+            hidden=self._hidden,
         )
 
 

@@ -195,3 +195,12 @@ def test_selection_takes_the_true_cause_of_two_that_resemble_each_other():
     assert found.estimate[0, 0] == pytest.approx(0.8, abs=5 * found.sigma[0, 0])
     nothing = Fit(fit.matrix, (A.T @ RNG.normal(0, 1, 500))[None], fit.squares)
     assert select(nothing, {"one": [0], "other": [1]}, 10.0) == []
+
+
+@pytest.mark.parametrize("name", ["ADIS16488", "OpenIMU300ZA"])
+def test_a_card_as_loaded_hears_nothing_of_what_its_filter_cannot_show(name):
+    """Flicker faster than fixes show, and a lag of 3 ms: errors are as large as the filter says."""
+    for seed in range(1001, 1004):
+        experiment = Experiment(mission="los_angeles", seed=seed)
+        card(name).load(experiment)
+        assert not experiment.run().verdict.findings
