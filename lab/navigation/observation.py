@@ -61,6 +61,7 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Solution
 from lab.navigation.standstill import GATE, see_rest
 from lab.navigation.strapdown import VELOCITY, Matrix, Vector, get, rotate
+from lab.navigation.vertical_bias import raise_vertical_bias
 
 FloatArray = NDArray[np.float64]
 
@@ -239,6 +240,13 @@ def keeps_heading(
 
 
 @kernel
+def bound_vertical_bias(state: FloatArray, P: FloatArray) -> None:
+    """Keep σ of the vertical accelerometer bias above what the square of a constant tilt adds to it."""
+    vertical = (0.0, 0.0, 1.0)
+    raise_vertical_bias(P, own_attitude(state, vertical), in_body(state, vertical))
+
+
+@kernel
 def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
     """Undo what an update did to heading and vertical gyro bias; arguments as for `keeps_heading`."""
     put_back_covariance(P, D, kept)
@@ -291,6 +299,7 @@ def observe(
         put_heading_back(P, run.directions, run.kept)
         for i in range(3):
             out.fix_held[m, i] = run.directions[1, NAV + i]
+    bound_vertical_bias(state, P)
     return became
 
 

@@ -43,6 +43,7 @@ from lab.navigation.reference_aids import (
     bent_speed,
     see_aid,
     shows_heading,
+    vertical_bias_noise,
     vertical_directions,
 )
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
@@ -179,7 +180,7 @@ def _use_fix(
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
     z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
     D = vertical_directions(state, kalman.P, in_body=model.in_body)
-    held = _update(kalman, z, H @ model.map(state), R, D)
+    held = _update(kalman, z, H @ model.map(state), R, D, state)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
     if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
@@ -449,7 +450,9 @@ def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> Fl
     return added
 
 
-def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D: FloatArray) -> bool:
+def _update(
+    kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D: FloatArray, state: FloatArray
+) -> bool:
     """Update with a measurement; return whether the states along D (2, n) kept their estimates.
 
     They keep them if the measurement shows them at most by chance, by the gain K − Dᵀ D K of Schmidt's filter
@@ -463,6 +466,7 @@ def _update(kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D
         kalman.x = x + kalman.K @ kalman.y
         kalman.P = kalman.P + D.T @ D @ (P - kalman.P) @ D.T @ D
     kalman.P = (kalman.P + kalman.P.T) / 2
+    kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, D)
     return held
 
 

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.frames.earth import STANDARD_GRAVITY
 from lab.frames.rotation import skew, wrap
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.heading_observability import CHANCE, LEVEL, UNKNOWN
 
 FloatArray = NDArray[np.float64]
@@ -129,6 +130,32 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
     counts = (H @ D.T != 0) | (chance > LEVEL * own_variance)[:, None]
     limit = CHANCE**2 * variance[0] * chance[:, None] * variance
     return bool(variance[0] > UNKNOWN or (counts & (response**2 > limit)).any())
+
+
+def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> FloatArray:
+    """Return the process noise (n, n) that raises the variance of the vertical accelerometer bias.
+
+    The square of a tilt that the accelerometer biases cause adds to this bias (`vertical_bias`).
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    P : (n, n) array
+        Covariance after an update.
+    D : (2, n) array
+        From `vertical_directions`.
+    """
+    variance = np.diag(P)[ACCEL_BIAS]
+    of_biases = P[ATT, ACCEL_BIAS] / np.sqrt(np.where(variance > 0, variance, np.inf))
+    tilts = of_biases - np.outer(D[0, ATT], D[0, ATT] @ of_biases)
+    Sigma = tilts @ tilts.T
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    down = np.zeros(P.shape[0])
+    down[ACCEL_BIAS] = C_nb[2]
+    before = down @ P @ down
+    least = STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma))
+    return np.outer(down, down) * (max(least - before, 0.0) if before > 0 else 0.0)
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
