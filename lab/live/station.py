@@ -44,7 +44,7 @@ class Station:
     sensors, navigator
         The assumptions of the live navigator.
     name
-        What people call it; `Stations` numbers those of one name.
+        What people call it; others may have the same.
 
     Attributes
     ----------

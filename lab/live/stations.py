@@ -77,7 +77,10 @@ class Stations:
             return set(self._open)
 
     def names(self, visitor: Visitor) -> dict[str, str]:
-        """Return the names of the stations that a visitor may watch, by their keys; no two are the same."""
+        """Return the names of the stations that a visitor may watch, by their keys; no two are the same.
+
+        They are numbered among these, so that a number says nothing about others.
+        """
         with self._changed:
             found = {key: one.station for key, one in self._open.items()}
         known = {key: one.name for key, one in found.items() if may_watch(visitor, one.owner)}
@@ -167,8 +170,6 @@ class Stations:
         with self._changed:
             self._opening.remove(opening)
             made.owner = opening.owner
-            taken = {one.station.name for one in self._open.values() if may_watch(visitor, one.station.owner)}
-            made.name = _unlike(made.name, taken)
             key = _unlike(wanted, self._open)
             self._open[key] = _Open(wanted, made, visitor.counted, {watcher: visitor.counted})
             self._changed.notify_all()
