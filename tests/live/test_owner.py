@@ -54,7 +54,9 @@ def test_opening_alike_gives_what_a_teacher_opened_and_never_what_another_studen
     assert those(may_join, SHARED) == {ANN, ANN_LATER}  # it would end for them when it is shared no longer
     assert those(may_join, OF_TEACHER) == set(EVERYBODY)
     teachers = {TEACHER, OTHER_TEACHER, TEACHER_LATER}
-    assert those(may_join, OF_OUTSIDE) == set(EVERYBODY) - teachers  # others could unplug what a teacher shows
+    assert (
+        those(may_join, OF_OUTSIDE) == set(EVERYBODY) - teachers
+    )  # others could unplug what a teacher shows
 
 
 def test_what_may_be_changed_or_shared_may_be_watched() -> None:
