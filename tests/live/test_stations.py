@@ -29,6 +29,7 @@ class Made:
         self.name, self.owner, self.closed = name, Owner(), False
 
     def close(self) -> None:
+        """End."""
         self.closed = True
 
 
