@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lab.live.address import Address
 from lab.live.serial_port import serial_ports
-from lab.live.station import Stations
+from lab.live.stations import Stations
 from lab.live.transport import TransportError
 
 VARIABLE = "INS_LAB_DEVICES"

@@ -13,6 +13,7 @@ from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
+from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Address, Files, query
 from dashboards.notice import Notice
@@ -45,6 +46,7 @@ from dashboards.time_bar import TimeBar
 from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
 from lab.experiment import Experiment
+from lab.live.owner import Visitor
 from lab.memory import give_back
 from lab.parameters.settings import SettingError
 from lab.result import Result
@@ -89,6 +91,7 @@ class SimulatorPage:
         self._on_phone = "Mobi" in pn.state.headers.get("User-Agent", "")
         self.axis = TimeAxis(touch=self._on_phone)
         self._document = document
+        self._browser = Browser(document)
         self._zooming = False
         self._dark = False
         self._epoch = 0.0
@@ -140,6 +143,7 @@ class SimulatorPage:
         self.session.go = self._go_to
         self.session.remind = self._remind
         self.session.acted = self._acted
+        self.session.visitor = self._visitor
         self.session.solved = self._class.solved
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
@@ -184,6 +188,9 @@ class SimulatorPage:
             href=lambda: self._address.href,
             enlarge=self._enlarge,
         )
+
+    def _visitor(self) -> Visitor:
+        return self._browser.visitor(self._class.code, teaches=self._class.teaches)
 
     def _place(self) -> Place | None:
         lessons = self._pages.get(PAGES.index(Lessons))

@@ -14,6 +14,7 @@ from dashboards.computing import LatestWins, Outcome, run
 from dashboards.sending import soon, together
 from lab.experiment import Experiment
 from lab.homework.homework import Homework
+from lab.live.owner import Visitor
 from lab.missions import missions, names_in_words
 from lab.parameters.settings import SettingError
 from lab.progress import Progress
@@ -48,6 +49,8 @@ class Session(param.Parameterized):
         Shows a sentence above all pages; none if it is empty.
     acted
         Called when a person, or a lesson, has changed settings or the step of a lesson.
+    visitor
+        Returns whose page it is.
     solved
         Called with a lesson, as origin and name, and the number from 0 of a step that is solved now.
     """
@@ -68,6 +71,7 @@ class Session(param.Parameterized):
         self.go: Callable[[str, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
         self.acted: Callable[[], None] = lambda: None
+        self.visitor: Callable[[], Visitor] = Visitor
         self.solved: Callable[[tuple[str, str], int], None] = lambda _lesson, _step: None
         self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False

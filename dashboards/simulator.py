@@ -3,6 +3,7 @@
 import panel as pn
 from tornado.ioloop import IOLoop
 
+from dashboards.browser import REMEMBERED
 from dashboards.computing import share_interpreter
 from dashboards.headers import PROTECTED
 from dashboards.log_limit import limit_log
@@ -24,4 +25,5 @@ speed_up()
 share_interpreter()
 if pn.state.curdoc is not None:
     PROTECTED.add(pn.state.curdoc)
+    REMEMBERED.add(pn.state.curdoc)
 SimulatorPage().servable()

@@ -33,6 +33,8 @@ class ClassBar:
     ----------
     view : panel.Column
         The line; empty for a visitor without a class.
+    teaches : bool
+        Whether the browser of the page is that of a teacher.
     problem : str
         Why the class in the address cannot be joined; empty if it can, or none is named.
     """
@@ -40,10 +42,17 @@ class ClassBar:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._bar: StudentBar | TeacherBar | None = None
+        self.teaches = False
         self.problem = ""
         self.view = pn.Column(
             margin=0, sizing_mode="stretch_width", styles={"flex": "0 0 auto"}, visible=False
         )
+
+    @property
+    def code(self) -> str:
+        """Code of the class that the page attends or leads; empty without one, or once it has ended."""
+        found = None if self._bar is None else self._bar.school_class
+        return "" if found is None or found.closed else found.code
 
     def open(self, query: str, cookies: Any, *, has_own: bool) -> None:
         """Take the place that the address of the page and the cookies of its browser say.
@@ -57,7 +66,8 @@ class ClassBar:
         has_own
             Whether the address holds settings: then a student begins with these, and not with the teacher's.
         """
-        teaches, code = is_teacher(cookies), code_of(query)
+        self.teaches = teaches = is_teacher(cookies)
+        code = code_of(query)
         found = CLASSES.find(code) if is_code(code) else None
         if code and found is None:
             self.problem = NO_CLASS

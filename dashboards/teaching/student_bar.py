@@ -109,6 +109,11 @@ class StudentBar:
         self._lay_out()
 
     @property
+    def school_class(self) -> SchoolClass | None:
+        """The class; None once it has ended, or the page has left it."""
+        return self._class
+
+    @property
     def follows(self) -> bool:
         """Whether the page follows."""
         return self._class is not None and self._seat.follows

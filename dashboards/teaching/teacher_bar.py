@@ -98,6 +98,11 @@ class TeacherBar:
         self._lay_out()
         desk.document.add_periodic_callback(self._look, UPDATE)
 
+    @property
+    def school_class(self) -> SchoolClass | None:
+        """The class that the page leads; None without one."""
+        return self._class
+
     def start(self) -> None:
         """Open a class, lead it, and show its link."""
         try:

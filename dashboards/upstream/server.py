@@ -27,6 +27,7 @@ from panel.links import Callback
 from panel.reactive import Syncable
 from panel.viewable import Viewable
 from tornado.web import Application, OutputTransform
+from tornado.websocket import WebSocketHandler
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
@@ -224,12 +225,15 @@ def models_version(document: Document) -> tuple[int, int]:
 
 def serving_application(document: Document) -> Application | None:
     """Return the Tornado application that serves a document; None where no browser is connected to it."""
+    application = getattr(page_socket(document), "application", None)
+    return application if isinstance(application, Application) else None
+
+
+def page_socket(document: Document) -> WebSocketHandler | None:
+    """Return the websocket of the browser that shows a document; None where none is connected to it."""
     session = getattr(document.session_context, "session", None)
-    for connection in getattr(session, "_subscribed_connections", ()):
-        application = connection._socket.application
-        if isinstance(application, Application):
-            return application
-    return None
+    sockets = (connection._socket for connection in getattr(session, "_subscribed_connections", ()))
+    return next((one for one in sockets if isinstance(one, WebSocketHandler)), None)
 
 
 class TransformedPages:

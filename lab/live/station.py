@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,18 +15,16 @@ from lab.live.growing_allan import GrowingAllan
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
+from lab.live.owner import Owner
 from lab.live.ring import Read
 from lab.live.source import Source
 from lab.live.source_status import Status
 from lab.live.thinned_samples import ThinnedSamples
-from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.mission_error import MissionError
 from lab.sensors.suite import SensorSuite
 
-MOST = 8
-"""Most stations of a server at a time: each has threads, and a navigator at 1 kHz takes a tenth of a core."""
 PERIOD = 0.02
 """Longest time for which samples wait to be shown [s], a fifth of the time between two pictures; the
 navigator gets them at once."""
@@ -47,7 +44,7 @@ class Station:
     sensors, navigator
         The assumptions of the live navigator.
     name
-        What people call it; `Stations` numbers those of one name.
+        What people call it; others may have the same.
 
     Attributes
     ----------
@@ -62,6 +59,8 @@ class Station:
         What the innovations say so far; empty while there are too few.
     recorded : str
         What became of the last recording, in a sentence, for all who watch.
+    owner : Owner
+        Who opened it; set by `lab.live.stations.Stations`.
     """
 
     def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
@@ -72,6 +71,7 @@ class Station:
         self.failure = ""
         self.verdict = ""
         self.recorded = ""
+        self.owner = Owner()
         self._claimed: set[Path] = set()
         self.sensors, self.settings = sensors, navigator
         self._navigator: LiveNavigator | None = LiveNavigator(sensors, navigator)
@@ -236,96 +236,3 @@ class Station:
         with self._lock, self._growing_lock:
             self._navigator = self._growing = None
             self.thinned = ThinnedSamples(kept=1)
-
-
-class Stations:
-    """The stations of a process, by what they read.
-
-    Parameters
-    ----------
-    most
-        Most stations at a time.
-    """
-
-    def __init__(self, most: int = MOST) -> None:
-        self._most = most
-        self._lock = threading.Lock()
-        self._open: dict[str, tuple[Station, set[Hashable]]] = {}
-
-    def names(self) -> dict[str, str]:
-        """Return the names of the open stations, by their keys."""
-        with self._lock:
-            return {key: station.name for key, (station, _) in self._open.items()}
-
-    def recordings(self) -> set[Path]:
-        """Return the recordings that run."""
-        with self._lock:
-            running = [station.source.recording for station, _ in self._open.values()]
-        return {path for path in running if path is not None}
-
-    def watchers(self, key: str) -> int:
-        """Return how many watch a station; 0 if it is not open."""
-        with self._lock:
-            return len(self._open[key][1]) if key in self._open else 0
-
-    def watch(self, key: str, watcher: Hashable, make: Callable[[], Station]) -> Station:
-        """Return the station of a key, opened if it is not open, and count someone who watches it.
-
-        Parameters
-        ----------
-        key
-            What it reads, such as its address.
-        watcher
-            Who watches.
-        make
-            Makes the station; called by the first who watches.
-
-        Raises
-        ------
-        TransportError
-            If too many are open.
-        """
-        with self._lock:
-            if key in self._open:
-                station, watchers = self._open[key]
-                watchers.add(watcher)
-                return station
-            if len(self._open) >= self._most:
-                raise TransportError(
-                    f"{len(self._open)} sources are open on this server; accepted are up to {self._most}: "
-                    "watch one of them, or close one"
-                )
-        made = make()
-        with self._lock:
-            if key not in self._open and len(self._open) < self._most:
-                made.name = self._unlike(made.name)
-                self._open[key] = made, {watcher}
-                return made
-        made.close()  # someone else was faster
-        return self.watch(key, watcher, make)
-
-    def _unlike(self, name: str) -> str:
-        """Return a name that no open station has: people choose by names."""
-        taken = {station.name for station, _ in self._open.values()}
-        numbered = (name if number == 1 else f"{name} ({number})" for number in itertools.count(1))
-        return next(one for one in numbered if one not in taken)
-
-    def leave(self, key: str, watcher: Hashable) -> None:
-        """Stop watching; the station ends with the last who watches. May be repeated."""
-        with self._lock:
-            if key not in self._open:
-                return
-            station, watchers = self._open[key]
-            watchers.discard(watcher)
-            if watchers:
-                return
-            del self._open[key]
-        station.close()
-
-    def close(self) -> None:
-        """End all stations."""
-        with self._lock:
-            stations = [station for station, _ in self._open.values()]
-            self._open.clear()
-        for station in stations:
-            station.close()

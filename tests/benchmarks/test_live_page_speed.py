@@ -100,7 +100,7 @@ def test_from_the_wire_to_the_pixel(
             page = watching(chromium, address)
             page.wait_for_timeout(10_000)  # the clocks settle
             page.evaluate(WATCH)
-            ((station, _),) = STATIONS._open.values()
+            station = next(iter(STATIONS._open.values())).station
             station.source.record(tmp_path / "stream.inslab")
             delays.clear()
             spent, grown = share(page, SECONDS)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, new_context, wait_for, watched
-from tests.security.conftest import serving
+from tests.browser.conftest import DRAWN, eventually, new_context, wait_for, watched
+from tests.security.conftest import own_addresses, serving
 
 pytestmark = pytest.mark.browser
 
@@ -79,5 +79,75 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         bar(phone, "The class has ended.")
         phone.context.close()
         teacher.context.close()
+        assert "Traceback" not in served.log.read_text()
+    assert complaints == []
+
+
+def open_live(page: Page) -> None:
+    """Open the page Live."""
+    wait_for(page, DRAWN)
+    page.get_by_role("tab", name="Live").click()
+    expect(page.get_by_role("button", name="Connect", exact=True)).to_be_visible()
+
+
+def offers(page: Page) -> list[str]:
+    """Return the sources that a page offers."""
+    page.get_by_role("combobox", name="Source").click()
+    found = page.get_by_role("menuitem").all_inner_texts()
+    page.keyboard.press("Escape")
+    return found
+
+
+def watch(page: Page) -> None:
+    """Watch the source that others have opened."""
+    page.get_by_role("combobox", name="Source").click()
+    page.get_by_role("menuitem").filter(has_text="Watch: ").first.click()
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.get_by_role("button", name="Disconnect").wait_for()
+
+
+def test_a_student_shares_a_source_and_takes_it_back(chromium: Browser, tmp_path: Path) -> None:
+    complaints: list[str] = []
+    with serving(tmp_path, "--address", "0.0.0.0", "--teacher") as served:
+        host = next(iter(own_addresses()), "127.0.0.1")  # not that of whoever serves, if there is one
+        address = f"http://{host}:{served.port}"
+        found = re.search(r"/teach\?key=[\w-]+", served.log.read_text())
+        assert found is not None
+        teacher = watched(chromium, address + "/", complaints)
+        teacher.goto(address + found[0])
+        teacher.goto(f"{address}/?{FLIGHT}")
+        wait_for(teacher, DRAWN)
+        teacher.get_by_role("button", name="Start a class").click()
+        link = teacher.locator(".link").inner_text().rpartition("?")[2]
+        teacher.keyboard.press("Escape")
+        ann, ben = (new_context(chromium, viewport={"width": 1000, "height": 700}) for _ in range(2))
+        first, other = ann.new_page(), ben.new_page()
+        for page in (first, other):
+            page.goto(f"{address}/?{link}&{FLIGHT}&seed=2")
+            open_live(page)
+        first.get_by_role("button", name="Connect", exact=True).click()
+        first.get_by_role("button", name="Disconnect").wait_for()
+        assert not any(offer.startswith("Watch") for offer in offers(other))
+        share = first.get_by_text("Share with the class")
+        share.click()
+        eventually(other, lambda: any(offer.startswith("Watch") for offer in offers(other)))
+        watch(other)
+        expect(first.get_by_role("button", name="Unplug")).to_be_visible()
+        expect(other.get_by_role("button", name="Unplug")).not_to_be_visible()
+        expect(other.get_by_text("Share with the class")).not_to_be_visible()
+        share.click()
+        expect(other.get_by_text("not shared with you any more")).to_be_visible()
+        expect(other.get_by_role("button", name="Connect", exact=True)).to_be_visible()
+        if host != "127.0.0.1":
+            tabs = [ann.new_page() for _ in range(2)]
+            for seed, tab in enumerate(tabs, 3):
+                tab.goto(f"{address}/?{link}&{FLIGHT}&seed={seed}")
+                open_live(tab)
+                tab.get_by_role("button", name="Connect", exact=True).click()
+            tabs[0].get_by_role("button", name="Disconnect").wait_for()
+            expect(tabs[1].get_by_text("You have 2 sources open")).to_be_visible()
+            assert {cookie["name"] for cookie in ann.cookies()} == {f"ins_lab_browser_{served.port}"}
+        for context in (ann, ben, teacher.context):
+            context.close()
         assert "Traceback" not in served.log.read_text()
     assert complaints == []

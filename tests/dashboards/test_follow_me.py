@@ -307,6 +307,20 @@ def test_a_closed_class_leaves_the_students_their_pages(room: Room) -> None:
     assert late.page._class.problem == NO_CLASS
 
 
+def test_the_class_and_the_role_of_a_page_are_known_until_the_class_ends(room: Room) -> None:
+    def role(walk: Walk) -> tuple[str, bool]:
+        visitor = walk.page.session.visitor()
+        return visitor.school_class, visitor.teaches
+
+    student, guest, again = room.student(), room.page(""), room.teacher_again()
+    code = room.code
+    assert [role(one) for one in (student, guest)] == [(code, False), ("", False)]
+    assert [role(one) for one in (room.teacher, again)] == [(code, True)] * 2
+    assert len({one.page.session.visitor().identity for one in (student, guest, again)}) == 3
+    room.lead.end()  # the page of the student has not been told yet
+    assert [role(one) for one in (student, room.teacher, again)] == [("", False), ("", True), ("", True)]
+
+
 def test_own_settings_in_the_address_come_first(room: Room) -> None:
     student = room.student(has_own=True)
     assert words(student) == OWN_WAY

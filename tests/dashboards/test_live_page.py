@@ -19,8 +19,10 @@ from dashboards.pages.live import Live
 from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
 from dashboards.serve_command import free_port
 from dashboards.session import Session
+from lab.live.owner import Visitor
 from lab.live.source_status import LOST, STREAMING
-from lab.live.station import Station, Stations
+from lab.live.station import Station
+from lab.live.stations import Stations
 from lab.live.transport import TransportError
 from lab.views.figures import TimeAxis
 
@@ -82,7 +84,7 @@ def threads() -> list[str]:
 def wait_until_nothing_is_left() -> None:
     """Wait until no source is open and its threads have ended; pages leave them to another thread."""
     end = time.monotonic() + PATIENCE
-    while STATIONS.names() or threads():
+    while STATIONS.keys() or threads():
         assert time.monotonic() < end, threads()
         time.sleep(0.01)
 
@@ -120,7 +122,7 @@ def test_the_simulated_device_is_shown_and_navigated_with(opened: Callable[[], O
     assert abs(float(np.nanmedian(shown(one.page)[:, 3])) + 9.8) < 1
     one.page._toggle()
     assert one.page._station is None
-    one.until(lambda: STATIONS.names() == {})
+    one.until(lambda: not STATIONS.keys())
 
 
 def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
@@ -128,7 +130,7 @@ def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
     station = first.connect()
     assert second.connect() is station
     first.page._toggle()
-    assert STATIONS.names()
+    assert STATIONS.keys()
     assert not station.source.ended
     third = opened()
     watch = next(value for value in third.page._fields._offers().values() if value.startswith(WATCHED))
@@ -189,7 +191,7 @@ def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
     one.page.close()
     closed.set()
     assert left.wait(PATIENCE)
-    one.until(lambda: STATIONS.names() == {})
+    one.until(lambda: not STATIONS.keys())
 
 
 def test_a_hidden_page_does_nothing(opened: Callable[[], Opened]) -> None:
@@ -285,7 +287,7 @@ def test_a_device_that_is_open_in_another_way_is_not_watched_unasked(
 
     second.page._toggle()
     first.page._toggle()
-    second.until(lambda: STATIONS.names() == {})
+    second.until(lambda: not STATIONS.keys())
     choose(second, other)  # nobody else has it open now
     assert second.page._station is not None
     assert second.page._station.status.protocol == "mip"
@@ -469,4 +471,4 @@ def test_what_the_address_gives_is_not_offered_as_found_out(
 def test_a_server_has_a_bound_on_sources() -> None:
     stations = Stations(most=0)
     with pytest.raises(TransportError, match="accepted are up to 0"):
-        stations.watch("one", 1, lambda: pytest.fail("must not be made"))
+        stations.open("one", 1, lambda: pytest.fail("must not be made"), Visitor())

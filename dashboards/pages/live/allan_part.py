@@ -13,6 +13,7 @@ import panel_material_ui as pmui
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import soon, together
@@ -34,7 +35,7 @@ SOONEST = 2.0
 """Least growth of the record after which it is computed again [s]."""
 
 
-class AllanPart:
+class AllanPart(PartOfWatched):
     """The deviation of both triads beside that of the sensors in the settings.
 
     Parameters
@@ -53,7 +54,6 @@ class AllanPart:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
-        self._station: Station | None = None
         self._seen = 0.0, 0  # length [s] of the record that is shown, and how often it had begun again
         self._toml = b""
         self.card: Card | None = None
@@ -89,14 +89,14 @@ class AllanPart:
             stylesheets=[WHOLE],
         )  # fmt: skip
 
-    def watch(self, station: Station | None) -> None:
+    def watch(self, watched: Watched | None) -> None:
         """Show another device, or none."""
-        self._station, self._seen, self._toml, self.card = station, (0.0, 0), b"", None
+        self._watched, self._seen, self._toml, self.card = watched, (0.0, 0), b"", None
         self._clear()
         self._download.visible = False
         self._make.disabled = True
         self._job.say("")
-        if station is None:
+        if watched is None:
             self.tell()
 
     def tell(self) -> None:
@@ -167,9 +167,11 @@ class AllanPart:
                 records = growing.records()
             return rest.card_of(name, records, station.name)
 
-        self._job.start("Fitting the noise terms", work, self._made)
+        self._job.start("Fitting the noise terms", work, lambda card: self._made(station, card))
 
-    def _made(self, card: Card) -> None:
+    def _made(self, station: Station, card: Card) -> None:
+        if station is not self._station:  # disconnected meanwhile
+            return
         self.card = card
         self._toml = card.to_toml().encode()
         self._download.param.update(

@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.notice import Notice
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
 from lab.frames import earth
@@ -25,11 +26,15 @@ from lab.live.axis_check import (
 from lab.live.axis_map import AxisMap
 from lab.live.source_status import STREAMING
 from lab.live.static_interval import AxisCheckError
-from lab.live.station import Station
 from lab.views.axis_picture import axis_picture
 
 PLACED = 5e-4
 """σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""
+OTHERS_AXES = (
+    "In a class, only the person who opened a source and the teacher may set its axes. You may still check "
+    "them."
+)
+"""Said to others who watch."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
 _INTRODUCTION = (
     f"<p>Turn the device as the vehicle would turn it, hold it still for {LAST:g} s, and press the button of "
@@ -51,7 +56,7 @@ _WORDS = {
 }
 
 
-class AxesPart:
+class AxesPart(PartOfWatched):
     """The positions and turns with their buttons, and the outcome.
 
     Attributes
@@ -64,7 +69,6 @@ class AxesPart:
 
     def __init__(self) -> None:
         self.check = AxisCheck()
-        self._station: Station | None = None
         self._found: CheckedAxes | None = None
         self._shown: dict[str, pn.pane.HTML] = {}
         self._buttons: list[Any] = []
@@ -74,6 +78,9 @@ class AxesPart:
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
         self._use = pmui.Button(label="Use these axes", icon="check", color="primary", margin=(6, 8))
         self._use.on_click(lambda _event: self._apply())
+        self._rights = pn.pane.HTML(
+            f"<p>{OTHERS_AXES}</p>", visible=False, margin=(4, 10), sizing_mode="stretch_width"
+        )
         self._anew = pmui.Button(label="Begin anew", icon="restart_alt", **_SMALL)
         self._anew.on_click(lambda _event: self._forget())
         self.view = pn.Column(
@@ -84,6 +91,7 @@ class AxesPart:
                 pn.Column(
                     self._words,
                     pn.Row(self._use, self._anew, margin=0, stylesheets=[WRAP]),
+                    self._rights,
                     self._picture,
                     margin=0,
                     **_share(380),
@@ -98,12 +106,19 @@ class AxesPart:
         )
         self.watch(None)
 
-    def watch(self, station: Station | None) -> None:
+    def watch(self, watched: Watched | None) -> None:
         """Check another device, or none; what was taken of the one before is forgotten."""
-        self._station = station
+        self._watched = watched
         for button in self._buttons:
-            button.disabled = station is None
+            button.disabled = watched is None
         self._forget()
+
+    def tell_rights(self) -> None:
+        """Show whether this page may set the axes."""
+        watched = self._watched
+        may = watched is None or watched.may_change
+        self._rights.visible = not may
+        self._use.disabled = self._found is None or watched is None or not may
 
     def _row(self, name: str) -> pn.Row:
         label = "Turn, then: take" if name in TURNS else "Hold still: take"
@@ -163,7 +178,7 @@ class AxesPart:
             if found is None
             else axis_picture(found.axes.axes, inverted=found.axes.inverted_force)
         )
-        self._use.disabled = found is None or self._station is None
+        self.tell_rights()
 
     def _gravity(self) -> tuple[float, ...]:
         """Return gravity where the navigator is, and its σ; nothing where that is unknown."""
@@ -174,10 +189,14 @@ class AxesPart:
 
     def _apply(self) -> None:
         """Set the axes of the source, for all who watch it."""
-        if self._found is None or self._station is None:
+        watched, station = self._watched, self._station
+        if self._found is None or watched is None or station is None:
+            return
+        if not watched.may_change:  # the button is disabled, a message may come all the same
+            self._notice.say(OTHERS_AXES)
             return
         axes: AxisMap = self._found.axes
-        self._station.source.axes = axes
+        station.source.axes = axes
         self._notice.say(f"The axes of this source are {axes} now, for all who watch it.", "success")
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.seen_names import as_seen
 from dashboards.style import WHOLE
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
-from lab.live.station import Station
 from lab.live.true_motion import TrueMotion
 from lab.views.live_error_figures import LiveErrorFigures
 
@@ -25,7 +25,7 @@ _RECENT = 60.0
 """Time over which errors are compared with their σ in the sentence [s]: a few correlation times of errors."""
 
 
-class ErrorsPart:
+class ErrorsPart(PartOfWatched):
     """Errors of position, velocity and attitude between their ±3σ.
 
     Parameters
@@ -40,7 +40,6 @@ class ErrorsPart:
     """
 
     def __init__(self, window: float) -> None:
-        self._station: Station | None = None
         self._truth: TrueMotion | None = None
         self._cursor = HistoryCursor()
         self._recent: deque[LiveErrors] = deque()
@@ -55,16 +54,17 @@ class ErrorsPart:
         )  # fmt: skip
         self.watch(None)
 
-    def watch(self, station: Station | None) -> None:
+    def watch(self, watched: Watched | None) -> None:
         """Show the errors of another source, or of none."""
-        self._station = station
+        self._watched = watched
+        station = self._station
         self._truth = None if station is None else station.source.truth
         self.begin_anew()
         self.tell()
 
     def close(self) -> None:
         """Refer to no source any more: its truth takes 100 MB at 1 kHz."""
-        self._station = self._truth = None
+        self._watched = self._truth = None
         self._recent.clear()
 
     def begin_anew(self) -> None:

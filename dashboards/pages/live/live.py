@@ -19,12 +19,14 @@ from dashboards.pages.live.source_fields import Chosen, SourceFields
 from dashboards.pages.live.status_line import StatusLine
 from dashboards.pages.live.twin_part import TwinPart
 from dashboards.pages.live.wanted import not_as_wanted
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.live.live_state import HistoryCursor
+from lab.live.owner import Visitor
 from lab.live.ring import Cursor
 from lab.live.station import Station
 from lab.memory import give_back
@@ -34,6 +36,8 @@ from lab.views.live_figures import WINDOWS, LiveFigures
 
 TICK = 50
 """Time between two updates of the plots [ms]: a third of the 150 ms from a sample to its picture."""
+LOOK = 500
+"""Time between two looks at what the visitor may watch and change [ms]."""
 TELL = 10
 """Ticks for one update of the words."""
 SLOWEST = 20
@@ -43,12 +47,14 @@ PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
 PLOTS, ERRORS, AXES, ALLAN, TWIN = "Plots", "Errors", "Axes", "Allan", "Twin"
 """What the page shows below the status."""
+NOT_ANY_MORE = "This source is not shared with you any more. Choose another one."
+"""Said to a visitor who may not watch any more."""
 AWAY = 3.0
 """Length of the unplugging that a person may try [s]."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (10, 4)}
 
 
-class Live(Page):
+class Live(PartOfWatched, Page):
     """Streams: rates, forces, attitude, position and innovations as they come."""
 
     title = "Live"
@@ -57,11 +63,9 @@ class Live(Page):
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
-        self._key = ""
-        self._watcher = object()
-        self._station: Station | None = None
         self._cursors: tuple[int, HistoryCursor, Cursor] = (0, HistoryCursor(), Cursor())
         self._periodic: Any = None
+        self._looking: Any = None
         self._ticks = 0
         self._told = 0  # tick of the last update of the words
         self._waited = 0  # ticks for the browser to draw the last update
@@ -83,6 +87,8 @@ class Live(Page):
         self._pause.on_click(lambda _event: self._stop_or_go())
         self._unplug = pmui.Button(label=f"Unplug for {AWAY:g} s", icon="power_off", visible=False, **_SMALL)
         self._unplug.on_click(lambda _event: self._pull_plug())
+        self._share = pmui.Switch(label="Share with the class", visible=False, margin=(14, 8), align="center")
+        self._share.param.watch(lambda event: self._share_or_not(event.new), "value")
         self._window = pmui.Select(
             label="Shown", options=list(WINDOWS), value="20 s", size="small", margin=(8, 4), **sized(110)
         )
@@ -111,7 +117,7 @@ class Live(Page):
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
         return pn.Column(
             self._fields.view,
-            pn.Row(self._connect, self._pause, self._unplug, self._window, *self._recorder.widgets, **row),
+            pn.Row(*self._buttons(), *self._recorder.widgets, **row),
             self._job.view,
             self._inviting.view,
             self._recorder.view,
@@ -123,6 +129,9 @@ class Live(Page):
             stylesheets=[WHOLE],
         )
 
+    def _buttons(self) -> list[pn.viewable.Viewable]:
+        return [self._connect, self._pause, self._unplug, self._share, self._window]
+
     def draw(self, result: Result) -> None:
         """Nothing: the stream does not depend on results."""
 
@@ -130,6 +139,7 @@ class Live(Page):
         """Begin to follow the stream."""
         self._visible = True
         self._fields.refresh()
+        self._look_on()
         self._recorder.offer.follow()
         self._turn()
 
@@ -138,12 +148,13 @@ class Live(Page):
         self._visible = False
         self._recorder.offer.rest()
         self._unwatch()
+        self._look_on()
         self._stage[:] = []  # `appear` fills the plots before a browser has them
 
     def close(self) -> None:
         """Stop watching; the source ends with the last page that watches it."""
         self._closed = True
-        self._periodic = None  # it has ended with its document
+        self._periodic = self._looking = None  # they have ended with their document
         self._job.close()
         self._recorder.close()
         self._inviting.close()
@@ -178,16 +189,56 @@ class Live(Page):
         elif self._choice.value == ERRORS:
             self._errors.tell()
 
-    def _show_parts_of(self, station: Station | None) -> None:
-        self._errors.watch(station)
-        self._axes.watch(station)
-        self._allan.watch(station)
-        self._twin.watch(station)
+    def _show_parts_of(self, watched: Watched | None) -> None:
+        self._errors.watch(watched)
+        self._axes.watch(watched)
+        self._allan.watch(watched)
+        self._twin.watch(watched)
+
+    def _look_on(self) -> None:
+        """Look at offers and rights now and then while the page is visible or watches, and else no more."""
+        assert self._document is not None
+        wanted = (self._visible or self._watched is not None) and not self._closed
+        if wanted and self._looking is None:
+            self._looking = self._document.add_periodic_callback(self._look, LOOK)
+        elif not wanted and self._looking is not None:
+            self._document.remove_periodic_callback(self._looking)
+            self._looking = None
+
+    def _look(self) -> None:
+        """Follow what the visitor may do: a class begins and ends, an owner shares or does not."""
+        if self._watched is None:
+            self._fields.follow()
+        elif self._watched.station is None:
+            self._lose()
+        else:
+            self._show_rights()
+
+    def _show_rights(self) -> None:
+        """Offer what the visitor may do with the source, and nothing else."""
+        watched, station = self._watched, self._station
+        plugged = station is not None and station.source.device is not None
+        self._unplug.visible = plugged and watched is not None and watched.may_change
+        self._share.visible = station is not None and watched is not None and watched.may_share
+        if watched is not None and self._share.value != watched.is_shared:
+            self._share.value = watched.is_shared
+        self._axes.tell_rights()
+
+    def _share_or_not(self, shared: Any) -> None:
+        if self._watched is not None:
+            self._watched.share(shared is True)  # a hand-made message may contain any value
+
+    def _lose(self) -> None:
+        """Stop watching, because the visitor may not any more; what was drawn is removed."""
+        assert self._document is not None
+        with together(self._document):
+            self._disconnect(NOT_ANY_MORE)
+            self._figures.clear()
 
     def _toggle(self) -> None:
         if self._job.busy:
             return
-        if self._station is not None:
+        if self._watched is not None:
             self._disconnect("Disconnected.")
             return
         if self._inviting.waiting:
@@ -198,6 +249,7 @@ class Live(Page):
         try:
             if self._fields.wants_phone:
                 self._fields.settings()
+                STATIONS.check_place(self._session.visitor())
                 self._inviting.begin(self._phone_came)
                 self._connect.label = "Cancel"
                 return
@@ -220,47 +272,49 @@ class Live(Page):
             Chosen(
                 f"{PHONE_KEY}{key}",
                 lambda: phone_station(key, name, experiment.sensors, experiment.navigator),
+                phone=key,
             )
         )
 
     def _start(self, chosen: Chosen) -> None:
         watcher = object()  # another for each connection: an earlier one may not have left yet
+        visitor = self._session.visitor()
         self._job.start(
             "Connecting",
-            lambda _progress: self._opened(chosen, watcher),
-            lambda station: self._came(chosen, watcher, station),
+            lambda _progress: self._opened(chosen, watcher, visitor),
+            lambda opened: self._came(chosen, watcher, *opened),
         )
 
-    def _opened(self, chosen: Chosen, watcher: object) -> Station:
-        """Return the station; in a thread."""
-        key = chosen.key
+    def _opened(self, chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station]:
+        """Return the station with its key; in a thread."""
         try:
-            station = STATIONS.watch(key, watcher, chosen.make)
+            key, station = _open(chosen, watcher, visitor)
             if _differences(chosen, station) and STATIONS.watchers(key) == 1:  # the others have just left
                 _leave(key, watcher)
-                station = STATIONS.watch(key, watcher, chosen.make)
+                key, station = _open(chosen, watcher, visitor)
         except ValueError:
-            _leave(key, watcher)
+            if chosen.phone is not None:
+                forget_phone(chosen.phone)
             raise
         if self._closed:  # meanwhile: nobody would leave it
             _leave(key, watcher)
-        return station
+        return key, station
 
-    def _came(self, chosen: Chosen, watcher: object, station: Station) -> None:
-        key = chosen.key
+    def _came(self, chosen: Chosen, watcher: object, key: str, station: Station) -> None:
         if differences := _differences(chosen, station):
             others = STATIONS.watchers(key) - 1
             LONG.submit(_leave, key, watcher)
             self._fields.offer_to_watch(key)
             self._job.say(not_as_wanted(station.name, differences, others), "warning")
             return
-        self._key, self._watcher, self._station = key, watcher, station
+        self._watched = watched = Watched(key, watcher, station, self._session.visitor)
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
-        self._unplug.visible = station.source.device is not None
         self._fields.work(connected=True)
-        self._recorder.watch(station)
-        self._show_parts_of(station)
+        self._recorder.watch(watched)
+        self._show_parts_of(watched)
+        self._show_rights()
+        self._look_on()
         self._begin_anew()
 
     def _disconnect(self, sentence: str) -> None:
@@ -270,15 +324,16 @@ class Live(Page):
         self._leave()
         self._connect.param.update(label="Connect", icon="sensors", color="primary")
         self._pause.param.update(disabled=True, label="Pause", icon="pause")
-        self._unplug.visible = False
+        self._show_rights()
+        self._look_on()
         self._fields.work(connected=False)
         self._status.say(sentence)
         self._fields.refresh()
 
     def _leave(self) -> None:
-        key, self._key, self._station = self._key, "", None
-        if key:
-            LONG.submit(_leave, key, self._watcher)  # the last one waits for threads to end
+        watched, self._watched = self._watched, None
+        if watched is not None:
+            LONG.submit(_leave, watched.key, watched.watcher)  # the last one waits for threads to end
 
     def _begin_anew(self) -> None:
         """Fill the plots with what the station still has, and follow it."""
@@ -312,9 +367,13 @@ class Live(Page):
 
     def _tick(self) -> None:
         assert self._document is not None
+        watched = self._watched
+        if watched is None or watched.station is None:
+            self._look()
+            return
         self._ticks += 1
         # Many who watch share the work of one: their pages take turns.
-        turn = min(STATIONS.watchers(self._key), SLOWEST)
+        turn = min(STATIONS.watchers(watched.key), SLOWEST)
         if self._ticks % max(turn, 1):
             return
         # A browser that is behind gets the next update later: updates that wait would only delay newer ones.
@@ -372,8 +431,9 @@ class Live(Page):
             self._begin_anew()
 
     def _pull_plug(self) -> None:
-        device = self._station.source.device if self._station is not None else None
-        if device is not None:
+        watched, station = self._watched, self._station
+        device = station.source.device if station is not None else None
+        if device is not None and watched is not None and watched.may_change:
             device.unplug(AWAY)  # the device plugs itself in again: this page may be closed before
 
 
@@ -382,9 +442,17 @@ def _differences(chosen: Chosen, station: Station) -> list[str]:
     return [] if chosen.wanted is None else chosen.wanted.differences(station)
 
 
+def _open(chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station]:
+    """Return the station of a chosen source with its key, opened if it is not open."""
+    if chosen.make is None:
+        return chosen.key, STATIONS.watch(chosen.key, watcher, visitor)
+    alone = chosen.wanted is not None and chosen.wanted.is_alone
+    return STATIONS.open(chosen.key, watcher, chosen.make, visitor, alone=alone)
+
+
 def _leave(key: str, watcher: object) -> None:
     """Stop watching, and give the memory back; a phone that nobody watches any more is told."""
-    STATIONS.leave(key, watcher)
+    ended = STATIONS.leave(key, watcher)
     give_back()
-    if key.startswith(PHONE_KEY) and key not in STATIONS.names():
+    if ended and key.startswith(PHONE_KEY):
         forget_phone(int(key.removeprefix(PHONE_KEY)))

@@ -11,6 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.live.unfinished_part import UnfinishedPart, name_of
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
 from dashboards.visitors import may_edit
@@ -35,7 +36,7 @@ class _Stopped(NamedTuple):
     warning: str = ""  # what was not written, as of a full disk
 
 
-class Recorder:
+class Recorder(PartOfWatched):
     """Records; for visitors who may change missions.
 
     Attributes
@@ -49,7 +50,7 @@ class Recorder:
     """
 
     def __init__(self) -> None:
-        self._station: Station | None = None
+        self._recorded_from: Station | None = None  # what this page records, also once it may not watch it
         self._path: Path | None = None
         self._own = False  # whether this page began the recording
         self._heard = ""  # what became of the last recording, as far as it is shown
@@ -71,13 +72,14 @@ class Recorder:
         fields = [self._field, self._record, self._stop]
         self.widgets: list[pn.viewable.Viewable] = fields if may_edit() else []
 
-    def watch(self, station: Station | None) -> None:
+    def watch(self, watched: Watched | None) -> None:
         """Record from another station; a recording that this page began on the one before is ended."""
         if self._path is not None and self._own:
             self._end()
         self._path = None
         self._show_idle()
-        self._station = station
+        self._watched = watched
+        station = self._station
         self._heard = "" if station is None else station.recorded
         self._record.disabled = station is None
         self.offer.refresh()
@@ -109,7 +111,8 @@ class Recorder:
         self._job.close()
 
     def _begin(self) -> None:
-        if self._station is None or self._path is not None or not may_edit():
+        station = self._station
+        if station is None or self._path is not None or not may_edit():
             return
         try:
             name = accepted_name(str(self._field.value_input or self._field.value).strip())
@@ -118,17 +121,18 @@ class Recorder:
             path = _new_file(folder, f"{name} {time.strftime('%Y%m%d-%H%M%S')}")
             mark(path)
             try:
-                self._station.source.record(path)
+                station.source.record(path)
             except ValueError:
                 unmark(path)
                 raise
         except (ValueError, OSError) as error:
-            running = self._station.source.recording
+            running = station.source.recording
             if running is None:
                 self._job.say(str(error))
             else:  # another page was faster
                 self._adopt(running)
             return
+        self._recorded_from = station
         self._show_running(path, own=True)
         self._job.say(f"Recording into {path.name}.", "info")
 
@@ -146,7 +150,8 @@ class Recorder:
 
     def _end(self) -> None:
         path, self._path = self._path, None
-        station = self._station
+        station = self._recorded_from if self._own else self._station
+        self._recorded_from = None
         self._show_idle()
         if path is None or station is None or not may_edit():
             return

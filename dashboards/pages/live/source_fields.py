@@ -92,16 +92,19 @@ class Chosen(NamedTuple):
     ----------
     key : str
         Key of its station.
-    make : callable
-        Makes the station; called in a thread.
+    make : callable or None
+        Makes the station; called in a thread. None if it is open already, and watched as it is.
     wanted : Wanted or None
         How a device is to be read; None if no other page can have opened it in another way, or if it is
         watched as it is.
+    phone : int or None
+        Number of the phone that came for it, which is told if it cannot be watched.
     """
 
     key: str
-    make: Callable[[], Station]
+    make: Callable[[], Station] | None
     wanted: Wanted | None = None
+    phone: int | None = None
 
 
 class SourceFields:
@@ -178,6 +181,12 @@ class SourceFields:
         value = self._source.value if self._source.value in offers.values() else SIMULATED
         self._source.param.update(options=offers, value=value)
 
+    def follow(self) -> None:
+        """Offer what is there now, if another source may be watched than when it was last offered."""
+        offered = {name: value for name, value in self._source.options.items() if value.startswith(WATCHED)}
+        if offered != self._watchable():
+            self.refresh()
+
     def offer_to_watch(self, key: str) -> None:
         """Choose a station that another page has opened."""
         self.refresh()
@@ -185,8 +194,12 @@ class SourceFields:
             self._source.value = f"{WATCHED}{key}"
 
     def _offers(self) -> dict[str, str]:
-        watched = {f"Watch: {name}": f"{WATCHED}{key}" for key, name in STATIONS.names().items()}
-        return {"Simulated device": SIMULATED, "A phone": PHONE, **allowed_devices(), **watched}
+        return {"Simulated device": SIMULATED, "A phone": PHONE, **allowed_devices(), **self._watchable()}
+
+    def _watchable(self) -> dict[str, str]:
+        """Return what is open and may be watched from this page."""
+        names = STATIONS.names(self._session.visitor())
+        return {f"Watch: {name}": f"{WATCHED}{key}" for key, name in names.items()}
 
     def _turn(self) -> None:
         """Show the fields of the chosen source."""
@@ -228,7 +241,7 @@ class SourceFields:
         """
         source = str(self._source.value)
         if source.startswith(WATCHED):
-            return Chosen(source.removeprefix(WATCHED), _gone)
+            return Chosen(source.removeprefix(WATCHED), None)
         experiment = self.settings()
         axes = AxisMap.of(str(self._axes.value_input or self._axes.value or "x,y,z"))
         sensors, navigator = experiment.sensors, experiment.navigator
@@ -324,7 +337,3 @@ class SourceFields:
             return Station(source, experiment.sensors, experiment.navigator, name)
 
         return Chosen(key, make)
-
-
-def _gone() -> Station:
-    raise ValueError("The source has ended: nobody watched it any more. Choose another one.")

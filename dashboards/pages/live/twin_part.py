@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
@@ -30,7 +31,7 @@ LEAST_REST = 30.0
 """Least length of a record at rest without fixes [s]: it shows the Allan deviation over 1 s."""
 
 
-class TwinPart:
+class TwinPart(PartOfWatched):
     """A button that simulates the stream, and what came of it.
 
     Parameters
@@ -48,7 +49,6 @@ class TwinPart:
 
     def __init__(self, session: Session, measured: Callable[[], Card | None]) -> None:
         self._session, self._measured = session, measured
-        self._station: Station | None = None
         self._figures = TwinFigures()
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
         self._sensors = pmui.Select(
@@ -75,9 +75,9 @@ class TwinPart:
             stylesheets=[WHOLE],
         )  # fmt: skip
 
-    def watch(self, station: Station | None) -> None:
+    def watch(self, watched: Watched | None) -> None:
         """Compare another source, or none."""
-        self._station = station
+        self._watched = watched
         self._table.object = ""
         self._grid.visible = False
         self._job.say("")

@@ -35,6 +35,11 @@ class Wanted(NamedTuple):
         kind, place = self.address.kind, self.address.place
         return f"{kind}:{place}" if kind in _ONE_READER else source
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether only one at a time can read the device."""
+        return self.address.kind in _ONE_READER
+
     def differences(self, station: Station) -> list[str]:
         """Return, in clauses, in what a station that is open differs from what is wanted."""
         usual = {"baud": str(BAUD)} if self.address.kind == "serial" else {}
