@@ -241,7 +241,7 @@ def keeps_heading(
 
 @kernel
 def bound_vertical_bias(state: FloatArray, P: FloatArray) -> None:
-    """Keep σ of the vertical accelerometer bias above what the square of a constant tilt adds to it."""
+    """Keep σ of the vertical accelerometer bias above what the square of the tilt adds to it."""
     vertical = (0.0, 0.0, 1.0)
     raise_vertical_bias(P, own_attitude(state, vertical), in_body(state, vertical))
 

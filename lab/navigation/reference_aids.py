@@ -135,7 +135,7 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
 def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> FloatArray:
     """Return the process noise (n, n) that raises the variance of the vertical accelerometer bias.
 
-    The square of a tilt that the accelerometer biases cause adds to this bias (`vertical_bias`).
+    The square of the tilt adds to this bias (`vertical_bias`).
 
     Parameters
     ----------
@@ -146,10 +146,8 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
     D : (2, n) array
         From `vertical_directions`.
     """
-    variance = np.diag(P)[ACCEL_BIAS]
-    of_biases = P[ATT, ACCEL_BIAS] / np.sqrt(np.where(variance > 0, variance, np.inf))
-    tilts = of_biases - np.outer(D[0, ATT], D[0, ATT] @ of_biases)
-    Sigma = tilts @ tilts.T
+    across = np.eye(3) - np.outer(D[0, ATT], D[0, ATT])
+    Sigma = across @ P[ATT, ATT] @ across
     C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
     down = np.zeros(P.shape[0])
     down[ACCEL_BIAS] = C_nb[2]
