@@ -72,6 +72,7 @@ from lab.navigation.unscented_filter import (
     check_heading,
 )
 from lab.navigation.unscented_noise import decay_errors, drive
+from lab.navigation.vertical_bias import raise_vertical_bias
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
 
 FloatArray = NDArray[np.float64]
@@ -307,6 +308,8 @@ def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray)
         remove_directions(x, D)
         for i in range(3):
             held[i] = D[1, NAV + i]
+    vertical = (0.0, 0.0, 1.0)
+    raise_vertical_bias(P, vertical, in_body(run.state, vertical))
     displace(run.state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
 
