@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from param.parameterized import ParameterizedABC
 
 from lab import result_files
-from lab.analysis import budget, feedforward, linear_verdict, observability, trial
+from lab.analysis import budget, feedforward, linear_verdict, observability, state_advice, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import Filtered, evidence_of
@@ -249,7 +249,8 @@ class Result(NotebookCard, Repeatable):
         """The verdict on the filter, from errors and innovations."""
         if self.evidence.nees is None:
             return self.innovation_verdict
-        return self._of_linear(judge(self.evidence), self.evidence)
+        found = self._of_linear(judge(self.evidence), self.evidence)
+        return found if self.algorithm else state_advice.of_simulated(found, self.experiment)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -272,7 +273,13 @@ class Result(NotebookCard, Repeatable):
         evidence = self.evidence.without_truth()
         judged = judge(evidence)
         found = explained(self, judged)
-        return self._of_linear(found, evidence) if found is judged else found
+        if found is judged:
+            found = self._of_linear(found, evidence)
+        if self.algorithm:
+            return found
+        if self.recorded is None:
+            return state_advice.of_simulated(found, self.experiment)
+        return state_advice.of_log(found, self)
 
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
         """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""

@@ -60,6 +60,10 @@ ADVICE_IDENTIFY = (
     "Identify the noise from the innovations: the button on the page Consistency, ins-lab identify, or "
     "result.identify(); so far off, several assumptions are wrong at once."
 )
+ADVICE_FILTERING = (
+    "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that filters "
+    "its fixes repeats its errors in the next ones."
+)
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 CORRELATION = "GPS correlation"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
@@ -279,7 +283,7 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
                 if hidden
                 else ""
             ),
-            f"{'Do not lower R. ' if hidden else ''}{ADVICE_CORRELATION}",
+            ADVICE_FILTERING if filters_fixes(seen) else ADVICE_CORRELATION,
             statistic,
         )
     if best.parts.size:
@@ -306,6 +310,15 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
         (_gain_change(best),),
         wrong_by(best.size, *best.interval),
     )
+
+
+def filters_fixes(seen: Innovations) -> bool:
+    """Return whether correlated fixes are those of a receiver that filters them: hardly any error is white.
+
+    Otherwise, the correlated error is a slow one beside the white errors that the filter assumes.
+    """
+    own = [at for at, hypothesis in enumerate(HYPOTHESES) if hypothesis.name == CORRELATION]
+    return HYPOTHESES[max(own, key=lambda at: seen.likelihoods[at])].r[0] < 1
 
 
 def _remedy(best: Explanation, sensor: str, statistic: str) -> tuple[str, str, tuple[Change, ...]]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, feedforward, linear_verdict, trial
+from lab.analysis import consistency, feedforward, linear_verdict, state_advice, trial
 from lab.analysis.agreement import agreements
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
@@ -184,7 +184,8 @@ class Ensemble(NotebookCard):
     def _of_linear(self, free: feedforward.FreeRun, evidence: Evidence) -> Verdict:
         """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
         found = linear_verdict.judge(judge(evidence), evidence, self._navigator)
-        return feedforward.judge(free, found, self._navigator, evidence.nees)
+        found = feedforward.judge(free, found, self._navigator, evidence.nees)
+        return found if self.algorithm else state_advice.of_simulated(found, self.experiment)
 
     @property
     def _navigator(self) -> NavigatorSettings:
