@@ -347,10 +347,10 @@ def _explained(
     found: Innovations, record: Record, motion: MotionAtFixes, apart: NDArray[np.bool_], explain: bool
 ) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
-    solution, belief, imu, _, seen, samples, nu, S, _ = record
+    solution, belief, imu, names, seen, samples, nu, S, _ = record
     causes = causes_of(motion)
     kept = ~apart
-    answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes)
+    answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes, names)
     fit = _fit(answer[kept], nu[kept], S[kept])
     whole = _nothing()
     whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector
