@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 from param.parameterized import ParameterizedABC
 
 from lab import result_files
-from lab.analysis import budget, feedforward, linear_verdict, observability, state_advice, trial
+from lab.analysis import (
+    budget,
+    feedforward,
+    linear_verdict,
+    observability,
+    state_advice,
+    suggestion,
+    trial,
+)
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import Filtered, evidence_of
@@ -256,11 +264,13 @@ class Result(NotebookCard, Repeatable):
     def tried_verdict(self) -> Verdict:
         """The verdict with the effect of its advice; advice that makes things worse is not given.
 
-        This takes three runs and more; `verdict` is the same without trials.
+        It also has suggestions, for what is not wrong. This takes three runs and more; `verdict` is the same
+        without trials.
         """
-        if not trial.can_be_tried(self.verdict, self.algorithm):
-            return self.verdict
-        return trial.tried(self.verdict, [self])
+        found = self.verdict
+        if trial.can_be_tried(found, self.algorithm):
+            found = trial.tried(found, [self])
+        return suggestion.with_suggestions(found, self)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:

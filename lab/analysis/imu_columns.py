@@ -1,4 +1,4 @@
-"""IMU columns: the part of F by which constant errors of the inertial sensors change attitude and velocity."""
+"""IMU columns: the part of F by which constant errors of the IMU change attitude and velocity."""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ ADVICE_IDENTIFY = (
     "result.identify(); so far off, several assumptions are wrong at once."
 )
 ADVICE_FILTERING = (
-    "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that filters "
-    "its fixes repeats its errors in the next ones."
+    "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that "
+    "filters its fixes repeats its errors in the next ones."
 )
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 CORRELATION = "GPS correlation"

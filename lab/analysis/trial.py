@@ -275,6 +275,7 @@ def _words(before: Figures, after: Figures) -> str:
 
 
 def metres(error: float) -> str:
+    """Return an error as text; it is infinite where a run diverges."""
     return f"{written(error)} m" if np.isfinite(error) else "without bound"
 
 
@@ -333,7 +334,7 @@ def average(of: Sequence[Figures]) -> Figures:
     )
 
 
-def held_out(run: Repeatable, before: float = 0.0) -> FloatArray:
+def held_out(run: Repeatable, earlier: float = 0.0, length: float = OUTAGE) -> FloatArray:
     """Return the rms position error in each artificial outage, relative to the fixes withheld there (k,) [m].
 
     They are infinite where the run diverges without these fixes, NaN where there are none, and the array is
@@ -344,19 +345,21 @@ def held_out(run: Repeatable, before: float = 0.0) -> FloatArray:
     ----------
     run
         The run.
-    before
-        By how much earlier all outages begin [s].
+    earlier
+        By how much earlier all outages end [s].
+    length
+        Length of the outages [s].
     """
     begin, end = float(run.time[0]), float(run.time[-1])
-    starts = np.arange(begin + EVERY - OUTAGE - before, end - OUTAGE, EVERY)
-    outages = [[float(start), float(start + OUTAGE)] for start in starts]
+    starts = np.arange(begin + EVERY - length - earlier, end - length, EVERY)
+    outages = [[float(start), float(start + length)] for start in starts]
     experiment = run.experiment.copy()
     experiment.set("navigator.smoother", False)
     made = [[start + run.epoch, end + run.epoch] for start, end in outages]
     experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
     fixes, times = run.fixes, run.fix_validity
     since = times[:, None] - starts
-    withheld = (since > OUTAGE / 2) & (since <= OUTAGE)  # (fix, outage)
+    withheld = (since > length / 2) & (since <= length)  # (fix, outage)
     chosen, counts = withheld.any(axis=1), withheld.sum(axis=0)
     if not chosen.any():
         return np.full(starts.size, np.nan)
