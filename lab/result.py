@@ -258,7 +258,7 @@ class Result(NotebookCard, Repeatable):
         if self.evidence.nees is None:
             return self.innovation_verdict
         found = self._of_linear(judge(self.evidence), self.evidence)
-        return found if self.algorithm else state_advice.of_simulated(found, self.experiment)
+        return found if self.algorithm else state_advice.of_simulated(found, self.experiment, self.belief.P0)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -288,7 +288,7 @@ class Result(NotebookCard, Repeatable):
         if self.algorithm:
             return found
         if self.recorded is None:
-            return state_advice.of_simulated(found, self.experiment)
+            return state_advice.of_simulated(found, self.experiment, self.belief.P0)
         return state_advice.of_log(found, self)
 
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:

@@ -217,7 +217,7 @@ class Consistency(ComputedPage):
         self._verdict.object = verdict_html(
             verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
         )
-        named = [*verdict.findings, *verdict.suggestions] if verdict else list[Finding | Suggestion]()
+        named: list[Finding | Suggestion] = [*verdict.findings, *verdict.suggestions] if verdict else []
         self._changes = next((one.changes for one in named if one.changes), ())
         self._follow.visible = bool(self._changes) and self._session is not None
         tables = [whiteness_html(judged.whiteness)]

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.finding import RATIO, Change, Finding, Verdict, rounded, written
 from lab.analysis.fix_causes import gains
@@ -21,7 +22,10 @@ from lab.analysis.receiver_drift import ReceiverDrift, likely_drift
 from lab.analysis.trial import Repeatable
 from lab.experiment_settings import ExperimentSettings
 from lab.frames.earth import STANDARD_GRAVITY
+from lab.navigation.blocks import CORE
 from lab.navigation.solution import Fixes, Imu
+
+FloatArray = NDArray[np.float64]
 
 
 class States(NamedTuple):
@@ -46,6 +50,10 @@ class States(NamedTuple):
     parts: int
 
 
+KINDS = ("gyro", "accelerometer")
+SCALED = 21
+"""Number of states of a filter with scale factors."""
+_SCALES = tuple(f"{kind} scale factor" for kind in KINDS)
 _DEGREE = np.pi / 180
 _STATES = {
     CORRELATION: States(
@@ -70,20 +78,34 @@ _STATES = {
             _DEGREE,
             6,
         )
-        for kind in ("gyro", "accelerometer")
+        for kind in KINDS
     },
 }
 """The states by the name of the error in a finding."""
 _TIME = "sensors.gps.correlation_time"
 
 
-def of_simulated(verdict: Verdict, experiment: ExperimentSettings) -> Verdict:
+def of_simulated(verdict: Verdict, experiment: ExperimentSettings, P0: FloatArray | None) -> Verdict:
     """Return a verdict on simulated runs, with the settings of the filter that add states.
 
     An error whose size is zero in the settings, as one that is hidden in a homework, keeps its advice.
+
+    Parameters
+    ----------
+    verdict
+        The verdict.
+    experiment
+        The settings of the runs.
+    P0 : (n, n) array or None
+        Initial covariance of their filter; None if each run has its own, as after an alignment.
     """
+    scales = _sigmas_of_scales(verdict, experiment)
 
     def advised(finding: Finding) -> Finding:
+        if finding.quantity in _SCALES and scales:
+            return (
+                replace(finding, changes=()) if P0 is None else _with_scales(finding, experiment, P0, scales)
+            )
         states = _states(finding, experiment)
         if states is None or not np.any(experiment.get(states.size)):
             return finding
@@ -114,6 +136,45 @@ def of_log(verdict: Verdict, run: Repeatable) -> Verdict:
         )
 
     return _replaced(verdict, [advised(one) for one in verdict.findings])
+
+
+def _sigmas_of_scales(verdict: Verdict, experiment: ExperimentSettings) -> dict[str, float]:
+    """Return σ of the scale factors [%] by their setting that findings advise and the settings leave zero."""
+    changes = [change for one in verdict.findings if one.quantity in _SCALES for change in one.changes]
+    return {
+        change.path: float(change.value)
+        for change in changes
+        if isinstance(change.value, float) and not np.any(experiment.get(change.path))
+    }
+
+
+def _with_scales(
+    finding: Finding, experiment: ExperimentSettings, P0: FloatArray, sigmas: dict[str, float]
+) -> Finding:
+    """Return a finding about scale factors that gives the filter their σ, and not the sensors.
+
+    With σ as a setting of the sensors, the simulated scale factors would change.
+    """
+    navigator = experiment.navigator
+    whole = np.zeros((SCALED, SCALED))
+    whole[:CORE, :CORE] = P0[:CORE, :CORE] / navigator.p0_scale
+    words = []
+    for at, kind in enumerate(KINDS):
+        path = f"sensors.{kind}.scale_factor_sigma"
+        sigma = np.broadcast_to(np.asarray(experiment.get(path), dtype=np.float64), 3)
+        if path in sigmas:
+            sigma = np.full(3, sigmas[path])
+            words.append(f"{written(sigmas[path])} % of the {kind}s")
+        states = np.arange(CORE + 3 * at, CORE + 3 * at + 3)
+        whole[states, states] = (sigma / 100) ** 2 / navigator.p0_scale
+    diagonal = np.diag(whole)
+    value = diagonal if np.array_equal(whole, np.diag(diagonal)) else whole
+    return replace(
+        finding,
+        advice="Set navigator.states to 21, with the σ of the scale factors in navigator.p0: "
+        f"{' and '.join(words)}. The filter then estimates them.",
+        changes=(Change("navigator.states", SCALED), Change("navigator.p0", value.tolist())),
+    )
 
 
 def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:

@@ -24,6 +24,7 @@ from lab.ensembles.epoch_sums import EpochSums
 from lab.ensembles.error_histogram import ErrorHistogram
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
+from lab.navigation.belief import belief
 from lab.navigation.checks import DivergedError
 from lab.navigation.settings import NavigatorSettings
 from lab.notebook_card import NotebookCard
@@ -185,7 +186,11 @@ class Ensemble(NotebookCard):
         """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
         found = linear_verdict.judge(judge(evidence), evidence, self._navigator)
         found = feedforward.judge(free, found, self._navigator, evidence.nees)
-        return found if self.algorithm else state_advice.of_simulated(found, self.experiment)
+        if self.algorithm or not self.degrees:
+            return found
+        settings = self.experiment
+        P0 = None if self._navigator.alignment else belief(settings.sensors, self._navigator).P0
+        return state_advice.of_simulated(found, settings, P0)
 
     @property
     def _navigator(self) -> NavigatorSettings:
