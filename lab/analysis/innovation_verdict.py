@@ -283,7 +283,7 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
                 if hidden
                 else ""
             ),
-            ADVICE_FILTERING if filters_fixes(seen) else ADVICE_CORRELATION,
+            ADVICE_FILTERING if _filters_fixes(seen) else ADVICE_CORRELATION,
             statistic,
         )
     if best.parts.size:
@@ -312,7 +312,7 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
     )
 
 
-def filters_fixes(seen: Innovations) -> bool:
+def _filters_fixes(seen: Innovations) -> bool:
     """Return whether correlated fixes are those of a receiver that filters them: hardly any error is white.
 
     Otherwise, the correlated error is a slow one beside the white errors that the filter assumes.

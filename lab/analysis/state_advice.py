@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.analysis.finding import RATIO, Change, Finding, Verdict, rounded, written
 from lab.analysis.fix_causes import gains
 from lab.analysis.innovation_evidence import Record, normalised, offered
-from lab.analysis.innovation_verdict import CORRELATION, filters_fixes
+from lab.analysis.innovation_verdict import ADVICE_FILTERING, CORRELATION
 from lab.analysis.outliers import NEIGHBOURS, outliers
 from lab.analysis.receiver_drift import ReceiverDrift, likely_drift
 from lab.analysis.trial import Repeatable
@@ -178,9 +178,15 @@ def _with_scales(
 
 
 def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:
-    """Return the states for the error of a finding; None if there are none, or the filter has them."""
+    """Return the states for the error of a finding; None if there are none, or the filter has them.
+
+    A receiver that filters its fixes has no slow error: its errors are correlated instead of white, and not
+    beside white ones.
+    """
     states = _STATES.get(finding.quantity)
-    return None if states is None or experiment.get(states.switch) else states
+    if states is None or finding.advice == ADVICE_FILTERING or experiment.get(states.switch):
+        return None
+    return states
 
 
 def _with(finding: Finding, states: States, changes: tuple[Change, ...], words: str) -> Finding:
@@ -195,13 +201,7 @@ def _replaced(verdict: Verdict, findings: list[Finding]) -> Verdict:
 
 
 def _drift(run: Repeatable) -> ReceiverDrift | None:
-    """Return the slow error of the receiver of a log; None without a likely one.
-
-    A receiver that filters its fixes has none: its errors are correlated instead of white, and not beside
-    white ones.
-    """
-    if filters_fixes(run.evidence.innovations):
-        return None
+    """Return the slow error of the receiver of a log; None without a likely one."""
     filtered = run.filtered
     solution = filtered.solution
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
