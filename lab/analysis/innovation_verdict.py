@@ -226,7 +226,7 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             (_gain_change(best),) if variance else (),
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, _finding(found, seen, statistic, told))
+    return Weighed(best.gain, finding_of(found, seen, statistic, told))
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
@@ -263,7 +263,11 @@ def _alternative(found: list[Explanation]) -> str:
     return f" They cannot tell it from this: {_words(found[1])}."
 
 
-def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+    """Return the finding of the first of some explanations.
+
+    `statistic` is its evidence, `told` are the latency and the lever arm (4,) that the filter assumed.
+    """
     best = found[0]
     if best.name == "GPS latency":
         return latency(float(best.parts[0]), best.gain, told)

@@ -1,4 +1,4 @@
-"""State advice: settings that give the filter states for an error are tried, and change no simulated truth."""
+"""State advice: settings that give the filter states for an error are tried, and change no truth."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ def nees(results: list[Result]) -> float:
 
 def rms(results: list[Result]) -> float:
     """Return the rms position error of runs [m]."""
-    return float(np.sqrt(np.mean([np.mean(np.sum(one.errors["position"].values ** 2, 1)) for one in results])))
+    return float(
+        np.sqrt(np.mean([np.mean(np.sum(one.errors["position"].values ** 2, 1)) for one in results]))
+    )
 
 
 def same_sensors(one: Result, other: Result) -> bool:
@@ -91,7 +93,7 @@ def test_the_drift_of_a_receiver_is_estimated_and_the_circle_ends(drifting):
         for verdict in (after[-1].verdict, after[-1].innovation_verdict):
             assert not [found for found in verdict.findings if found.quantity in CONTRARY]
     before = nees(drifting)
-    print(f"\nNEES {before:.2f}, then {nees(after):.2f}; position {rms(drifting):.2f} m, then {rms(after):.2f} m")
+    print(f"\nNEES {before:.2f}, then {nees(after):.2f}; {rms(drifting):.2f} m, then {rms(after):.2f} m")
     assert before > 4
     assert 0.75 < nees(after) < 1.25
     assert rms(after) <= rms(drifting)
@@ -162,7 +164,8 @@ def test_scale_factors_get_their_sigma_in_the_filter_and_not_in_the_sensors():
 
 
 @pytest.mark.parametrize(
-    "states", ["estimate_misalignments", "estimate_g_sensitivity", "estimate_bias_drift", "estimate_gps_drift"]
+    "states",
+    ["estimate_misalignments", "estimate_g_sensitivity", "estimate_bias_drift", "estimate_gps_drift"],
 )
 def test_a_filter_with_further_states_gets_a_verdict_on_suspicious_innovations(states):
     sizes = {"sensors.gyro.misalignment": 0.2, "sensors.gyro.g_sensitivity": 0.01}
@@ -197,13 +200,15 @@ def test_a_log_of_a_white_receiver_never_hears_of_drift(seed, tmp_path: Path):
     assert not [one for one in found.findings if one.quantity == "GPS correlation"]
 
 
-def test_misalignments_of_a_log_are_estimated_with_their_size(tmp_path):
+@pytest.mark.parametrize("size", [1.0, 2.0])
+def test_misalignments_of_a_log_are_estimated_with_their_size(size, tmp_path):
+    """Of 2°, noise explains the innovations better to first order, and is not in the samples."""
     quiet = {"sensors.gyro.noise_density": 0.01, "sensors.gyro.bias_sigma": 0.02}
-    flown = run({**quiet, "sensors.gyro.misalignment": 1.0})
+    flown = run({**quiet, "sensors.gyro.misalignment": size})
     before = log_of(flown, tmp_path / "log").run()
     (finding,) = before.tried_verdict.findings
     assert finding.quantity == "gyro misalignment"
     changes = {change.path: change.value for change in finding.changes}
     assert changes["navigator.estimate_misalignments"] is True
-    assert changes["sensors.gyro.misalignment"] == pytest.approx(1.0, rel=0.3)
+    assert changes["sensors.gyro.misalignment"] == pytest.approx(size, rel=0.3)
     assert followed(before).verdict.consistent

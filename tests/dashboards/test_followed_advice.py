@@ -1,4 +1,4 @@
-"""The button *Apply the advice* on the page Consistency: it writes what was tried, and nothing of the truth."""
+"""The button *Apply the advice* on the page Consistency: it writes what was tried, and no truth."""
 
 from __future__ import annotations
 
