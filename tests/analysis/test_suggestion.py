@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,17 @@ from lab.analysis.suggestion import may_suggest
 from lab.analysis.trial import advised
 from lab.cli.run import verdict_text
 from lab.experiment import Experiment
+from lab.live.live_verdict import batch_of
+from lab.missions.flight_import import read_log
+from lab.navigation.settings import NavigatorSettings
 from lab.result import Result
+from lab.sensors.suite import SensorSuite
 from lab.views.verdict_card import verdict_html
 from tests.aided_flights import winding_road
 from tests.sensor_logs import described
 from tests.simulated_logs import log_of
 
+ROOT = Path(__file__).parents[2]
 OUTAGES = [[45.0, 60.0], [85.0, 100.0], [125.0, 140.0], [165.0, 180.0]]
 """Outages of 15 s, other ones than those of the trial."""
 
@@ -94,6 +101,17 @@ def test_a_ship_never_hears_of_it(path, tmp_path):
     """It drifts in a current, or its nose points into its turns."""
     for seed in (1, 2):
         assert not suggested(drive(tmp_path, seed, **path)), seed
+
+
+@pytest.mark.parametrize("name", ["copter_delorean_1.bin", "copter_delorean_92.bin", "copter_61.ulg"])
+def test_a_real_copter_never_hears_of_it_even_as_an_unknown_vehicle(name, tmp_path):
+    named = os.environ.get("INS_LAB_LOGS")
+    folder = Path(named) if named else ROOT.parent / "shared" / "logs"
+    if not (folder / name).is_file():
+        pytest.skip("no real logs here: name their folder in INS_LAB_LOGS")
+    log = read_log([folder / name])
+    log = replace(log, auxiliary=replace(log.auxiliary, vehicle=""))
+    assert not may_suggest(batch_of(log, SensorSuite(), NavigatorSettings()))
 
 
 def test_wheels_without_a_gain_are_not_mentioned(tmp_path, monkeypatch):
