@@ -25,7 +25,7 @@ from lab.analysis.trial import (
     metres,
     worsened,
 )
-from lab.analysis.wheels import rolls
+from lab.analysis.wheels import ahead_of_axle, rolls
 from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -43,6 +43,9 @@ FEWEST = 3
 MOST = 60_000
 """Most samples of a log on which it is tried, those in the middle: ten minutes at 100 Hz, and some five
 seconds for all runs."""
+NEAR, BEHIND, AHEAD = 0.3, -1.0, 3.0
+"""Distances of the IMU ahead of the rear axle [m]: the least that matters, 0.1 m/s in a turn of 20°/s, and
+those that a car has room for."""
 NO_SLIP = Change("navigator.no_slip", True)
 
 
@@ -82,7 +85,8 @@ def with_suggestions(
 
 def _no_slip(run: Repeatable) -> Suggestion | None:
     """Return the suggestion that the vehicle does not slip, if that helps."""
-    with_it = run.repeated(advised(run, (NO_SLIP,)))
+    changes, words = _changes(run)
+    with_it = run.repeated(advised(run, changes))
     if judge_aids(with_it.evidence.aids):
         return None  # it slips, or the axes of the IMU are not those of the vehicle
     before, after = (_across(one) for one in (run, with_it))
@@ -95,10 +99,29 @@ def _no_slip(run: Repeatable) -> Suggestion | None:
     return Suggestion(
         "The vehicle moves along the forward axis of the IMU, in turns too, and does not bank: as one on "
         "wheels or rails does.",
-        "Set navigator.no_slip: the speeds to the right and down are then measured as zero, which helps "
-        f"where there is no fix. Tried: error across outages of {OUTAGE:.0f} s: {was}, then {becomes}.",
-        (NO_SLIP,),
+        f"Set navigator.no_slip{words}: the speeds to the right and down are then measured as zero, which "
+        f"helps where there is no fix. Tried: error across outages of {OUTAGE:.0f} s: {was}, then {becomes}.",
+        changes,
     )
+
+
+def _changes(run: Repeatable) -> tuple[tuple[Change, ...], str]:
+    """Return the changes of settings to try, and the second one as text.
+
+    The speeds are zero at a place on the rear axle, and an IMU ahead of it moves sideways in turns. The place
+    is a setting of the sensors, which stay as they are in a simulation.
+    """
+    odometer = run.experiment.sensors.odometer
+    if run.recorded is None or odometer.fitted or np.any(odometer.lever_arm):
+        return (NO_SLIP,), ""
+    ahead = round(ahead_of_axle(run), 1)
+    if not BEHIND < ahead < AHEAD or abs(ahead) < NEAR:
+        return (NO_SLIP,), ""
+    place = [-ahead, 0.0, 0.0]
+    return (
+        NO_SLIP,
+        Change("sensors.odometer.lever_arm", place),
+    ), f" and sensors.odometer.lever_arm to {place}"
 
 
 def _across(run: Repeatable) -> FloatArray:

@@ -7,6 +7,8 @@ the right; copters move in all directions, and boats drift in turns and in curre
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,14 @@ UPRIGHT = 0.5
 0, and a flat one, 1. Cambered bends are in between, and bodies lean outwards."""
 
 
+class _Motion(NamedTuple):
+    """Velocity [m/s], angular rate [rad/s], specific force [m/s²] in b at speeds that count, (m, 3) each."""
+
+    velocity: FloatArray
+    rate: FloatArray
+    force: FloatArray
+
+
 def rolls(run: Run) -> bool:
     """Return whether a run moves as a vehicle on wheels does."""
     if run.recorded is not None:
@@ -43,20 +53,10 @@ def rolls(run: Run) -> bool:
         said = run.recorded.log.auxiliary.vehicle if navigator.vehicle == "auto" else str(navigator.vehicle)
         if vehicle_of(said).name not in (UNKNOWN, "car"):
             return False
-    time, solution = run.time, run.solution_arrays
-    edges = np.searchsorted(time, np.arange(time[0], time[-1], STEP))[: LONGEST + 1]
-    edges = np.unique(np.minimum(edges, time.size - 1))
-    if edges.size < MOVING / STEP:
+    motion = _motion(run)
+    if motion is None:
         return False
-    middle = (edges[1:] + edges[:-1]) // 2
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[middle]))
-    velocity = np.einsum("mji,mj->mi", C_nb, solution.velocity_n[middle])
-    dt = np.diff(time[edges])
-    rate, force = (_mean(values, edges, dt) for values in (run.gyro.increments, run.accelerometer.increments))
-    fast = np.linalg.norm(velocity, axis=1) > FASTER
-    if dt[fast].sum() < MOVING or np.abs(rate[fast, 2] * dt[fast]).sum() < TURNED:
-        return False
-    velocity, rate, force = velocity[fast], rate[fast], force[fast]
+    velocity, rate, force = motion
     aside = np.arctan2(velocity[:, 1:], np.abs(velocity[:, :1]))
     if (np.sqrt(np.mean(aside**2, axis=0)) > SLIP).any():
         return False
@@ -65,6 +65,36 @@ def rolls(run: Run) -> bool:
         return False
     apart = turn - turn.mean()
     return bool(apart @ force[:, 1] > UPRIGHT * (apart @ apart))
+
+
+def ahead_of_axle(run: Run) -> float:
+    """Return how far the IMU is ahead of the place that does not move sideways in turns [m].
+
+    In a car, this place is on the rear axle: an IMU ahead of it by l moves to the right by l ω.
+    """
+    motion = _motion(run)
+    if motion is None:
+        return 0.0
+    rate = motion.rate[:, 2] - motion.rate[:, 2].mean()
+    return float(rate @ motion.velocity[:, 1] / max(float(rate @ rate), 1e-12))
+
+
+def _motion(run: Run) -> _Motion | None:
+    """Return the motion at speeds that count; None if it is too short, or without turns."""
+    time, solution = run.time, run.solution_arrays
+    edges = np.searchsorted(time, np.arange(time[0], time[-1], STEP))[: LONGEST + 1]
+    edges = np.unique(np.minimum(edges, time.size - 1))
+    if edges.size < MOVING / STEP:
+        return None
+    middle = (edges[1:] + edges[:-1]) // 2
+    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[middle]))
+    velocity = np.einsum("mji,mj->mi", C_nb, solution.velocity_n[middle])
+    dt = np.diff(time[edges])
+    rate, force = (_mean(values, edges, dt) for values in (run.gyro.increments, run.accelerometer.increments))
+    fast = np.linalg.norm(velocity, axis=1) > FASTER
+    if dt[fast].sum() < MOVING or np.abs(rate[fast, 2] * dt[fast]).sum() < TURNED:
+        return None
+    return _Motion(velocity[fast], rate[fast], force[fast])
 
 
 def _mean(increments: FloatArray, edges: NDArray[np.intp], dt: FloatArray) -> FloatArray:
