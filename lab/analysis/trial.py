@@ -24,6 +24,7 @@ from lab.analysis.verdict import judge
 from lab.experiment_settings import ExperimentSettings
 from lab.frames.displacement import displaced, displacement
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
+from lab.navigation.belief import r_factors
 from lab.navigation.blocks import GPS_DRIFT, IMU_DENSITIES, states_of
 from lab.navigation.checks import DivergedError
 from lab.parameters.settings import SettingError
@@ -292,7 +293,7 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     variances = np.diag(P0)
     P0 = variances if np.array_equal(np.diag(variances), P0) else P0
     matched = {
-        "navigator.r": np.diag(R) / navigator.r_scale,
+        "navigator.r": np.diag(R) / r_factors(navigator),
         "navigator.q": assumed.noise[:IMU_DENSITIES] / navigator.q_scale,
         "navigator.p0": P0 / navigator.p0_scale,
     }

@@ -114,6 +114,15 @@ def test_changes_are_applied_to_what_the_filter_assumed():
     assert result.experiment.navigator.latency is None
 
 
+def test_a_change_of_r_is_that_of_the_filter_whatever_its_factors():
+    made = Experiment(mission="los_angeles", seed=1)
+    made.update({"navigator": {"r_scale": 2.0, "r_factors": [10.0, 5.0, 3.0]}})
+    result = made.run()
+    changed = trial.advised(result, (Change("navigator.r", 0.25, times=True, rows=(0, 3)),)).run()
+    ratio = np.diag(changed.belief.R) / np.diag(result.belief.R)
+    assert np.allclose(ratio, [0.25, 0.25, 0.25, 1.0, 1.0, 1.0])
+
+
 def test_advice_that_is_right_is_given_with_what_it_brings():
     experiment = Experiment(seed=1)
     experiment.set("sensors.gps.latency", 0.3)
