@@ -7,6 +7,7 @@ such an error is a random walk: the innovations then show σ²/τ well, and σ a
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +25,13 @@ TIMES = (10.0, 30.0, 100.0, 300.0)
 apart."""
 RATIOS = tuple(10.0 ** (half / 2) for half in range(-2, 5))
 """Tried variances relative to R: half decades, between which `likely_factor` interpolates."""
+WHITE = (1.0, 0.5, 0.7, 1.4)
+"""Tried factors on R of the position: an R that was fitted without the slow error contains a part of it,
+which is a half at the most if the innovations are hardly larger than the white errors."""
+LIKELIER = 10.0
+"""Gain in log-likelihood from which R is changed."""
 MOST = 1000
-"""Most fixes that are used, the first ones: about a second of computing time."""
+"""Most fixes that are used, the first ones: about two seconds of computing time."""
 
 
 class ReceiverDrift(NamedTuple):
@@ -37,12 +43,15 @@ class ReceiverDrift(NamedTuple):
         Its σ on each axis [m].
     time : float
         Its correlation time [s].
+    white : float
+        Factor on R of the position beside it.
     gain : float
-        Gain in log-likelihood over white errors alone.
+        Gain in log-likelihood over white errors alone, minus the price of another R.
     """
 
     sigma: float
     time: float
+    white: float
     gain: float
 
 
@@ -57,20 +66,24 @@ def likely_drift(record: Record, skipped: NDArray[np.bool_]) -> ReceiverDrift | 
         Mask of the fixes to leave out, such as outliers.
     """
     record, skipped = record.cut(MOST), skipped[:MOST]
-    tried = [_drift(ratio, time) for time in TIMES for ratio in RATIOS]
+    kinds = list(product(WHITE, TIMES))
+    tried = [_drift(ratio, time, white) for white, time in kinds for ratio in RATIOS]
     try:
-        gains = record.tried(skipped, [HYPOTHESES[0], *tried]).likelihoods[1:].reshape(len(TIMES), -1)
+        gains = record.tried(skipped, [HYPOTHESES[0], *tried]).likelihoods[1:].reshape(len(kinds), -1)
     except np.linalg.LinAlgError:
         return None
     _, R = matrices(record.solution, record.belief, record.seen)
     position = float(np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3]))
     found = []
-    for time, own in zip(TIMES, gains, strict=True):
+    for (white, time), own in zip(kinds, gains, strict=True):
         if np.isfinite(own).sum() > 1:
             likely = likely_factor(np.array(RATIOS), own)
-            found.append(ReceiverDrift(float(np.sqrt(position * likely.factor)), time, likely.gain))
+            sigma = float(np.sqrt(position * likely.factor))
+            price = LIKELIER if white != 1 else 0.0
+            found.append(ReceiverDrift(sigma, time, white, likely.gain - price))
     return max(found, key=lambda one: one.gain, default=None)
 
 
-def _drift(ratio: float, time: float) -> Hypothesis:
-    return Hypothesis("GPS correlation", ratio, correlated=(ratio, time))
+def _drift(ratio: float, time: float, white: float) -> Hypothesis:
+    r = (*(white,) * 3, *(1.0,) * 3)
+    return Hypothesis("GPS correlation", ratio, r=r, correlated=(ratio, time))

@@ -128,12 +128,14 @@ def of_log(verdict: Verdict, run: Repeatable) -> Verdict:
         if drift is None:
             return finding
         size, time = rounded(drift.sigma), rounded(drift.time)
-        return _with(
-            finding,
-            states,
-            (Change(states.size, size), Change(_TIME, time)),
-            f", {states.size} to {written(size)} and {_TIME} to {written(time)}",
-        )
+        changes = [Change(states.size, size), Change(_TIME, time)]
+        words = [f"{states.size} to {written(size)}", f"{_TIME} to {written(time)}"]
+        if drift.white != 1:
+            horizontal, vertical, velocity = run.experiment.navigator.r_factors
+            factors = [rounded(drift.white * horizontal), rounded(drift.white * vertical), velocity]
+            changes.append(Change("navigator.r_factors", factors))
+            words.append(f"navigator.r_factors to {factors}")
+        return _with(finding, states, tuple(changes), f", {', '.join(words[:-1])} and {words[-1]}")
 
     return _replaced(verdict, [advised(one) for one in verdict.findings])
 

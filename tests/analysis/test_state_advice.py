@@ -193,6 +193,21 @@ def test_the_drift_of_the_receiver_of_a_log_is_estimated_with_its_size(seed, tmp
     assert rms([after]) < rms([before])
 
 
+def test_who_raised_r_for_a_slow_error_gets_out_of_the_circle(tmp_path):
+    """R is too large, then the fixes are correlated, and then nothing is wrong: R is not to be raised again."""
+    drift = {"sensors.gps.correlated_sigma": SIGMA, "sensors.gps.correlation_time": TIME}
+    driven = run({**PRECISE, **drift}, 1, str(winding_road(tmp_path, 400.0)))
+    made = log_of(driven, tmp_path / "log", 'vehicle = "car"\n')
+    made.set("navigator.r_factors", [100.0, 100.0, 1.0])
+    result, named = made.run(), []
+    while result.verdict.findings:
+        assert len(named) < 3
+        named.append((result.verdict.findings[0].quantity, result.verdict.findings[0].direction))
+        result = followed(result)
+    assert named == [("R position", "too large"), ("GPS correlation", "not modelled")]
+    assert result.experiment.navigator.estimate_gps_drift
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_log_of_a_white_receiver_never_hears_of_drift(seed, tmp_path: Path):
     driven = run(PRECISE, seed, str(winding_road(tmp_path, 400.0)))
