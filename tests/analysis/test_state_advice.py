@@ -194,7 +194,7 @@ def test_the_drift_of_the_receiver_of_a_log_is_estimated_with_its_size(seed, tmp
 
 
 def test_who_raised_r_for_a_slow_error_gets_out_of_the_circle(tmp_path):
-    """R is too large, then the fixes are correlated, and then nothing is wrong: R is not to be raised again."""
+    """R is too large, then the fixes are correlated, and then nothing is wrong."""
     drift = {"sensors.gps.correlated_sigma": SIGMA, "sensors.gps.correlation_time": TIME}
     driven = run({**PRECISE, **drift}, 1, str(winding_road(tmp_path, 400.0)))
     made = log_of(driven, tmp_path / "log", 'vehicle = "car"\n')
