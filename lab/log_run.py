@@ -107,6 +107,8 @@ def has_effect(
         The sensors besides IMU and GPS that it uses, by their groups.
     """
     group = path.split(".")[1] if path.startswith("sensors.") else ""
+    if path == "sensors.odometer.lever_arm" and navigator is not None and navigator.no_slip:
+        return True  # the place that does not slip
     if group in OTHER_SENSORS and group not in fitted and not path.endswith(".fitted"):
         return False
     if path in OF_FURTHER_STATES:

@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 from param.parameterized import ParameterizedABC
 
 from lab import result_files
-from lab.analysis import budget, feedforward, linear_verdict, observability, trial
+from lab.analysis import (
+    budget,
+    feedforward,
+    linear_verdict,
+    observability,
+    state_advice,
+    suggestion,
+    trial,
+)
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import Filtered, evidence_of
@@ -249,17 +257,20 @@ class Result(NotebookCard, Repeatable):
         """The verdict on the filter, from errors and innovations."""
         if self.evidence.nees is None:
             return self.innovation_verdict
-        return self._of_linear(judge(self.evidence), self.evidence)
+        found = self._of_linear(judge(self.evidence), self.evidence)
+        return found if self.algorithm else state_advice.of_simulated(found, self.experiment, self.belief.P0)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
         """The verdict with the effect of its advice; advice that makes things worse is not given.
 
-        This takes three runs and more; `verdict` is the same without trials.
+        It also has suggestions, for what is not wrong. This takes three runs and more; `verdict` is the same
+        without trials.
         """
-        if not trial.can_be_tried(self.verdict, self.algorithm):
-            return self.verdict
-        return trial.tried(self.verdict, [self])
+        found = self.verdict
+        if trial.can_be_tried(found, self.algorithm):
+            found = trial.tried(found, [self])
+        return suggestion.with_suggestions(found, self)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
@@ -272,7 +283,13 @@ class Result(NotebookCard, Repeatable):
         evidence = self.evidence.without_truth()
         judged = judge(evidence)
         found = explained(self, judged)
-        return self._of_linear(found, evidence) if found is judged else found
+        if found is judged:
+            found = self._of_linear(found, evidence)
+        if self.algorithm:
+            return found
+        if self.recorded is None:
+            return state_advice.of_simulated(found, self.experiment, self.belief.P0)
+        return state_advice.of_log(found, self)
 
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
         """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""

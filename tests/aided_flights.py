@@ -23,17 +23,35 @@ G_SENSITIVITY = 0.01
 """As for the misalignments [°/s/g]."""
 
 
-def winding_road(folder: Path) -> Path:
-    """Return a drive at 15 m/s along a winding level road, the car pointing where it goes."""
-    t = np.arange(0.0, 200.05, 0.1)
+def winding_road(
+    folder: Path, seconds: float = 200.0, *, drift: float = 0.0, current: float = 0.0, banks: bool = False
+) -> Path:
+    """Return a drive at 15 m/s along a winding level road, the car pointing where it goes.
+
+    Parameters
+    ----------
+    folder
+        Where the file is written.
+    seconds
+        Duration [s].
+    drift
+        By how much the nose points into a turn, for each of its rate [s]: as that of a ship.
+    current
+        Speed to the north of what carries it [m/s].
+    banks
+        Whether it banks into its turns, as an aeroplane does.
+    """
+    t = np.arange(0.0, seconds + 0.05, 0.1)
     course = 0.8 * np.sin(2 * np.pi * t / 60) + 0.4 * np.sin(2 * np.pi * t / 17)
-    north, east = 15 * np.cos(course), 15 * np.sin(course)
+    turning = np.gradient(course, t)
+    heading, roll = course + drift * turning, np.arctan(15 * turning / 9.81) * banks
+    north, east = 15 * np.cos(course) + current, 15 * np.sin(course)
     place = [np.concatenate(([0.0], np.cumsum((v[1:] + v[:-1]) / 2 * 0.1))) for v in (north, east)]
     latitude = 45.5 + np.degrees(place[0] / 6.371e6)
     longitude = -73.6 + np.degrees(place[1] / (6.378e6 * np.cos(np.radians(45.5))))
     path = folder / "drive.csv"
-    rows = np.column_stack((t, latitude, longitude, north, east, np.degrees(course)))
-    line = "{:.1f},{:.10f},{:.10f},30,{:.6f},{:.6f},0,0,0,{:.6f}\n"
+    rows = np.column_stack((t, latitude, longitude, north, east, np.degrees(roll), np.degrees(heading)))
+    line = "{:.1f},{:.10f},{:.10f},30,{:.6f},{:.6f},0,{:.6f},0,{:.6f}\n"
     path.write_text(HEADER + "".join(line.format(*row) for row in rows))
     return path
 

@@ -18,7 +18,8 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WRAP
-from lab.analysis.finding import Change, Finding
+from lab.analysis.finding import Change, Finding, Suggestion
+from lab.analysis.suggestion import may_suggest, with_suggestions
 from lab.analysis.trial import advised, can_be_tried, tried
 from lab.analysis.verdict import Verdict
 from lab.ensembles.ensemble import Ensemble
@@ -141,7 +142,7 @@ class Consistency(ComputedPage):
         self.say(_what_is_judged(result))
         self._one.show(result)
         self._lay_out(self._plots_of_one)
-        if not can_be_tried(result.verdict, result.algorithm):
+        if not can_be_tried(result.verdict, result.algorithm) and not may_suggest(result):
             self._write(result, result.verdict)
             return
         if self._content is None:
@@ -152,7 +153,7 @@ class Consistency(ComputedPage):
     def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
         """Try the advice on one run, or run the selected number of seeds and judge them together."""
         if self.runs == 1:
-            return tried(result.verdict, [result], progress)
+            return with_suggestions(tried(result.verdict, [result], progress), result, progress)
         found = ensemble(result, self.runs, progress, partial(self._of_some, result))
         _ = found.consistency, found.innovation_verdict, found.whiteness, found.coverage, found.tried_verdict
         return found
@@ -216,7 +217,8 @@ class Consistency(ComputedPage):
         self._verdict.object = verdict_html(
             verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
         )
-        self._changes = next((one.changes for one in verdict.findings if one.changes), ()) if verdict else ()
+        named: list[Finding | Suggestion] = [*verdict.findings, *verdict.suggestions] if verdict else []
+        self._changes = next((one.changes for one in named if one.changes), ())
         self._follow.visible = bool(self._changes) and self._session is not None
         tables = [whiteness_html(judged.whiteness)]
         if isinstance(judged, Ensemble) or not judged.lacks("coverage"):
@@ -270,6 +272,9 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
+    findings += "".join(
+        f"<p>{escape(as_seen(one.sentence))} {_bold(one.counsel)}</p>" for one in verdict.suggestions
+    )
     same = verdict.basis == by_innovations.basis  # as for a sensor log
     alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
     return (
@@ -282,7 +287,11 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
         return "The advice is being tried."
-    return escape(as_seen(finding.counsel)).replace("Try:", "<b>Try:</b>", 1)
+    return _bold(finding.counsel)
+
+
+def _bold(counsel: str) -> str:
+    return escape(as_seen(counsel)).replace("Try:", "<b>Try:</b>", 1)
 
 
 def over_seeds(ensemble: Ensemble) -> str:

@@ -98,6 +98,28 @@ class Finding:
         return self.advice if shown else f"Try: {self.advice}"
 
 
+@dataclass(frozen=True)
+class Suggestion:
+    """What a filter may use besides, and does not: nothing is wrong without it.
+
+    Attributes
+    ----------
+    sentence, advice
+        What shows that it may be used, and the advice with what it brought when it was tried.
+    changes
+        The changes of settings that the advice names.
+    """
+
+    sentence: str
+    advice: str
+    changes: tuple[Change, ...]
+
+    @property
+    def counsel(self) -> str:
+        """The advice as displayed."""
+        return f"Try: {self.advice}"
+
+
 @dataclass(frozen=True, repr=False)
 class Verdict(NotebookCard):
     """The verdict on a filter.
@@ -110,6 +132,9 @@ class Verdict(NotebookCard):
         The findings by weight; empty for a consistent filter.
     basis
         The evidence used.
+    suggestions
+        What a filter may use besides, whether it is consistent or not; only of a verdict whose advice was
+        tried.
     """
 
     CARD: ClassVar[str] = "verdict"
@@ -117,6 +142,7 @@ class Verdict(NotebookCard):
     headline: str
     findings: tuple[Finding, ...]
     basis: str
+    suggestions: tuple[Suggestion, ...] = ()
 
     @property
     def consistent(self) -> bool | None:
@@ -128,6 +154,7 @@ class Verdict(NotebookCard):
 
     def __repr__(self) -> str:
         found = [f"- {one.sentence} {one.counsel}".rstrip() for one in self.findings]
+        found += [f"- {one.sentence} {one.counsel}" for one in self.suggestions]
         return "\n".join((f"Verdict by {self.basis}: {self.headline}", *found))
 
 

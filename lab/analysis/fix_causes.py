@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.analysis.imu_columns import write_imu_columns
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
 
 FloatArray = NDArray[np.float64]
@@ -230,11 +231,12 @@ def response(
     time: FloatArray,
     motion: MotionAtFixes,
     causes: FloatArray,
+    names: tuple[str, ...] = (),
 ) -> FloatArray:
     """Return the response of the innovations (m, 6, CAUSES) to the causes, through the gains of the filter.
 
     From fix to fix, the error is propagated by the short-term terms of F only: velocity, specific force,
-    biases.
+    errors of the IMU.
 
     Parameters
     ----------
@@ -248,11 +250,13 @@ def response(
         Times of the IMU samples [s].
     motion, causes
         Motion and causes at these fixes.
+    names
+        The further blocks of the filter.
     """
     n, m = solution.states, fixes.size
     dt = np.diff(time[samples], append=time[-1])
     # The first step ends at the first fix; before it, there is no error.
-    transition = itertools.chain([np.eye(n)], _transitions(motion, dt[:-1], n))
+    transition = itertools.chain([np.eye(n)], _transitions(motion, dt[:-1], n, names))
     return respond(
         gains,
         matrices(solution, belief, fixes)[0],
@@ -262,7 +266,9 @@ def response(
     )
 
 
-def _transitions(motion: MotionAtFixes, dt: FloatArray, n: int) -> Iterator[FloatArray]:
+def _transitions(
+    motion: MotionAtFixes, dt: FloatArray, n: int, names: tuple[str, ...]
+) -> Iterator[FloatArray]:
     """Iterate over the transitions (n, n) of the error from each fix to the next, `dt` (m,) later [s]."""
     for first in range(0, dt.size, FIXES_AT_ONCE):
         part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
@@ -272,10 +278,8 @@ def _transitions(motion: MotionAtFixes, dt: FloatArray, n: int) -> Iterator[Floa
         F[:, VEL, ATT] = _skew(here.force_n)
         F[:, VEL, ACCEL_BIAS] = -here.C_nb
         F[:, ATT, GYRO_BIAS] = here.C_nb
-        if n > GYRO_SCALE.start:
-            force_b = np.einsum("mji,mj->mi", here.C_nb, here.force_n)
-            F[:, ATT, GYRO_SCALE] = here.C_nb * here.rate_b[:, None, :]
-            F[:, VEL, ACCEL_SCALE] = -here.C_nb * force_b[:, None, :]
+        force_b = np.einsum("mji,mj->mi", here.C_nb, here.force_n)
+        write_imu_columns(F, names, here.C_nb, here.rate_b, force_b)
         step = F * dt[part, None, None]
         yield from np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
 

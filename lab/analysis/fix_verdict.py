@@ -25,9 +25,10 @@ CORRELATED = 0.3
 of `RATIOS`. At 1 Hz, with the shortest of `TIMES`, that one doubles the variance of the mean of many
 fixes."""
 ADVICE_CORRELATION = (
-    "Raise R position to the variance of the correlated error times its correlation time over the period of "
-    "the fixes, or use fewer fixes."
+    "Set navigator.estimate_gps_drift, with the σ and the time of the slow error as "
+    "sensors.gps.correlated_sigma and sensors.gps.correlation_time: the filter then estimates it."
 )
+"""Another R is no advice: the R that gives a right σ makes the innovations too small, which asks for less."""
 
 
 def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:

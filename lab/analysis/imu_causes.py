@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.imu_columns import write_imu_columns
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation import blocks
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
-from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
 
@@ -38,8 +38,6 @@ NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
 AT_ONCE = 64
 """Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
-_ROWS, _COLUMNS = (["xyz".index(pair[k]) for pair in OFF_DIAGONAL] for k in (0, 1))
-"""The sensor that each misalignment concerns, and the axis that it measures too."""
 
 
 class Steps(NamedTuple):
@@ -215,19 +213,8 @@ def _system_matrix(
     F[:, VEL, ACCEL_BIAS] = -C_nb
     F[:, ATT, GYRO_BIAS] = C_nb
     F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.decay[:3])
-    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:6])
-    for rows, sign, shown, scale, misalignment in (
-        (ATT, 1, rate_b, blocks.GYRO_SCALE, blocks.GYRO_MISALIGNMENT),
-        (VEL, -1, force_b, blocks.ACCEL_SCALE, blocks.ACCEL_MISALIGNMENT),
-    ):
-        if scale in names:
-            F[:, rows, blocks.states_of(names, scale)] = sign * C_nb * shown[:, None, :]
-        if misalignment in names:
-            F[:, rows, blocks.states_of(names, misalignment)] = (
-                sign * C_nb[:, :, _ROWS] * shown[:, None, _COLUMNS]
-            )
-    if blocks.GYRO_G in names:
-        F[:, ATT, blocks.states_of(names, blocks.GYRO_G)] = C_nb * force_b[:, None, :]
+    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:6])  # those of further blocks follow
+    write_imu_columns(F, names, C_nb, rate_b, force_b)
     return F
 
 

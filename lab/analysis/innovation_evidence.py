@@ -135,19 +135,19 @@ def innovations(
     used = solution.fix_sample[seen] >= 0
     known = np.isfinite(solution.innovation[seen])
     nu, S = np.nan_to_num(solution.innovation[seen]), solution.innovation_covariance[seen]
-    normalised = _normalised(nu, S)
-    squares, sums, lagged = sizes(normalised[used])
+    relative = normalised(nu, S)
+    squares, sums, lagged = sizes(relative[used])
     K = gains(solution, seen) if gained is None else gained
     names = blocks.SCALES[: 2 * (solution.states > blocks.CORE)] if names is None else names
     record = Record(solution, belief, imu, names, seen, samples, nu, S, K)
-    apart = outliers(normalised, settled=NEIGHBOURS // 2)
+    apart = outliers(relative, settled=NEIGHBOURS // 2)
     if not aided:  # what the filter would be without the outliers is not modelled here
         # Nor is it known where rounding spoils its covariance.
         with contextlib.suppress(np.linalg.LinAlgError):
-            record, apart = _without_outliers(record, known, normalised, apart)
+            record, apart = _without_outliers(record, known, relative, apart)
     nu, S = record.innovation, record.covariance
     span = float(imu.time[0]), float(imu.time[-1])
-    values = np.where(known & ~apart[:, None], _normalised(nu, S), np.nan)
+    values = np.where(known & ~apart[:, None], normalised(nu, S), np.nan)
     nis = consistency.normalised_squares(nu[~apart], S[~apart])
     found = Innovations(
         squares=Squares(squares.total, known[used].sum(axis=0).astype(np.float64)),
@@ -173,7 +173,7 @@ def innovations(
 
 
 def _without_outliers(
-    record: Record, known: NDArray[np.bool_], normalised: FloatArray, apart: NDArray[np.bool_]
+    record: Record, known: NDArray[np.bool_], relative: FloatArray, apart: NDArray[np.bool_]
 ) -> tuple[Record, NDArray[np.bool_]]:
     """Return a record as it would be without outliers, and the mask (m,) of these fixes.
 
@@ -183,8 +183,8 @@ def _without_outliers(
     filter that rejects them searches for them, if all other innovations are then right; otherwise they are
     searched one after the other.
     """
-    limit = _limit(normalised)
-    if not apart.any() and not _beyond(normalised, limit):
+    limit = _limit(relative)
+    if not apart.any() and not _beyond(relative, limit):
         return record, apart
     refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
     if 0 < refused.mean() <= MOST and not _clustered(record.imu.time[record.samples], refused):
@@ -194,7 +194,7 @@ def _without_outliers(
             return without, refused
     for _ in range(PASSES if apart.any() else 0):
         record = record.without(apart, known)
-        before, apart = apart, outliers(_normalised(record.innovation, record.covariance))
+        before, apart = apart, outliers(normalised(record.innovation, record.covariance))
         if not (apart & ~before).any():
             return record, before
         apart |= before
@@ -203,22 +203,22 @@ def _without_outliers(
 
 def may_have_outliers(nu: FloatArray, S: FloatArray) -> bool:
     """Return whether there may be outliers among some innovations (m, 6) with covariances S (m, 6, 6)."""
-    normalised = _normalised(np.nan_to_num(nu), S)
-    apart = outliers(normalised, settled=NEIGHBOURS // 2)
-    return bool(apart.any()) or _beyond(normalised, _limit(normalised))
+    relative = normalised(np.nan_to_num(nu), S)
+    apart = outliers(relative, settled=NEIGHBOURS // 2)
+    return bool(apart.any()) or _beyond(relative, _limit(relative))
 
 
-def _limit(normalised: FloatArray) -> float:
+def _limit(relative: FloatArray) -> float:
     """Return the square of three components beyond which an innovation may be an outlier."""
-    if not normalised.size:
+    if not relative.size:
         return OUTLYING
-    usual = float(np.median(np.sum(normalised**2, axis=1), axis=0)) / MEDIAN_SQUARE
+    usual = float(np.median(np.sum(relative**2, axis=1), axis=0)) / MEDIAN_SQUARE
     return OUTLYING * max(usual, 1.0)
 
 
-def _beyond(normalised: FloatArray, limit: float) -> bool:
+def _beyond(relative: FloatArray, limit: float) -> bool:
     """Return whether a position or a velocity innovation exceeds the limit."""
-    return bool((np.sum(normalised.reshape(-1, 2, 3) ** 2, axis=2) > limit).any())
+    return bool((np.sum(relative.reshape(-1, 2, 3) ** 2, axis=2) > limit).any())
 
 
 def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
@@ -228,7 +228,8 @@ def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
     return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < CLUSTERED)
 
 
-def _normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
+def normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
+    """Return innovations (m, 6) divided by their σ, from their covariances (m, 6, 6)."""
     return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
 
 
@@ -346,10 +347,10 @@ def _explained(
     found: Innovations, record: Record, motion: MotionAtFixes, apart: NDArray[np.bool_], explain: bool
 ) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
-    solution, belief, imu, _, seen, samples, nu, S, _ = record
+    solution, belief, imu, names, seen, samples, nu, S, _ = record
     causes = causes_of(motion)
     kept = ~apart
-    answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes)
+    answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes, names)
     fit = _fit(answer[kept], nu[kept], S[kept])
     whole = _nothing()
     whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector

@@ -60,6 +60,10 @@ ADVICE_IDENTIFY = (
     "Identify the noise from the innovations: the button on the page Consistency, ins-lab identify, or "
     "result.identify(); so far off, several assumptions are wrong at once."
 )
+ADVICE_FILTERING = (
+    "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that "
+    "filters its fixes repeats its errors in the next ones."
+)
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 CORRELATION = "GPS correlation"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
@@ -222,7 +226,7 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             (_gain_change(best),) if variance else (),
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, _finding(found, seen, statistic, told))
+    return Weighed(best.gain, finding_of(found, seen, statistic, told))
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
@@ -259,7 +263,11 @@ def _alternative(found: list[Explanation]) -> str:
     return f" They cannot tell it from this: {_words(found[1])}."
 
 
-def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+    """Return the finding of the first of some explanations.
+
+    `statistic` is its evidence, `told` are the latency and the lever arm (4,) that the filter assumed.
+    """
     best = found[0]
     if best.name == "GPS latency":
         return latency(float(best.parts[0]), best.gain, told)
@@ -279,7 +287,7 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
                 if hidden
                 else ""
             ),
-            f"{'Do not lower R. ' if hidden else ''}{ADVICE_CORRELATION}",
+            ADVICE_FILTERING if _filters_fixes(seen) else ADVICE_CORRELATION,
             statistic,
         )
     if best.parts.size:
@@ -306,6 +314,15 @@ def _finding(found: list[Explanation], seen: Innovations, statistic: str, told: 
         (_gain_change(best),),
         wrong_by(best.size, *best.interval),
     )
+
+
+def _filters_fixes(seen: Innovations) -> bool:
+    """Return whether correlated fixes are those of a receiver that filters them: hardly any error is white.
+
+    Otherwise, the correlated error is a slow one beside the white errors that the filter assumes.
+    """
+    own = [at for at, hypothesis in enumerate(HYPOTHESES) if hypothesis.name == CORRELATION]
+    return HYPOTHESES[max(own, key=lambda at: seen.likelihoods[at])].r[0] < 1
 
 
 def _remedy(best: Explanation, sensor: str, statistic: str) -> tuple[str, str, tuple[Change, ...]]:

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline, written
+from lab.analysis.run_evidence import Filtered
 from lab.analysis.verdict import judge
 from lab.experiment_settings import ExperimentSettings
 from lab.frames.displacement import displaced, displacement
 from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
-from lab.navigation.blocks import IMU_DENSITIES
+from lab.navigation.belief import r_factors
+from lab.navigation.blocks import GPS_DRIFT, IMU_DENSITIES, states_of
 from lab.navigation.checks import DivergedError
 from lab.parameters.settings import SettingError
 from lab.run import Run
@@ -94,6 +96,11 @@ class Repeatable(Run, ABC):
     @abstractmethod
     def evidence(self) -> Evidence:
         """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
+
+    @property
+    @abstractmethod
+    def filtered(self) -> Filtered:
+        """The filter's own run: for a smoothed run, its forward run, otherwise the solution."""
 
     @abstractmethod
     def repeated(self, experiment: ExperimentSettings) -> Repeatable:
@@ -226,8 +233,8 @@ def worsened(before: Figures, after: Figures) -> str:
         )
     if _grew(before, after):
         found.append(
-            f"the error across outages of {OUTAGE:.0f} s ({_metres(before.held_out)}, then "
-            f"{_metres(after.held_out)})"
+            f"the error across outages of {OUTAGE:.0f} s ({metres(before.held_out)}, then "
+            f"{metres(after.held_out)})"
         )
     return " and ".join(found)
 
@@ -238,15 +245,23 @@ def _grew(before: Figures, after: Figures) -> bool:
         return False
     if not np.isfinite(after.held_out):
         return True
+    growth = growth_of(before.outages, after.outages)
+    return growth is not None and growth[0] > np.log(WORSE) + LIKELY * growth[1]
+
+
+def growth_of(before: FloatArray, after: FloatArray) -> tuple[float, float] | None:
+    """Return the mean logarithm of the growth of the errors of outages (k,), and its standard error.
+
+    None without an outage that has errors before and after.
+    """
     # Another latency moves the fixes, so an outage may lose its only one, and the last one may fit no more.
-    pairs = zip(before.outages, after.outages, strict=False)
+    pairs = zip(before, after, strict=False)
     growth = np.array([np.log(max(then, 1e-9) / max(was, 1e-9)) for was, then in pairs])
     growth = growth[~np.isnan(growth)]
     if not growth.size:
-        return False
+        return None
     scatter = WEIGHT * SCATTER**2 + np.sum((growth - growth.mean()) ** 2)
-    error = np.sqrt(scatter / (WEIGHT + growth.size - 1) / growth.size)
-    return bool(growth.mean() > np.log(WORSE) + LIKELY * error)
+    return float(growth.mean()), float(np.sqrt(scatter / (WEIGHT + growth.size - 1) / growth.size))
 
 
 def _words(before: Figures, after: Figures) -> str:
@@ -255,12 +270,13 @@ def _words(before: Figures, after: Figures) -> str:
         f"correlation of the innovations {before.correlation:.2f}, then {after.correlation:.2f}",
     ]
     if not np.isnan(before.held_out):
-        was, becomes = _metres(before.held_out), _metres(after.held_out)
+        was, becomes = metres(before.held_out), metres(after.held_out)
         words.append(f"error across outages of {OUTAGE:.0f} s: {was}, then {becomes}")
     return "; ".join(words)
 
 
-def _metres(error: float) -> str:
+def metres(error: float) -> str:
+    """Return an error as text; it is infinite where a run diverges."""
     return f"{written(error)} m" if np.isfinite(error) else "without bound"
 
 
@@ -277,7 +293,7 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     variances = np.diag(P0)
     P0 = variances if np.array_equal(np.diag(variances), P0) else P0
     matched = {
-        "navigator.r": np.diag(R) / navigator.r_scale,
+        "navigator.r": np.diag(R) / r_factors(navigator),
         "navigator.q": assumed.noise[:IMU_DENSITIES] / navigator.q_scale,
         "navigator.p0": P0 / navigator.p0_scale,
     }
@@ -319,22 +335,32 @@ def average(of: Sequence[Figures]) -> Figures:
     )
 
 
-def held_out(run: Repeatable) -> FloatArray:
+def held_out(run: Repeatable, earlier: float = 0.0, length: float = OUTAGE) -> FloatArray:
     """Return the rms position error in each artificial outage, relative to the fixes withheld there (k,) [m].
 
     They are infinite where the run diverges without these fixes, NaN where there are none, and the array is
-    empty if the flight is too short. The second half of each outage counts, where the errors have grown.
+    empty if the flight is too short. The second half of each outage counts, where the errors have grown. A
+    filter that estimates the drift of the receiver predicts fixes with it.
+
+    Parameters
+    ----------
+    run
+        The run.
+    earlier
+        By how much earlier all outages end [s].
+    length
+        Length of the outages [s].
     """
     begin, end = float(run.time[0]), float(run.time[-1])
-    starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
-    outages = [[float(start), float(start + OUTAGE)] for start in starts]
+    starts = np.arange(begin + EVERY - length - earlier, end - length, EVERY)
+    outages = [[float(start), float(start + length)] for start in starts]
     experiment = run.experiment.copy()
     experiment.set("navigator.smoother", False)
     made = [[start + run.epoch, end + run.epoch] for start, end in outages]
     experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
     fixes, times = run.fixes, run.fix_validity
     since = times[:, None] - starts
-    withheld = (since > OUTAGE / 2) & (since <= OUTAGE)  # (fix, outage)
+    withheld = (since > length / 2) & (since <= length)  # (fix, outage)
     chosen, counts = withheld.any(axis=1), withheld.sum(axis=0)
     if not chosen.any():
         return np.full(starts.size, np.nan)
@@ -349,6 +375,16 @@ def held_out(run: Repeatable) -> FloatArray:
     before = solution.position[after - 1]
     there = displaced(before, part * displacement(before, solution.position[after]))
     arm = C_nb_from_euler(euler_from_quaternion(solution.q_nb[after])) @ coasted.belief.lever_arm
-    error = arm - displacement(there, fixes.position[chosen])
+    error = arm + _receiver_drift(coasted, after) - displacement(there, fixes.position[chosen])
     squares = np.sum(error**2, axis=1) @ withheld[chosen]
     return np.asarray(np.sqrt(squares / np.where(counts > 0, counts, np.nan)))
+
+
+def _receiver_drift(run: Repeatable, samples: NDArray[np.intp]) -> FloatArray:
+    """Return the estimated drift of the receiver (m, 3) at some samples [m]; zero if it is no state."""
+    if GPS_DRIFT not in run.blocks:
+        return np.zeros((samples.size, 3))
+    solution = run.solution_arrays
+    own = states_of(run.blocks, GPS_DRIFT)
+    first = solution.states - solution.further.shape[1]
+    return np.asarray(solution.further[samples, own.start - first : own.stop - first])

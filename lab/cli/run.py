@@ -213,4 +213,5 @@ def verdict_text(verdict: Verdict) -> str:
     for number, finding in enumerate(verdict.findings):
         lines += [f"  {finding.sentence}"] if number else []
         lines += [f"  {finding.counsel} ({finding.evidence})"]
+    lines += [f"  {one.sentence} {one.counsel}" for one in verdict.suggestions]
     return "\n".join(lines)

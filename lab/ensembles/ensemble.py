@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, feedforward, linear_verdict, trial
+from lab.analysis import consistency, feedforward, linear_verdict, state_advice, trial
 from lab.analysis.agreement import agreements
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
@@ -24,6 +24,7 @@ from lab.ensembles.epoch_sums import EpochSums
 from lab.ensembles.error_histogram import ErrorHistogram
 from lab.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment import Experiment
+from lab.navigation.belief import belief
 from lab.navigation.checks import DivergedError
 from lab.navigation.settings import NavigatorSettings
 from lab.notebook_card import NotebookCard
@@ -184,7 +185,12 @@ class Ensemble(NotebookCard):
     def _of_linear(self, free: feedforward.FreeRun, evidence: Evidence) -> Verdict:
         """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
         found = linear_verdict.judge(judge(evidence), evidence, self._navigator)
-        return feedforward.judge(free, found, self._navigator, evidence.nees)
+        found = feedforward.judge(free, found, self._navigator, evidence.nees)
+        if self.algorithm or not self.degrees:
+            return found
+        settings = self.experiment
+        P0 = None if self._navigator.alignment else belief(settings.sensors, self._navigator).P0
+        return state_advice.of_simulated(found, settings, P0)
 
     @property
     def _navigator(self) -> NavigatorSettings:

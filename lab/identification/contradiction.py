@@ -22,10 +22,11 @@ from lab.analysis.finding import MATTERS, RATIO, Change, Finding, Verdict, headl
 from lab.analysis.finding_names import CLOCK, CONTRADICTION
 from lab.analysis.fix_verdict import latency
 from lab.analysis.identification import HeldOut
-from lab.analysis.innovation_verdict import ALIKE
+from lab.analysis.innovation_verdict import ALIKE, explanations, finding_of
 from lab.analysis.likelihood import Parameter, Seen, maximise
 from lab.analysis.pattern import AXES
 from lab.analysis.selection import PRICE
+from lab.analysis.state_advice import of_log
 from lab.analysis.trial import Repeatable
 from lab.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
@@ -111,7 +112,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
         return Verdict(headline((found,), ""), (found,), verdict.basis)
     if not _is_large(first) or (holds and _is_noise(run, whole, stated)):
         return verdict
-    found = _contradiction(run, whole, before, since)
+    found = _misalignment(run, whole) or _contradiction(run, whole, before, since)
     return Verdict(headline((found,), ""), (found,), verdict.basis)
 
 
@@ -313,6 +314,32 @@ def _stated(
 
 def _from(since: float) -> str:
     return f"From {since:.0f} s on" if since >= 1 else "From the start"
+
+
+def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
+    """Return the finding of misalignments whose states make the innovations of a log consistent.
+
+    Large ones are beyond the responses of first order, so that noise explains the innovations better.
+    """
+    if run.recorded is None:
+        return None
+    evidence = run.evidence
+    told = evidence.told.values.mean(axis=0)
+    for one in explanations(evidence.innovations):
+        if not one.name.endswith("misalignment"):
+            continue
+        statistic = f"logarithm of the likelihood ratio {one.gain:.0f}"
+        found = finding_of([one], evidence.innovations, statistic, told)
+        (found,) = of_log(Verdict("", (found,), ""), run).findings
+        candidate = Candidate("", found.changes)
+        outcome = whole.outcome(candidate) if found.changes else None
+        if outcome is None or outcome.mean > CONSISTENT:
+            continue
+        was, becomes = whole.withheld(Candidate("")), whole.withheld(candidate)
+        if was is None or becomes is None or becomes.position_error > was.position_error / WORSE:
+            continue
+        return found
+    return None
 
 
 def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:

@@ -18,6 +18,9 @@ def verdict_html(verdict: Verdict) -> str:
         f"<li>{escape(finding.sentence) if number else ''} {_advice(finding)}</li>"
         for number, finding in enumerate(verdict.findings)
     )
+    findings += "".join(
+        f"<li>{escape(one.sentence)} {_bold(one.counsel)}</li>" for one in verdict.suggestions
+    )
     return (
         f'<div style="border-left:4px solid {colour};padding:.2em .8em;max-width:60em">'
         f'<b><span style="color:{colour}">{sign}</span> {escape(verdict.headline)}</b>'
@@ -27,7 +30,8 @@ def verdict_html(verdict: Verdict) -> str:
 
 
 def _advice(finding: Finding) -> str:
-    return (
-        f"{escape(finding.counsel).replace('Try:', '<b>Try:</b>', 1)} "
-        f'<span style="opacity:.75">({escape(finding.evidence)})</span>'
-    )
+    return f'{_bold(finding.counsel)} <span style="opacity:.75">({escape(finding.evidence)})</span>'
+
+
+def _bold(counsel: str) -> str:
+    return escape(counsel).replace("Try:", "<b>Try:</b>", 1)

@@ -13,6 +13,7 @@ from lab.analysis.trial import Figures
 from lab.ensembles.ensemble import TRIED
 from lab.ensembles.seeds import run_ensemble
 from lab.experiment import Experiment
+from lab.identification.renavigation import subject
 from lab.navigation.checks import diverged
 
 OUTAGES = np.array([3.0, 4.0, 5.0, 4.0, 3.5, 4.5])
@@ -111,6 +112,15 @@ def test_changes_are_applied_to_what_the_filter_assumed():
     assert changed.navigator.q_scale == 3
     assert changed.navigator.latency == 0.2
     assert result.experiment.navigator.latency is None
+
+
+def test_a_change_of_r_is_that_of_the_filter_whatever_its_factors():
+    made = Experiment(mission="los_angeles", seed=1)
+    made.update({"navigator": {"r_scale": 2.0, "r_factors": [10.0, 5.0, 3.0]}})
+    result = made.run()
+    changed = trial.advised(result, (Change("navigator.r", 0.25, times=True, rows=(0, 3)),)).run()
+    ratio = np.diag(changed.belief.R) / np.diag(result.belief.R)
+    assert np.allclose(ratio, [0.25, 0.25, 0.25, 1.0, 1.0, 1.0])
 
 
 def test_advice_that_is_right_is_given_with_what_it_brings():
@@ -244,3 +254,20 @@ def test_advice_on_many_runs_is_tried_on_the_first_of_them() -> None:
 def test_a_matched_filter_over_many_runs_has_nothing_to_try() -> None:
     many = run_ensemble(Experiment(mission="los_angeles", seed=3), 3)
     assert many.tried_verdict is many.verdict
+
+
+def test_fixes_are_predicted_with_the_drift_that_the_filter_estimates():
+    """As the innovations of withheld fixes, which contain it: the position alone is off by the drift."""
+    made = Experiment(mission="montreal", seed=3)
+    made.update({"trajectory.imu_rate": 50.0, "sensors.gps.correlated_sigma": 3.0})
+    made.set("navigator.estimate_gps_drift", True)
+    result = made.run()
+    found = trial.held_out(result)
+    starts = result.time[0] + trial.EVERY * np.arange(1, found.size + 1) - trial.OUTAGE
+    since = result.fixes.time[:, None] - starts
+    withheld = ((since > -1e-6) & (since < trial.OUTAGE + 1e-6)).any(axis=1)
+    _, seen = subject(result).navigate(made, withheld)
+    squares = np.sum(seen.innovation[:, :3] ** 2, axis=1)
+    for column, error in zip(since.T, found, strict=True):
+        late = (column > trial.OUTAGE / 2) & (column <= trial.OUTAGE)
+        assert np.sqrt(squares[late].mean()) == pytest.approx(error, rel=0.02)
