@@ -27,7 +27,7 @@ from lab.analysis.likelihood import Parameter, Seen, maximise
 from lab.analysis.pattern import AXES
 from lab.analysis.selection import PRICE
 from lab.analysis.state_advice import of_log
-from lab.analysis.trial import Repeatable
+from lab.analysis.trial import WORSE, Repeatable
 from lab.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
 from lab.logs.imu_axes import NAMES

@@ -1,8 +1,6 @@
-"""The square of a tilt that lasts looks like a vertical accelerometer bias, and σ of this bias allows for it."""
+"""The square of a tilt that lasts looks like a vertical accelerometer bias: σ of this bias allows for it."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,8 +23,8 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> str:
     still = np.zeros_like(t)
     euler = np.tile((0.01, 0.02, 0.6), (t.size, 1))
     path = tmp_path_factory.mktemp("parked") / "parked.csv"
-    place = np.radians(45.0)
-    write_flight_csv(path, Recording(t, still + place, still + 0.1, still + 300.0, np.zeros((t.size, 3)), euler))
+    place = still + np.radians(45.0), still + 0.1, still + 300.0
+    write_flight_csv(path, Recording(t, *place, np.zeros((t.size, 3)), euler))
     return str(path)
 
 
