@@ -55,6 +55,7 @@ SCALED = 21
 """Number of states of a filter with scale factors."""
 _SCALES = tuple(f"{kind} scale factor" for kind in KINDS)
 _DEGREE = np.pi / 180
+"""One degree [rad]: the unit of these settings."""
 _STATES = {
     CORRELATION: States(
         "navigator.estimate_gps_drift",

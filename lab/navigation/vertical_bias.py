@@ -58,5 +58,6 @@ def raise_vertical_bias(P: FloatArray, own: Vector, down: Vector) -> None:
     missing = QUARTER * (trace * trace + 2 * squares) - variance
     if missing > 0 and variance > 0:
         for i in range(3):
-            for j in range(3):
+            for j in range(i, 3):
                 P[_BIAS + i, _BIAS + j] += missing * down[i] * down[j]
+                P[_BIAS + j, _BIAS + i] = P[_BIAS + i, _BIAS + j]
