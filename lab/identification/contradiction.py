@@ -345,7 +345,7 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
 def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:
     """Return whether a large factor predicts withheld fixes better, and the samples show such noise."""
     was, becomes = whole.withheld(Candidate("")), whole.withheld(stated)
-    if was is not None and not _predicts_better(becomes, was, stated):
+    if was is not None and not _predicts_better(becomes, was, stated, whole.as_it_is):
         return False
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     shown = shown_noise(imu)
@@ -360,16 +360,17 @@ def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:
     return True
 
 
-def _predicts_better(becomes: HeldOut | None, was: HeldOut, stated: Candidate) -> bool:
+def _predicts_better(becomes: HeldOut | None, was: HeldOut, stated: Candidate, before: Outcome) -> bool:
     """Return whether withheld fixes are predicted better with the changes of a candidate.
 
-    A start that is trusted less moves the few fixes after it, and the smallest prior would win: there, the
-    likelihood decides, which a start that is trusted too much has lost.
+    A start moves the few fixes after it, and hardly any of them is withheld, while the smallest prior would
+    win. So it need not predict better where the innovations contradict nothing; elsewhere, the likelihood
+    decides, which a start that is trusted too much has lost.
     """
     if becomes is None:
         return False
     if all(change.path.startswith("navigator.p0") for change in stated.changes):
-        return becomes.log_likelihood > was.log_likelihood
+        return before.mean < CONSISTENT or becomes.log_likelihood > was.log_likelihood
     return becomes.position_error < was.position_error
 
 

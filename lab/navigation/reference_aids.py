@@ -20,6 +20,7 @@ from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.heading_observability import CHANCE, LEVEL, UNKNOWN
+from lab.navigation.vertical_bias import MOST
 
 FloatArray = NDArray[np.float64]
 
@@ -152,7 +153,7 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
     down = np.zeros(P.shape[0])
     down[ACCEL_BIAS] = C_nb[2]
     before = down @ P @ down
-    least = STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma))
+    least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)
     return np.outer(down, down) * (max(least - before, 0.0) if before > 0 else 0.0)
 
 

@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 QUARTER: Final = STANDARD_GRAVITY**2 / 4
 """g²/4 [m²/s⁴]."""
+MOST: Final = 4 / 3 * STANDARD_GRAVITY**2
+"""Second moment of g (1 − cos φ) if nothing is known of the vertical [m²/s⁴]."""
 _TILT, _BIAS = NAV - 3, NAV + 3  # of the attitude, and of the accelerometer biases
 
 
@@ -55,7 +57,7 @@ def raise_vertical_bias(P: FloatArray, own: Vector, down: Vector) -> None:
     # Without the part about the vertical: tr (E P E)² = tr P² − 2 |P d|² + (dᵀ P d)².
     trace -= heading
     squares += heading * heading - 2 * with_heading
-    missing = QUARTER * (trace * trace + 2 * squares) - variance
+    missing = min(QUARTER * (trace * trace + 2 * squares), MOST) - variance
     if missing > 0 and variance > 0:
         for i in range(3):
             for j in range(i, 3):
