@@ -70,6 +70,9 @@ _LEAST_STRAIGHT = 10
 """Fewest seconds of straight motion for a gyro bias."""
 _HIDDEN = 0.15
 """Part of a turn that an IMU does not see about its own vertical: a bank of 30° hides a seventh."""
+_SCATTER = 0.35
+"""Largest scatter of a course about the turns of the gyros that shows their bias [rad]: the noise of fixes
+that just show a course is 1/3 (`COURSE_SIGMAS`), a change from one side to straight ahead 0.4."""
 _ROUNDS = 3
 """Number of iterations of levelling and heading, each with the result of the previous one."""
 _LEAST_FAST = 0.5
@@ -390,6 +393,9 @@ def _along_course(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias (3,) by which the IMU turned more than the course, and its σ [rad/s].
 
+    A vehicle may begin backwards: then its course turns by π, and twice the course does not. If it was
+    carried aside, the course does not show the bias.
+
     Parameters
     ----------
     imu
@@ -400,10 +406,12 @@ def _along_course(
         Mean rate of the whole record, the σ about level axes [rad/s].
     """
     turning = np.interp(time, imu.time, _turned(imu, np.zeros(3)))
-    apart = np.unwrap(course - turning)
+    apart = np.unwrap(2 * (course - turning)) / 2
     since = time - time.mean()
     slope = float(since @ apart) / float(since @ since)
     scatter = float(np.std(apart - apart.mean() - slope * since))
+    if scatter > _SCATTER:
+        return np.zeros(3), np.abs(mean)
     # The errors of neighbouring fixes depend on each other: one in a second counts.
     noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
     hidden = _HIDDEN * abs(slope + float(np.polyfit(since, turning, 1)[0]))
