@@ -180,7 +180,8 @@ def _use_fix(
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
     z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
     D = vertical_directions(state, kalman.P, in_body=model.in_body)
-    held = _update(kalman, z, H @ model.map(state), R, D, state)
+    held = _update(kalman, z, H @ model.map(state), R, D, may_hold=schedule.hold_heading)
+    kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, D)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
     if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
@@ -451,7 +452,7 @@ def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> Fl
 
 
 def _update(
-    kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D: FloatArray, state: FloatArray
+    kalman: KalmanFilter, z: FloatArray, H: FloatArray, R: FloatArray, D: FloatArray, *, may_hold: bool
 ) -> bool:
     """Update with a measurement; return whether the states along D (2, n) kept their estimates.
 
@@ -460,13 +461,12 @@ def _update(
     """
     x, P = kalman.x, kalman.P
     kalman.update(z, R=R, H=H)
-    held = not shows_heading(P, H, np.diag(kalman.S), D)
+    held = may_hold and not shows_heading(P, H, np.diag(kalman.S), D)
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y
         kalman.P = kalman.P + D.T @ D @ (P - kalman.P) @ D.T @ D
     kalman.P = (kalman.P + kalman.P.T) / 2
-    kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, D)
     return held
 
 

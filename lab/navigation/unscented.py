@@ -266,10 +266,11 @@ def _keeps_heading(run: UnscentedFilter) -> bool:
 
 
 @embedded_kernel
-def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray) -> None:
+def _update(run: UnscentedFilter, nu: FloatArray, may_hold: bool, held: FloatArray) -> None:
     """Update P with an innovation, and correct the navigator by the estimated error.
 
-    `held` (3,) receives the vertical in b if heading and vertical gyro bias kept their estimates.
+    `held` (3,) receives the vertical in b if heading and vertical gyro bias kept their estimates, which they
+    do only if they `may_hold`.
 
     H is linear except for the lever arm, which is small compared with relevant position errors. For a linear
     H, the unscented transform is exact, and the update is that of the Kalman filter (Groves 3.2.7). With S =
@@ -278,7 +279,7 @@ def _update(run: UnscentedFilter, nu: FloatArray, became: int, held: FloatArray)
     P, x, H, S, D = run.P, run.x, run.H, run.S, run.directions
     root = np.zeros((MEASUREMENTS, MEASUREMENTS))
     predict_fix(P, H, run.R_fix, S)
-    keeps = became == USED and _keeps_heading(run)
+    keeps = may_hold and _keeps_heading(run)
     cholesky_of_fix(S, root)
     W = np.empty((x.size, MEASUREMENTS))
     white = np.empty(MEASUREMENTS)
@@ -472,7 +473,7 @@ def filter_all(
                 if became == REJECTED:
                     out.fix_rejected[m] = True
                 else:
-                    _update(run, nu, became, out.fix_held[m])
+                    _update(run, nu, schedule.hold_heading and became == USED, out.fix_held[m])
                     _show(run)
                     _store_fix(out, m, k + 1, run)
                     out.fix_recovered[m] = became == RECOVERED

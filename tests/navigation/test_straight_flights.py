@@ -96,6 +96,15 @@ def test_the_heading_drifts_as_without_fixes(tmp_path: Path, kind: str, model: s
     np.testing.assert_allclose(found, expected, rtol=0.03)
 
 
+@pytest.mark.parametrize(
+    ("model", "engine"), [*((model, "compiled") for model in MODELS), ("phi", "filterpy")]
+)
+def test_the_heading_is_held_only_if_it_shall_be(tmp_path: Path, model: str, engine: str) -> None:
+    path = mission(tmp_path, "cruise", 30.0)
+    held = [run(path, 1, model=model, engine=engine, hold_heading=hold) for hold in (True, False)]
+    assert [bool(one.solution_arrays.fix_held.any()) for one in held] == [True, False]
+
+
 def test_errors_of_the_heading_have_the_size_of_sigma(tmp_path: Path) -> None:
     path = mission(tmp_path, "cruise", 300.0)
     errors = np.array([heading(run(path, seed), 299.0) for seed in range(1001, 1041)])
