@@ -148,8 +148,14 @@ class Openings(Handler):
         return now - self._taken > MUCH
 
     def _search_all(self) -> None:
-        """Have all objects searched if enough may be found, once that keeps nobody waiting."""
-        due = self._ended_since >= ENOUGH or self._is_much or gc.get_freeze_count() - self._kept > ROOM
+        """Have all objects searched if enough may be found, once that keeps nobody waiting.
+
+        Once the last page has ended, all that it left is searched: then nobody waits.
+        """
+        left = self._context is not None and not self._sessions and self._ended_since > 0
+        due = (
+            left or self._ended_since >= ENOUGH or self._is_much or gc.get_freeze_count() - self._kept > ROOM
+        )
         if due and (self._searching is None or self._searching.done()):
             loop = asyncio.get_running_loop()
             self._searching = loop.create_task(self._search_when_still(), context=Context())  # as in `_begin`
@@ -182,6 +188,7 @@ class Openings(Handler):
             if await self._take_turns():
                 if not self._sessions:
                     CACHE.shrink(AT_REST)
+                    self._search_all()
                 # In a thread, because it goes through all free memory. Others may ask for a turn meanwhile.
                 await asyncio.to_thread(give_back)
 

@@ -65,6 +65,46 @@ print(given_back())
 inner.__exit__(None, None, None)
 print(given_back())
 """
+SERVING = """
+import threading
+import numpy as np
+from lab import memory
+from tests.test_memory import taken
+
+def in_a_thread(work):
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+
+def left():
+    before, kept = taken(), []
+    def stream():
+        blocks = [np.ones(100_000) for _ in range(200)]  # 160 MB
+        kept.append(np.ones(10))
+        blocks.clear()
+    for _ in range(3):
+        in_a_thread(stream)
+    return taken() - before
+
+memory.keep_few_freed_blocks()
+with memory.large_blocks_given_back(memory.VERY_LONG + 1):
+    print(left())
+print(left())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
+def test_a_server_gives_the_blocks_of_ended_streams_back() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", SERVING],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[1],
+    )
+    beside_a_long_flight, after = map(float, ran.stdout.split())
+    assert beside_a_long_flight < 20e6
+    assert after < 20e6
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")

@@ -257,6 +257,27 @@ def test_everything_is_searched_only_while_nobody_moves_a_slider(monkeypatch: py
     assert found == [1]
 
 
+def test_everything_is_searched_once_the_last_page_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its streams may have left much, and the memory taken before was that of streams too."""
+    found, turns = searches(monkeypatch), Openings()
+    monkeypatch.setattr(openings, "ROOM", UNLIMITED)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
+    context: Any = Context([SimpleNamespace(connection_count=1, document=Document())])
+    turns._context = ref(context)
+    end_pages(turns, 1)
+    assert found == []
+    context.sessions = []
+
+    async def leave() -> None:
+        turns.let_go(document := Document(), document)
+        await turns._working
+        await turns._searching
+        turns._search_all()  # nothing has ended since
+
+    completed(leave)
+    assert found == [1]
+
+
 def test_the_cache_of_a_server_without_visitors_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[int] = []
     monkeypatch.setattr(openings.CACHE, "shrink", sizes.append)
