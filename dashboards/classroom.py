@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lab.homework.shelf import Shelf
-from lab.lessons.catalogue import Catalogue
+from lab.classroom.homework.shelf import Shelf
+from lab.classroom.lessons.catalogue import Catalogue
 
 VARIABLE = "INS_LAB_LESSONS"
 """Environment variable that names the teacher's folder for ``panel serve``; visitors cannot set it."""

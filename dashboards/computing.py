@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
-from lab.blas_threads import keep_one_blas_thread
-from lab.experiment import Experiment
+from lab.base.blas_threads import keep_one_blas_thread
+from lab.base.parameters.settings import SettingError
+from lab.base.processors import processors
+from lab.base.progress import Progress
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.missions import MissionError
-from lab.parameters.settings import SettingError
-from lab.processors import processors
-from lab.progress import Progress
-from lab.result import Result
 
 log = logging.getLogger(__name__)
 

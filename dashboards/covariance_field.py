@@ -12,7 +12,7 @@ import param
 
 from dashboards.style import TOOLTIP
 from dashboards.widgets import Change, TextField, number, shown
-from lab.parameters.units import TO_SI
+from lab.base.parameters.units import TO_SI
 
 
 class CovarianceField(TextField):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from lab.live.address import Address
-from lab.live.serial_port import serial_ports
+from lab.data.streams.address import Address
+from lab.data.streams.serial_port import serial_ports
+from lab.data.streams.transport import TransportError
 from lab.live.stations import Stations
-from lab.live.transport import TransportError
 
 VARIABLE = "INS_LAB_DEVICES"
 """Environment variable with the addresses for ``panel serve``, with blanks between them."""

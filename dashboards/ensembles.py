@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lab.cache import StageCache, digest
-from lab.ensembles.ensemble import Ensemble
-from lab.ensembles.seeds import run_ensemble
-from lab.processors import processors
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.cache import StageCache, digest
+from lab.base.processors import processors
+from lab.base.progress import Progress
+from lab.experiment.ensembles.ensemble import Ensemble
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.result import Result
 
 KEPT = StageCache(limit=192 * 2**20)
 """Ensembles by the settings they were run with; of a flight of three minutes, each takes 3 to 20 MB, most of

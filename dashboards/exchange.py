@@ -27,12 +27,12 @@ from dashboards.session import Session
 from dashboards.teaching.class_link import FIELD
 from dashboards.titled import Card
 from dashboards.upload import Upload
-from lab.experiment import Experiment
-from lab.export import gpx, kml, tracks_of
-from lab.parameters.setting_kinds import MatrixOrNone
-from lab.parameters.settings import SettingError
-from lab.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
-from lab.result import Result
+from lab.base.parameters.setting_kinds import MatrixOrNone
+from lab.base.parameters.settings import SettingError
+from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.views.export import gpx, kml, tracks_of
 
 MOST_FIELDS = 200
 """Most settings an address may hold; there are fewer than 100."""

@@ -15,10 +15,10 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
-from lab.analysis.identification import Identification
-from lab.parameters.settings import SettingError
-from lab.progress import Progress
-from lab.result import Result
+from lab.analysis.identification.identification import Identification
+from lab.base.parameters.settings import SettingError
+from lab.base.progress import Progress
+from lab.experiment.result import Result
 
 TELL = 0.25
 """Time between two progress messages [s]."""

@@ -21,8 +21,8 @@ from bokeh.server.session import ServerSession
 from dashboards import garbage
 from dashboards.computing import rested
 from dashboards.upstream.server import models_version
-from lab.memory import give_back, resident
-from lab.stages import CACHE
+from lab.experiment.stages import CACHE
+from lab.run.memory import give_back, resident
 
 PAUSE = 0.01
 """Time between two turns [s]: requests of open pages meanwhile take a few rounds of the event loop."""

@@ -45,11 +45,11 @@ from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
-from lab.experiment import Experiment
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.live.owner import Visitor
-from lab.memory import give_back
-from lab.parameters.settings import SettingError
-from lab.result import Result
+from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)

@@ -6,9 +6,9 @@ import atexit
 import os
 import threading
 
-from lab.live.transport import TransportError
-from lab.phone.hub import PhoneHub
-from lab.phone.server import PhoneServer
+from lab.data.streams.transport import TransportError
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.server import PhoneServer
 
 VARIABLE = "INS_LAB_PHONES"
 """Environment variable with ``ADDRESS:PORT`` for ``panel serve``; visitors cannot set it."""

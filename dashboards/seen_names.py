@@ -7,7 +7,7 @@ from functools import cache
 from html import escape
 
 from dashboards.settings_panel import SECTIONS
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 
 _PATH = re.compile(r"\b(?:sensors|navigator|trajectory)(?:\.[a-z][a-z0-9_]*)+")
 _CODE = re.compile(rf"<code>({_PATH.pattern})</code>")

@@ -164,7 +164,7 @@ def _check_folder(option: str, folder: Path | None, files: str) -> None:
 def _take_phones(address: str, port: int) -> None:
     """Let visitors invite phones. None reaches a loopback address: then all addresses are listened on."""
     from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
-    from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
+    from lab.live.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
 
     take_phones("0.0.0.0" if is_loopback(address) else address, port)
     print(f"ins-lab: phones: choose the source “A phone” on the page Live; port {port}", file=sys.stderr)
@@ -173,7 +173,7 @@ def _take_phones(address: str, port: int) -> None:
 def _allow_devices(sources: Sequence[str]) -> None:
     """Allow the sources that --allow-device names."""
     from dashboards.devices import allow_devices  # noqa: PLC0415 - takes a second
-    from lab.live.transport import TransportError  # noqa: PLC0415 - takes a second
+    from lab.data.streams.transport import TransportError  # noqa: PLC0415 - takes a second
 
     try:
         allow_devices(sources)

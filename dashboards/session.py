@@ -12,13 +12,13 @@ from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome, run
 from dashboards.sending import soon, together
-from lab.experiment import Experiment
-from lab.homework.homework import Homework
+from lab.base.parameters.settings import SettingError
+from lab.base.progress import Progress
+from lab.classroom.homework.homework import Homework
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.live.owner import Visitor
 from lab.missions import missions, names_in_words
-from lab.parameters.settings import SettingError
-from lab.progress import Progress
-from lab.result import Result
 
 PATIENCE = 500
 """Time after which the page shows the progress of a run [ms]."""

@@ -19,13 +19,13 @@ from dashboards.session import Session
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field
-from lab.experiment import Experiment
-from lab.log_run import has_effect
+from lab.base.parameters.setting_kinds import MatrixOrNone
+from lab.experiment.experiment import Experiment
+from lab.experiment.log_run import has_effect
 from lab.missions import LogMission, missions
+from lab.navigation.alignment.rest_alignment import usual
 from lab.navigation.belief import belief
-from lab.navigation.blocks import IMU_DENSITIES
-from lab.navigation.rest_alignment import usual
-from lab.parameters.setting_kinds import MatrixOrNone
+from lab.navigation.filters.blocks import IMU_DENSITIES
 from lab.sensors.suite import OTHER_SENSORS
 
 SECTIONS = {

@@ -14,7 +14,7 @@ from dashboards.upstream.exits import outlive_exits
 from dashboards.upstream.page_address import read_any_address
 from dashboards.upstream.refused_values import refuse_values
 from dashboards.upstream.server import speed_up
-from lab.memory import keep_few_freed_blocks
+from lab.run.memory import keep_few_freed_blocks
 
 give_files_of_loaded_components(PACKAGES)
 outlive_exits(IOLoop.current())

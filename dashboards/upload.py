@@ -14,9 +14,9 @@ from typing import Any
 import panel_material_ui as pmui
 
 from dashboards.messages import CHUNK
+from lab.base.files.folder_lock import LOCK_FILE, hold
+from lab.data.formats import MAX_FILES
 from lab.missions.mission_name import PUNCTUATION
-from lab.readers import MAX_FILES
-from lab.recordings.folder_lock import LOCK_FILE, hold
 
 MAX_BYTES = 512 * 2**20
 """Largest upload of a flight accepted, all files together [bytes]."""

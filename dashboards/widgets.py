@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.style import TOOLTIP
-from lab.parameters.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
+from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
 
 Change = Callable[[Any], bool]
 

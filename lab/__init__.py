@@ -17,7 +17,8 @@ The language, the same everywhere:
 - Inside: float64, SI units, radians, time first: ``(n, 3)``. Settings, datasets, files and plots: degrees,
   datasheet units, east-north-up; every number that leaves carries its unit.
 - Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias,
-  accelerometer bias, and with 21 states gyro and accelerometer scale (`lab.navigation.error_models.STATES`).
+  accelerometer bias, and with 21 states gyro and accelerometer scale
+  (`lab.navigation.filters.error_models.STATES`).
 - Truth and belief are different: `lab.sensors` describes the real errors of the sensors,
   `lab.navigation.settings` the filter's assumptions about them.
 - The same settings and seed give the same result, bit for bit.
@@ -29,28 +30,29 @@ import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
+from lab.base.old_names import find_old_names
 from lab.views.cards import register_cards
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
-    from lab.ensembles.comparison import compare
-    from lab.ensembles.ensemble import Ensemble
-    from lab.ensembles.seeds import run_ensemble
-    from lab.exercises.catalogue import check
-    from lab.experiment import Experiment
-    from lab.export import export_track
-    from lab.frames import earth, rotation
+    from lab.base.parameters.settings import SettingError
+    from lab.classroom.exercises.catalogue import check
+    from lab.experiment.ensembles.comparison import compare
+    from lab.experiment.ensembles.ensemble import Ensemble
+    from lab.experiment.ensembles.seeds import run_ensemble
+    from lab.experiment.experiment import Experiment
+    from lab.experiment.result import Result
+    from lab.experiment.sweep import Sweep
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
+    from lab.motion.frames import earth, rotation
+    from lab.motion.truth.trajectory import Trajectory
     from lab.navigation.algorithm import Algorithm, Estimate
-    from lab.navigation.own_states import declare_states
-    from lab.parameters.settings import SettingError
-    from lab.result import Result
-    from lab.run import ResultError
+    from lab.navigation.filters.own_states import declare_states
+    from lab.run.run import ResultError
     from lab.sensors.cards import card, cards
-    from lab.sweep import Sweep
-    from lab.truth.trajectory import Trajectory
     from lab.views import plots
+    from lab.views.export import export_track
 
 __all__ = [
     "Algorithm",
@@ -86,34 +88,35 @@ __version__ = "0.1.0"
 _HOMES = {
     "Algorithm": "lab.navigation.algorithm",
     "Estimate": "lab.navigation.algorithm",
-    "Ensemble": "lab.ensembles.ensemble",
-    "Experiment": "lab.experiment",
+    "Ensemble": "lab.experiment.ensembles.ensemble",
+    "Experiment": "lab.experiment.experiment",
     "Mission": "lab.missions",
     "MissionError": "lab.missions",
     "Recording": "lab.missions",
-    "Result": "lab.result",
-    "ResultError": "lab.run",
-    "SettingError": "lab.parameters.settings",
-    "Sweep": "lab.sweep",
-    "Trajectory": "lab.truth.trajectory",
+    "Result": "lab.experiment.result",
+    "ResultError": "lab.run.run",
+    "SettingError": "lab.base.parameters.settings",
+    "Sweep": "lab.experiment.sweep",
+    "Trajectory": "lab.motion.truth.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
-    "check": "lab.exercises.catalogue",
-    "compare": "lab.ensembles.comparison",
-    "declare_states": "lab.navigation.own_states",
-    "export_track": "lab.export",
+    "check": "lab.classroom.exercises.catalogue",
+    "compare": "lab.experiment.ensembles.comparison",
+    "declare_states": "lab.navigation.filters.own_states",
+    "export_track": "lab.views.export",
     "mission": "lab.missions",
-    "run_ensemble": "lab.ensembles.seeds",
+    "run_ensemble": "lab.experiment.ensembles.seeds",
 }
 _MODULES = {
     "allan": "lab.analysis.allan",
     "budget": "lab.analysis.budget",
-    "earth": "lab.frames.earth",
+    "earth": "lab.motion.frames.earth",
     "plots": "lab.views.plots",
-    "rotation": "lab.frames.rotation",
+    "rotation": "lab.motion.frames.rotation",
 }
 
 
+find_old_names()
 register_cards()
 if "IPython" in sys.modules:  # one that is not loaded does not run; loading it would take half a second
     from lab.views.completion import register_completion

@@ -27,7 +27,7 @@ import panel as pn
 from scipy.spatial.transform import Rotation
 
 from lab import Experiment, Trajectory, check, earth, mission, plots
-from lab.frames.displacement import displacement
+from lab.motion.frames.displacement import displacement
 from lab.navigation import strapdown
 from lab.navigation.solution import Start
 

@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from lab import Estimate, Experiment, check, plots
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
-from lab.navigation.error_models import PHI
+from lab.navigation.filters.error_models import PHI
 
 hv.extension("bokeh")
 plots.follow_theme()
@@ -302,4 +302,4 @@ pn.Column(
 # - `lab/navigation/reference.py`: this filter with all that the lab knows, in filterpy: lever arm, latency,
 #   rest, gate. The compiled filter is tested against it.
 # - `docs/algorithms.md`: an algorithm of your own beside the built-in ones, on the command line and the page.
-# - `lab/navigation/error_models.py`: every element of F, with its equation in the literature.
+# - `lab/navigation/filters/error_models.py`: every element of F, with its equation in the literature.

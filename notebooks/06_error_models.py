@@ -225,7 +225,7 @@ pn.Column(
 #
 # ## Where to go next
 #
-# - `lab/navigation/error_models.py`: every element of each F, with its reference.
+# - `lab/navigation/filters/error_models.py`: every element of each F, with its reference.
 # - `docs/filters.md`: all filters and their options.
 # - A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable observer*, IEEE Trans. AC 62
 #   (2017).

@@ -31,9 +31,9 @@ import panel as pn
 
 import lab.live
 from lab import Experiment, check, plots
+from lab.data.streams.recorded_log import log_of_recording, recorded_samples
 from lab.live.live_navigator import LiveNavigator
-from lab.live.recorded_log import log_of_recording, recorded_samples
-from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.views.live_figures import LiveFigures
 
 pn.extension()

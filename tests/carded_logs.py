@@ -6,13 +6,13 @@ import numpy as np
 from live_rows import drive, fix_rows, imu_rows
 from scipy.spatial.transform import Rotation
 
-from lab.experiment import Experiment
-from lab.frames.displacement import displaced
+from lab.experiment.experiment import Experiment
+from lab.motion.frames.displacement import displaced
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors.cards import card
 from lab.sensors.imu import Environment, ImuDraws, measure
 from lab.sensors.suite import SensorSuite
 from lab.sensors.temperature import REFERENCE
-from lab.truth.trajectory import Trajectory
 
 STANDALONE, RTK = (0.5, 0.8, 0.1), (0.02, 0.03, 0.03)
 """σ of receivers: horizontal, vertical [m], speed [m/s]."""

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, Tables
 
-from lab.frames import earth
+from lab.motion.frames import earth
 
 RATE = 100.0
 LATITUDE, LONGITUDE, HEIGHT = 0.8, -1.3, 120.0

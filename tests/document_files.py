@@ -17,9 +17,9 @@ from writers import WRITERS
 from xplane_simulator import montreal
 
 from dashboards.command_line import app
-from lab.live.axis_map import AxisMap
-from lab.live.decoders.catalogue import ENCODERS
-from lab.live.simulated_flight import SimulatedFlight
+from lab.data.protocols.catalogue import ENCODERS
+from lab.data.streams.axis_map import AxisMap
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import add_mission
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.frames.displacement import metres_per_radian
-from lab.live.decoders.catalogue import ENCODERS
+from lab.data.clock.timed_samples import TIMED_FIX
+from lab.data.protocols.catalogue import ENCODERS
+from lab.data.streams.raw_recording import RawWriter
+from lab.data.streams.transport import Chunk
 from lab.live.live_navigator import LiveNavigator
-from lab.live.raw_recording import RawWriter
-from lab.live.simulated_flight import SimulatedFlight
-from lab.live.timed_samples import TIMED_FIX
-from lab.live.transport import Chunk
+from lab.live.simulated.simulated_flight import SimulatedFlight
+from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.log_navigation import RecordedRun
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

@@ -8,15 +8,15 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.frames.rotation import C_nb_from_euler
-from lab.live.reading_times import NO_READINGS
-from lab.live.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
+from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
 from lab.missions import Recording
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import C_nb_from_euler
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors.imu import Environment, ImuDraws, measure
 from lab.sensors.suite import SensorSuite
 from lab.sensors.temperature import REFERENCE
-from lab.truth.trajectory import Trajectory
 
 HOST = 5000.0
 """Time of the host at the first sample [s]."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.live.decoders.decoder import Decoder
-from lab.live.samples import FIX, IMU, Samples, joined
+from lab.data.protocols.decoder import Decoder
+from lab.data.protocols.samples import FIX, IMU, Samples, joined
 
 RATE = 100.0
 

@@ -142,7 +142,7 @@ def gyro_z(time):
 """,
     "04_filter": """
 from lab import card
-from lab.frames import earth
+from lab.motion.frames import earth
 def rms(name):
     return float(np.sqrt((runs[name].errors.position**2).sum("axis").mean()))
 card("STIM300").load(experiment)

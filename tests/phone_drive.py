@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from lab.recordings.recording import Recording
-from lab.truth.trajectory import Trajectory
+from lab.motion.recordings.recording import Recording
+from lab.motion.truth.trajectory import Trajectory
 
 RATE = 100.0
 """Rate of the IMU [Hz]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.recordings.recording import Recording
+from lab.motion.recordings.recording import Recording
 
 STEP = 0.05
 """Time between the rows of the recordings [s]."""

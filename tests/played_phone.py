@@ -8,8 +8,8 @@ import ssl
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-from lab.phone.hub import Ticket
-from lab.phone.server import PhoneServer
+from lab.live.phone.hub import Ticket
+from lab.live.phone.server import PhoneServer
 
 JSON = {"Content-Type": "application/json"}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth, rotation
-from lab.recordings.recording import Recording
+from lab.motion.frames import earth, rotation
+from lab.motion.recordings.recording import Recording
 
 FloatArray = NDArray[np.float64]
 

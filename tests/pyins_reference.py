@@ -16,7 +16,7 @@ import pyins.strapdown
 import pyins.util
 from numpy.typing import NDArray
 
-from lab.frames import earth
+from lab.motion.frames import earth
 
 FloatArray = NDArray[np.float64]
 

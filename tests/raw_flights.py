@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.frames import earth
-from lab.frames.rotation import C_nb_from_euler
+from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import Recording
-from lab.repair.raw_flight import RawFlight
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import C_nb_from_euler
 
 
 def weave(

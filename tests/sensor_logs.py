@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.missions import mission
-from lab.truth.trajectory import Trajectory, Truth
+from lab.motion.truth.trajectory import Trajectory, Truth
 
 IMU = ("t_s", "gx_rad_s", "gy_rad_s", "gz_rad_s", "fx_m_s2", "fy_m_s2", "fz_m_s2")
 INCREMENTS = (

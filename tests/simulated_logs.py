@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from tests.sensor_logs import Tables, write
 
 KNOWN = tuple(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lab.navigation import blocks
-from lab.navigation.error_models import ErrorModel
-from lab.navigation.further_columns import with_blocks
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.further_columns import with_blocks
 
 
 def with_states(model: ErrorModel, states: int) -> ErrorModel:

@@ -17,10 +17,10 @@ import pytest
 from document_code import DOCUMENTS, PROGRAMS, ROOT, Line, blocks, lines, name_of
 from document_files import make_files
 
-from lab.experiment import Experiment
+from lab.classroom.homework.homework_file import make_homework
+from lab.classroom.lessons.lesson_file import lesson_of
+from lab.experiment.experiment import Experiment
 from lab.flying.plan_kinds import read_plan
-from lab.homework.homework_file import make_homework
-from lab.lessons.lesson_file import lesson_of
 from lab.missions import mission
 from lab.sensors.cards import read_cards
 
@@ -28,9 +28,15 @@ NOT_RUN = {
     (
         "docs/live.md",
         "serial:/dev/ttyUSB0",
-    ): "a person turns a sensor; tests/live/test_axis_check.py",
-    ("docs/live.md", "xplane:127.0.0.1"): "X-Plane flies for a minute; tests/live/test_xplane_flight.py",
-    ("docs/live.md", "tcp:192.168.1.20:5555"): "a device sends until it is off; tests/live/test_source.py",
+    ): "a person turns a sensor; tests/live/bench/test_axis_check.py",
+    (
+        "docs/live.md",
+        "xplane:127.0.0.1",
+    ): "X-Plane flies for a minute; tests/live/xplane/test_xplane_flight.py",
+    (
+        "docs/live.md",
+        "tcp:192.168.1.20:5555",
+    ): "a device sends until it is off; tests/data/streams/test_source.py",
     ("docs/live.md", "drive.inslab"): "compares the recording of that device; tests/live/test_twin.py",
 }
 """Python that is not run, by document and a part of its text, and why; its imports are made."""

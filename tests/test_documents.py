@@ -12,8 +12,8 @@ from document_code import DOCUMENTS, ROOT, name_of
 from typer.main import get_command
 
 from dashboards.command_line import app
-from lab.experiment import Experiment
-from lab.importing.import_settings import ImportSettings
+from lab.data.rebuild.import_settings import ImportSettings
+from lab.experiment.experiment import Experiment
 
 LINK = re.compile(r"\]\(([^)]+)\)")
 PLACE = re.compile(r"(?<![\w./-])(?:lab|tests|dashboards|notebooks|missions|docs|\.ci)/[\w./*-]*\w")

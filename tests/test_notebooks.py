@@ -33,7 +33,7 @@ from notebook_claims import CLAIMS, HELPERS
 from panel.models.markup import HTML
 from panel.theme.base import DarkTheme
 
-from lab.exercises.shipped_notebooks import copy_notebooks
+from lab.classroom.exercises.shipped_notebooks import copy_notebooks
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))

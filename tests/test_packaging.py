@@ -54,7 +54,9 @@ def test_the_wheel_holds_missions_notebooks_and_all_other_data(distributions: Pa
     names = _wheel_names(distributions)
     shipped = {f"lab/missions/shipped/{path.name}" for path in (ROOT / "missions").iterdir()}
     assert any(name.endswith("montreal.csv.gz") for name in shipped)
-    shipped |= {f"lab/exercises/notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.py")}
+    shipped |= {
+        f"lab/classroom/exercises/notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.py")
+    }
     assert any(name.endswith("01_tour.py") for name in shipped)
     assert shipped <= names
     data = {

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-import lab.stages
-from lab.cache import StageCache
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
-from lab.kinematics import anchoring
+import lab.experiment.stages
+from lab.base.cache import StageCache
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
 from lab.missions import mission
-from lab.recordings import flight_csv
+from lab.motion.kinematics import anchoring
+from lab.motion.recordings import flight_csv
 
 COUNTED = ((flight_csv, "read_columns"), (anchoring, "anchored_offsets"), (anchoring, "anchored_cartesian"))
 """Functions that parse the table of a csv, and that hold an integrated velocity to its positions."""
@@ -38,7 +38,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         for module in [one for key, one in sys.modules.items() if key.split(".")[0] == "lab"]:
             if getattr(module, name, None) is function:
                 monkeypatch.setattr(module, name, counted(name, function))
-    monkeypatch.setattr(lab.stages, "CACHE", StageCache(limit=256 * 2**20))
+    monkeypatch.setattr(lab.experiment.stages, "CACHE", StageCache(limit=256 * 2**20))
     return counts
 
 

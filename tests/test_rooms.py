@@ -1,4 +1,7 @@
-"""Rooms: each file of `lab` imports only what stands before it in CONTRIBUTING, and no room is too large."""
+"""Rooms: each file of `lab` imports only rooms before its own in CONTRIBUTING, and none is too large.
+
+`pytest -s tests/test_rooms.py` prints the rooms with their floors, the arrows, and how many files are short.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,26 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FILES = sorted(path.relative_to(ROOT) for path in (ROOT / "lab").rglob("*.py"))
 EXISTING = set(FILES)
-PLACES = [
-    place
-    for row in re.findall(r"^\|(.*?)\|", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
-    for place in re.findall(r"`(lab/\w+(?:/|\.py))`", row)
-]
+ROWS = re.findall(r"^\| `(lab/[\w/]+/)` \|", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
+ROOMS = [row for row in ROWS if row.count("/") == 2]
+DATA = [row for row in ROWS if row.count("/") == 3]
+"""The rooms, and the folders of `lab/data`, each in the order of the imports."""
 TOP = Path("lab/__init__.py")
 LARGEST = 0.2
-"""Largest part of the lines of `lab` that one room may hold: a fifth can still be surveyed."""
+"""Largest part of the lines of `lab` that one folder may hold: a fifth can still be surveyed."""
+MOST_FLOORS, MOST_ARROWS = 12, 120
+SHORT = 80
+"""Lines below which a file with one caller goes home to it."""
 
 
 def room(file: Path) -> str:
-    """Return a room of `lab`, or a file that stands by itself, as CONTRIBUTING writes it."""
-    return f"lab/{file.parts[1]}/" if len(file.parts) > 2 else str(file.as_posix())
+    """Return the room of a file of `lab`, as CONTRIBUTING writes it."""
+    return f"lab/{file.parts[1]}/" if len(file.parts) > 2 else file.as_posix()
+
+
+def folder(file: Path) -> str:
+    """Return the room, or the folder in a room, in which a file stands."""
+    return "/".join((*file.parts[: min(len(file.parts) - 1, 3)], ""))
 
 
 @cache
@@ -44,10 +54,54 @@ def imported(file: Path) -> set[Path]:
     return wanted & EXISTING
 
 
-@pytest.mark.parametrize("file", [file for file in FILES if len(file.parts) > 1 and file != TOP], ids=str)
+@cache
+def arrows() -> set[tuple[str, str]]:
+    """Return which room imports which other room."""
+    found = {(room(file), room(other)) for file in FILES if file != TOP for other in imported(file) - {TOP}}
+    return {(one, other) for one, other in found if one != other}
+
+
+def test_there_are_fourteen_rooms_and_nothing_stands_loose() -> None:
+    loose = [str(file) for file in FILES if len(file.parts) == 2 and file != TOP]
+    assert loose == []
+    assert sorted(ROOMS) == sorted({room(file) for file in FILES if file != TOP})
+    assert len(ROOMS) == 14
+
+
+@pytest.mark.parametrize("file", [file for file in FILES if file != TOP], ids=str)
 def test_imports_go_one_way(file: Path) -> None:
-    others = {room(other) for other in imported(file)} - {room(file), str(TOP.as_posix())}
-    assert not [other for other in others if PLACES.index(other) > PLACES.index(room(file))]
+    others = {room(other) for other in imported(file) - {TOP}}
+    assert not [other for other in others if ROOMS.index(other) > ROOMS.index(room(file))]
+
+
+@pytest.mark.parametrize("file", [file for file in FILES if folder(file) in DATA], ids=str)
+def test_data_are_read_in_one_order(file: Path) -> None:
+    others = {folder(other) for other in imported(file) if folder(other) in DATA}
+    assert not [other for other in others if DATA.index(other) > DATA.index(folder(file))]
+
+
+def test_the_folders_of_data_are_those_of_the_table() -> None:
+    assert sorted(DATA) == sorted(
+        {folder(file) for file in FILES if file.parts[:2] == ("lab", "data")} - {"lab/data/"}
+    )
+
+
+def test_few_floors_and_arrows() -> None:
+    floors: dict[str, int] = {}
+    while len(floors) < len(ROOMS):
+        ready = [
+            one for one in ROOMS
+            if one not in floors and all(other in floors for at, other in arrows() if at == one)
+        ]  # fmt: skip
+        assert ready, f"a circle among {sorted(set(ROOMS) - floors.keys())}"
+        floors |= dict.fromkeys(ready, max(floors.values(), default=0) + 1)
+    short = [file for file in FILES if file.name != "__init__.py" and _lines(file) < SHORT]
+    for one in ROOMS:
+        mine = [file for file in FILES if room(file) == one]
+        print(f"floor {floors[one]:2}  {one:16} {len(mine):4} files {sum(map(_lines, mine)):6} lines")
+    print(f"{len(arrows())} arrows; {len(short)} of {len(FILES)} files have fewer than {SHORT} lines")
+    assert max(floors.values()) <= MOST_FLOORS
+    assert len(arrows()) <= MOST_ARROWS
 
 
 def test_no_circle_within_a_room() -> None:
@@ -58,12 +112,16 @@ def test_no_circle_within_a_room() -> None:
     assert sorted(map(str, waiting)) == []
 
 
-def test_no_room_holds_more_than_a_fifth() -> None:
+def test_no_folder_holds_more_than_a_fifth() -> None:
     lines = Counter[str]()
     for file in FILES:
-        lines[room(file)] += len((ROOT / file).read_text("utf-8").splitlines())
+        lines[folder(file)] += _lines(file)
     largest, count = lines.most_common(1)[0]
     assert count <= LARGEST * lines.total(), f"{largest} has {count} of {lines.total()} lines"
+
+
+def _lines(file: Path) -> int:
+    return len((ROOT / file).read_text("utf-8").splitlines())
 
 
 def test_each_of_these_nouns_names_one_thing() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.recordings.frame import Frame
+from lab.motion.frames import earth
+from lab.motion.recordings.frame import Frame
 
 EARTH = np.array([0.0, 0.0, earth.RATE])
 

@@ -12,8 +12,8 @@ import pymap3d
 from writers.xplane_data import euler_rate
 from xplane_stand_in import Place, Subscriber, XPlaneStandIn
 
-from lab.frames.rotation import body_rate
 from lab.missions import Recording
+from lab.motion.frames.rotation import body_rate
 
 REFERENCE = (0.2, -0.25)
 """How far the reference point of the local frame is from the start, in latitude and longitude [°]."""

@@ -12,9 +12,9 @@ from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
 from lab.analysis import allan, rest
-from lab.parameters.settings import Settings
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.parameters.settings import Settings
+from lab.base.progress import Progress
+from lab.experiment.result import Result
 from lab.sensors.cards import card_in_force
 from lab.views.allan import TITLES, AllanFigures
 

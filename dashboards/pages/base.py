@@ -12,7 +12,7 @@ from bokeh.plotting import figure
 
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
 GAP = 8

@@ -12,8 +12,8 @@ from dashboards.pages.computed import ComputedPage
 from dashboards.style import WRAP
 from lab.analysis.budget import QUANTITIES
 from lab.analysis.observability import observability_table
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.progress import Progress
+from lab.experiment.result import Result
 from lab.views.budget import BudgetFigures
 
 _ROWS = f":host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}"

@@ -14,9 +14,9 @@ import panel as pn
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import soon, together
-from lab.memory import give_back, large_blocks_given_back
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.progress import Progress
+from lab.experiment.result import Result
+from lab.run.memory import give_back, large_blocks_given_back
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)

@@ -18,15 +18,15 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WRAP
-from lab.analysis.finding import Change, Finding, Suggestion
-from lab.analysis.suggestion import may_suggest, with_suggestions
-from lab.analysis.trial import advised, can_be_tried, tried
-from lab.analysis.verdict import Verdict
-from lab.ensembles.ensemble import Ensemble
-from lab.experiment import Experiment
-from lab.parameters.settings import SettingError
-from lab.progress import Progress
-from lab.result import Result
+from lab.analysis.verdicts.finding import Change, Finding, Suggestion
+from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
+from lab.analysis.verdicts.trial import advised, can_be_tried, tried
+from lab.analysis.verdicts.verdict import Verdict
+from lab.base.parameters.settings import SettingError
+from lab.base.progress import Progress
+from lab.experiment.ensembles.ensemble import Ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.ensemble_card import inside
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY

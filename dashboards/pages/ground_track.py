@@ -5,7 +5,7 @@ from __future__ import annotations
 import panel as pn
 
 from dashboards.pages.base import Page, plot_grid
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.track import TrackFigure
 
 

@@ -11,9 +11,9 @@ from dashboards.algorithms import served_algorithms
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
-from lab.ensembles.comparison import Compared, compare
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.progress import Progress
+from lab.experiment.ensembles.comparison import Compared, compare
+from lab.experiment.result import Result
 from lab.views.comparison_card import models_html
 from lab.views.figures import TimeAxis
 

@@ -10,7 +10,7 @@ import panel as pn
 
 from dashboards.pages.base import Page
 from dashboards.seen_names import as_seen
-from lab.result import Result
+from lab.experiment.result import Result
 
 TABLE_STYLE = """
 :host { overflow-x: auto; }

@@ -7,7 +7,7 @@ from typing import ClassVar
 import panel as pn
 
 from dashboards.pages.base import Page, plot_grid
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.figures import TimeFigures
 from lab.views.quantities import (
     COVARIANCE,

@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 from dashboards.pages.base import AROUND, Page
 from dashboards.style import WRAP
 from dashboards.viser_proxy import ServedScene
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH
 from lab.views.scene import Scene

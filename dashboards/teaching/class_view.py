@@ -10,8 +10,8 @@ from html import escape
 
 from dashboards.teaching.class_link import ClassLink
 from dashboards.teaching.school_class import Tally
-from lab.lessons.lesson import Lesson
-from lab.qr_code import qr_code, qr_svg
+from lab.base.qr_code import qr_code, qr_svg
+from lab.classroom.lessons.lesson import Lesson
 
 STYLE = """
 div { font: 15px/1.5 Roboto, sans-serif; }

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 from weakref import ref
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 
 Key = tuple[str, str]
 Place = tuple[Key, int]

@@ -15,7 +15,7 @@ from contextvars import Context
 from typing import NamedTuple
 
 from dashboards.teaching.moment import Key, Moment
-from lab.phone.hub import plain_name
+from lab.live.phone.hub import plain_name
 
 ALONE = 30 * 60.0
 """Time after which a class without its teacher ends [s]: longer than the break of a double lesson."""

@@ -19,7 +19,7 @@ from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import FACTOR
 from dashboards.teaching.moment import Moment
 from dashboards.teaching.school_class import ClassError, SchoolClass, Seat
-from lab.lessons.lesson import Lesson
+from lab.classroom.lessons.lesson import Lesson
 
 UPDATE = 250
 """Time between two looks at what the teacher's page shows [ms]: a class sees at most four moments a second,

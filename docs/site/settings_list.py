@@ -6,9 +6,9 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from lab.experiment import Experiment
-from lab.parameters.setting_help import value_text
-from lab.parameters.setting_kinds import describe
+from lab.base.parameters.setting_help import value_text
+from lab.base.parameters.setting_kinds import describe
+from lab.experiment.experiment import Experiment
 
 
 class SettingsList(SphinxDirective):

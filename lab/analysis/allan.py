@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan_covariance import LETTERS, covariance
-from lab.blas_threads import OneBlasThread
+from lab.base.blas_threads import OneBlasThread
 
 FloatArray = NDArray[np.float64]
 

@@ -46,14 +46,14 @@ from lab.analysis.errors import euler_sigma
 from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
-from lab.blas_threads import OneBlasThread
-from lab.frames.east_north_up import NED_TO_ENU, east_north_up_sizes
-from lab.frames.rotation import euler_from_quaternion, euler_jacobian
-from lab.navigation import blocks
-from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
-from lab.parameters.settings import SettingError
-from lab.parameters.units import TO_SI
-from lab.run import Run
+from lab.base.blas_threads import OneBlasThread
+from lab.base.parameters.settings import SettingError
+from lab.base.parameters.units import TO_SI
+from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up_sizes
+from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ATT, MODELS, POS, STATES, VEL
+from lab.run.run import Run
 from lab.sensors.gps import within
 from lab.sensors.imu_errors import OFF_DIAGONAL
 

@@ -18,8 +18,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth, ecef
-from lab.navigation.error_models import ATT, POS, VEL
+from lab.motion.frames import earth, ecef
+from lab.navigation.filters.error_models import ATT, POS, VEL
 
 FloatArray = NDArray[np.float64]
 

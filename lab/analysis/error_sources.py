@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
-from lab.frames.east_north_up import east_north_up_sizes
-from lab.navigation import blocks
+from lab.base.parameters.units import si
+from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.navigation.error_models import (
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
     ATT,
@@ -25,15 +26,14 @@ from lab.navigation.error_models import (
     STATES,
     VEL,
 )
-from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors.suite import TRIADS
 
 if TYPE_CHECKING:
-    from lab.experiment_settings import ExperimentSettings
-    from lab.kinematics.ideal_imu import IdealImu
-    from lab.navigation.rest_alignment import Aligned
-    from lab.parameters.settings import Settings
+    from lab.base.parameters.settings import Settings
+    from lab.motion.kinematics.ideal_imu import IdealImu
+    from lab.navigation.alignment.rest_alignment import Aligned
+    from lab.run.experiment_settings import ExperimentSettings
 
 FloatArray = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_axes import output_map
-from lab.frames import ecef
-from lab.frames.displacement import displacement
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.motion.frames import ecef
+from lab.motion.frames.displacement import displacement
+from lab.motion.truth.trajectory import Truth
+from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
-from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

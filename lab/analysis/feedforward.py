@@ -18,21 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.analysis import aid_verdict
-from lab.analysis.finding import Change, Finding, Verdict, headline, is_right
-from lab.analysis.linear_verdict import UNEXPLAINED
-from lab.analysis.sums import Squares
-from lab.frames import ecef
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.navigation import blocks
-from lab.navigation.error_models import VEL
-from lab.navigation.further_columns import with_blocks
+from lab.analysis.verdicts import aid_verdict
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, is_right
+from lab.analysis.verdicts.linear_verdict import UNEXPLAINED
+from lab.analysis.verdicts.sums import Squares
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.motion.frames import ecef
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import VEL
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.schedule import SLACK, Schedule
+from lab.navigation.filters.wander_models import linear_model
 from lab.navigation.navigator import freely
-from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu, Start
-from lab.navigation.wander_models import linear_model
-from lab.run import Run
+from lab.run.run import Run
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.imu_columns import write_imu_columns
-from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
 
 FloatArray = NDArray[np.float64]

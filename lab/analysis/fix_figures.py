@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import SINGULAR
-from lab.navigation import compilation
-from lab.navigation.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
+from lab.motion.truth.trajectory import Truth
+from lab.navigation.kernels import compilation
+from lab.navigation.kernels.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import Vector, get, radii
-from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]

@@ -14,16 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.aid_verdict import SENSORS
 from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
 from lab.analysis.fix_causes import hold_heading
 from lab.analysis.transition import NAV
-from lab.frames import ecef
-from lab.navigation import blocks
+from lab.analysis.verdicts.aid_verdict import SENSORS
+from lab.motion.frames import ecef
 from lab.navigation.aids import AIRSPEED
-from lab.navigation.error_models import ATT, POS, VEL
-from lab.run import Run
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ATT, POS, VEL
+from lab.run.run import Run
 
 FloatArray = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import blocks
-from lab.navigation.error_models import ATT, VEL
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ATT, VEL
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_sources import rounding
-from lab.experiment_settings import ExperimentSettings
-from lab.frames import earth, ecef
-from lab.frames.east_north_up import east_north_up
-from lab.frames.rotation import C_nb_from_euler, wrap
-from lab.kinematics.ideal_imu import IdealImu
+from lab.base.parameters.units import si
+from lab.motion.frames import earth, ecef
+from lab.motion.frames.east_north_up import east_north_up
+from lab.motion.frames.rotation import C_nb_from_euler, wrap
+from lab.motion.kinematics.ideal_imu import IdealImu
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import FORWARD, MAGNETIC, NORTHWARD
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.navigation.blocks import GYRO_G, LATENCY, LEVER_ARM
-from lab.parameters.units import si
-from lab.run import Run
+from lab.navigation.filters.blocks import GYRO_G, LATENCY, LEVER_ARM
+from lab.run.experiment_settings import ExperimentSettings
+from lab.run.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
-from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 TriadErrors = imu.GyroErrors | imu.AccelerometerErrors

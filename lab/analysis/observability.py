@@ -22,18 +22,18 @@ from lab.analysis.budget import (
     sigma_of_quantities,
 )
 from lab.analysis.gains import epochs_of
-from lab.frames.rotation import wrap
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Truth
 from lab.navigation import strapdown
-from lab.navigation.error_models import ATT, ErrorModel
-from lab.navigation.filter import Filter
+from lab.navigation.filters.error_models import ATT, ErrorModel
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.schedule import EVERY_FIX
+from lab.navigation.filters.wander_models import linear_model
 from lab.navigation.frames import lead
-from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import advance, freely
-from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
-from lab.navigation.wander_models import linear_model
-from lab.run import Run
-from lab.truth.trajectory import Truth
+from lab.run.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -258,7 +258,7 @@ def observability(run: Run) -> xr.Dataset:
 def straight_remark(run: Run) -> str:
     """Return a sentence about the longest time in which no fix shows the heading; empty if it matters little.
 
-    The fixes are those that held it (`lab.navigation.heading_observability`).
+    The fixes are those that held it (`lab.navigation.filters.heading_observability`).
     """
     solution = run.solution_arrays
     used = np.flatnonzero(solution.fix_sample >= 0)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
-from lab.frames.east_north_up import east_north_up
-from lab.frames.rotation import euler_from_quaternion, wrap
-from lab.truth.trajectory import Truth
+from lab.motion.frames.east_north_up import east_north_up
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
+from lab.motion.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import allan
-from lab.frames import earth
-from lab.logs.sensor_log import SensorLog
-from lab.parameters.units import TO_SI
-from lab.readers.sensor_csv import sheets_of
-from lab.readers.sheet_imu import NAMED, imu_of
-from lab.recordings.mission_error import MissionError
-from lab.recordings.text_blocks import check_file
+from lab.base.files.mission_error import MissionError
+from lab.base.files.text_blocks import check_file
+from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
+from lab.data.log.sensor_log import SensorLog
+from lab.data.sheets.sensor_csv import sheets_of
+from lab.data.sheets.sheet_imu import NAMED, imu_of
 from lab.sensors import imu
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
@@ -84,7 +83,7 @@ class Record(NamedTuple):
 def read_log(path: Path) -> dict[str, Record]:
     """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`; others are ignored.
 
-    Other headings are accepted if they name their units (`lab.readers.column_names`).
+    Other headings are accepted if they name their units (`lab.data.sheets.column_names`).
 
     Returns
     -------
@@ -329,7 +328,7 @@ def _check_length(path: Path, samples: int) -> None:
 def _check_rest(path: Path, specific_force: FloatArray) -> None:
     """Raise `MissionError` if this is not the specific force of a body at rest."""
     size = float(np.linalg.norm(specific_force.mean(axis=0)))
-    if abs(size - earth.STANDARD_GRAVITY) > _OFF_GRAVITY * earth.STANDARD_GRAVITY:
+    if abs(size - STANDARD_GRAVITY) > _OFF_GRAVITY * STANDARD_GRAVITY:
         hint = "; this looks like g" if abs(size - 1) < _OFF_GRAVITY else ""
         raise MissionError(
             f"{path}: the mean specific force is {size:.4g} m/s²{hint}; accepted is a record at rest, with "

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth
-from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
-from lab.navigation.error_models import A, B, G, P, V, gravity_gradient, skew
+from lab.motion.frames import earth
+from lab.navigation.filters.error_models import A, B, G, P, V, gravity_gradient, skew
+from lab.navigation.kernels.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.strapdown import cross, get, gravity, matrix, plus, radii, rotate
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,6 @@
-"""The command line, ``ins-lab``: one file for each command.
+"""The command line, ``ins-lab``: one file for each command; `app` collects them.
+
+Read first: `app`, `run`, `options`.
 
 Results go to standard output, everything else to standard error. An error that a person can correct gives one
 message and exit code 2. Commands import their dependencies when they run, so that help appears at once.

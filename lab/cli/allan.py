@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lab.base.parameters.settings import SettingError
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.cards import ASSUMED, FOOT, number
 from lab.cli.options import AsJson, Assumed, Force, check_out
 from lab.cli.terminal import table
-from lab.parameters.settings import SettingError
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms
@@ -158,7 +158,7 @@ def _facts(records: Mapping[str, Record], fitted: Mapping[str, NoiseTerms]) -> d
 def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
     """Write the card of a record at rest, named as the file."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
-    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
     with atomic_file(path) as file:
         file.write(rest.card_of(path.stem, records, source).to_toml().encode())

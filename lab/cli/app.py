@@ -11,10 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
-from lab.blas_threads import OneBlasThread
+from lab.base.blas_threads import OneBlasThread
+from lab.base.parameters.settings import SettingError
 from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
-from lab.parameters.settings import SettingError
 
 
 class CommandError(ValueError):

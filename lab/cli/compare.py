@@ -25,7 +25,7 @@ from lab.cli.options import (
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.ensembles.comparison import Compared
+    from lab.experiment.ensembles.comparison import Compared
 
 EXAMPLES = """\b
 Examples:
@@ -61,7 +61,7 @@ def compare(
 ) -> None:
     """Compare error models on the same flights: errors, consistency, time, verdict."""
     chosen = experiment(mission, config, card, assignments, seed, assumed)
-    from lab.ensembles import comparison  # noqa: PLC0415 - takes a second
+    from lab.experiment.ensembles import comparison  # noqa: PLC0415 - takes a second
 
     names = None if models is None else [name.strip() for name in models.split(",")]
     with working(chosen.mission) as progress:

@@ -12,8 +12,8 @@ from lab.cli.options import Force, Mission, check_out
 from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
+    from lab.experiment.result import Result
     from lab.missions import Mission as Found
-    from lab.result import Result
 
 ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz")
 
@@ -67,7 +67,7 @@ def write(source: Found | Result, path: Path, force: bool, option: str) -> None:
     CommandError
         If the file cannot be written.
     """
-    from lab.export import export_track  # noqa: PLC0415 - takes a second
+    from lab.views.export import export_track  # noqa: PLC0415 - takes a second
 
     try:
         export_track(source, path, overwrite=force)

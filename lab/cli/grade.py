@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, working
 from lab.cli.options import Force, check_out
-from lab.parameters.counted import counted
 
 if TYPE_CHECKING:
-    from lab.homework.grading import Handed
-    from lab.homework.homework_file import Keyed
+    from lab.classroom.homework.grading import Handed
+    from lab.classroom.homework.homework_file import Keyed
 
 EXAMPLES = """\b
 Examples:
@@ -50,9 +50,9 @@ def grade(
     ] = 4,
 ) -> None:
     """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
-    from lab.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
-    from lab.homework.grading import GRADED, columns, csv_text  # noqa: PLC0415 - slow
-    from lab.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
+    from lab.classroom.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
+    from lab.classroom.homework.grading import GRADED, columns, csv_text  # noqa: PLC0415 - slow
+    from lab.classroom.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
 
     check_out(out, force, ".csv", "a table", "--out")
     keyed, files = _read(key, folder, out)
@@ -74,10 +74,10 @@ def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed
     CommandError
         If the key or the folder is not accepted, or the folder has no files.
     """
-    from lab.homework.grading import GradingError, check_folder, files_of  # noqa: PLC0415 - slow
-    from lab.homework.homework_file import read_key  # noqa: PLC0415 - slow
-    from lab.homework.sealing import SealError  # noqa: PLC0415 - slow
-    from lab.lessons.fields import LessonError  # noqa: PLC0415 - slow
+    from lab.classroom.homework.grading import GradingError, check_folder, files_of  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework_file import read_key  # noqa: PLC0415 - slow
+    from lab.classroom.homework.sealing import SealError  # noqa: PLC0415 - slow
+    from lab.classroom.lessons.fields import LessonError  # noqa: PLC0415 - slow
 
     try:
         keyed = read_key(key)
@@ -92,7 +92,7 @@ def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed
 
 def _write(text: str, out: Path | None) -> None:
     """Write the table to a file or to standard output, there too if the file cannot be written."""
-    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
 
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")

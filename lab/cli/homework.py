@@ -12,8 +12,8 @@ from lab.cli.app import CommandError, Commands, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
 
 if TYPE_CHECKING:
-    from lab.homework.hidden_experiment import HiddenExperiment
-    from lab.homework.homework import Homework
+    from lab.classroom.homework.hidden_experiment import HiddenExperiment
+    from lab.classroom.homework.homework import Homework
 
 EXAMPLES = """\b
 Examples:
@@ -61,8 +61,8 @@ def make(
     force: Force = False,
 ) -> None:
     """Make a homework: a file for the students, and a key for you, which contains the solutions."""
-    from lab.homework.homework_file import homework_text, make_homework, write_key  # noqa: PLC0415 - slow
-    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework_file import homework_text, make_homework, write_key  # noqa: PLC0415 - slow
 
     check_out(out, force, ".homework", "a homework", "--out")
     kept = out.with_suffix(".key") if key is None else key
@@ -169,8 +169,8 @@ def hand_in(
     force: Force = False,
 ) -> None:
     """Write the file that you hand in: your name, your settings and your answers, sealed for the teacher."""
-    from lab.homework.hand_in import SUFFIX, HandInError, write_hand_in  # noqa: PLC0415 - slow
-    from lab.homework.hand_in import hand_in as made  # noqa: PLC0415 - slow
+    from lab.classroom.homework.hand_in import SUFFIX, HandInError, write_hand_in  # noqa: PLC0415 - slow
+    from lab.classroom.homework.hand_in import hand_in as made  # noqa: PLC0415 - slow
 
     check_out(out, force, SUFFIX, "a hand-in", "--out")
     found = _open(file)
@@ -197,7 +197,7 @@ def hand_in(
 
 
 def _open(file: Path) -> Homework:
-    from lab.homework.homework_file import read_homework  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework_file import read_homework  # noqa: PLC0415 - slow
 
     found: Homework = _read(lambda: read_homework(file))
     return found
@@ -205,8 +205,8 @@ def _open(file: Path) -> Homework:
 
 def _read(reading: Any) -> Any:
     """Return what is read; a problem becomes a message."""
-    from lab.homework.sealing import SealError  # noqa: PLC0415 - slow
-    from lab.lessons.fields import LessonError  # noqa: PLC0415 - slow
+    from lab.classroom.homework.sealing import SealError  # noqa: PLC0415 - slow
+    from lab.classroom.lessons.fields import LessonError  # noqa: PLC0415 - slow
 
     try:
         return reading()
@@ -216,8 +216,8 @@ def _read(reading: Any) -> Any:
 
 def _experiment(found: Homework, config: Path | None, assignments: Sequence[str] | None) -> HiddenExperiment:
     """Return the experiment with the student's settings."""
-    from lab.parameters.settings import SettingError  # noqa: PLC0415 - beside the others
-    from lab.parameters.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
+    from lab.base.parameters.settings import SettingError  # noqa: PLC0415 - beside the others
+    from lab.base.parameters.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
 
     chosen = found.experiment()
     if config is not None:
@@ -246,7 +246,7 @@ def _answers(found: Homework, given: Sequence[str]) -> tuple[str, ...]:
 
 
 def _titles() -> tuple[str, ...]:
-    from lab.homework.homework import fault_titles  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework import fault_titles  # noqa: PLC0415 - slow
 
     return fault_titles()
 

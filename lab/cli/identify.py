@@ -13,7 +13,7 @@ from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, c
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.analysis.identification import Identification
+    from lab.analysis.identification.identification import Identification
 
 EXAMPLES = """\b
 Examples:
@@ -75,7 +75,7 @@ def _card(found: Identification, out: Path) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
     with atomic_file(path) as file:
         file.write(text.encode())

@@ -14,10 +14,10 @@ from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import AsJson, Force
 
 if TYPE_CHECKING:
-    from lab.importing.import_report import ImportReport
-    from lab.importing.sensor_noise import SensorNoise
-    from lab.logs.sensor_log import SensorLog
+    from lab.data.log.sensor_log import SensorLog
+    from lab.data.rebuild.import_report import ImportReport
     from lab.missions.flight_import import FlightImport
+    from lab.sensors.sensor_noise import SensorNoise
 
 EXAMPLES = """\b
 Examples:
@@ -123,7 +123,7 @@ def import_flight(
     as_json: AsJson = False,
 ) -> None:
     """Report on a recorded flight of any known format, rebuild it, and add it to your own missions."""
-    from lab.importing.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
+    from lab.data.rebuild.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
     from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
 
     if kind is Kind.LOG:
@@ -163,8 +163,8 @@ def _add_log(
     named_vehicle: str,
 ) -> None:
     """Add the IMU and GPS data of a file as a sensor log."""
-    from lab.logs.log_section import piece  # noqa: PLC0415 - beside what it goes with
-    from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
+    from lab.data.log.log_section import piece  # noqa: PLC0415 - beside what it goes with
+    from lab.data.log.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
 
     if preview:
@@ -199,8 +199,8 @@ def _log_in(
     files: Sequence[Path], units: dict[str, str], axes: Sequence[str], named_vehicle: str
 ) -> SensorLog:
     """Return the log in files; the bytes of a device are a log too."""
-    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - rarely needed
-    from lab.live.recorded_log import device_log  # noqa: PLC0415 - rarely needed
+    from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - rarely needed
+    from lab.data.streams.recorded_log import device_log  # noqa: PLC0415 - rarely needed
     from lab.missions import MissionError  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
 
@@ -222,7 +222,7 @@ def _quoted(name: str) -> str:
 
 
 def _free_name(file: Path) -> str:
-    from lab.live.raw_recording import SUFFIX  # noqa: PLC0415 - rarely needed
+    from lab.data.streams.raw_recording import SUFFIX  # noqa: PLC0415 - rarely needed
     from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
     from lab.missions.mission_name import without_archive  # noqa: PLC0415 - beside what it goes with
 

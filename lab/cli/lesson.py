@@ -12,8 +12,8 @@ from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.lessons.catalogue import Entry
-    from lab.lessons.trial import Trial
+    from lab.classroom.lessons.catalogue import Entry
+    from lab.classroom.lessons.trial import Trial
 
 EXAMPLES = """\b
 Examples:
@@ -43,7 +43,7 @@ def list_lessons(
     """List the lessons that ship, and those of a folder."""
     if folder is not None and not folder.is_dir():
         raise CommandError(f"{folder}: is not a folder; accepted is a folder with lessons as .toml files")
-    from lab.lessons.catalogue import Catalogue  # noqa: PLC0415 - takes a second
+    from lab.classroom.lessons.catalogue import Catalogue  # noqa: PLC0415 - takes a second
 
     entries = Catalogue(folder).entries
     if as_json:
@@ -66,8 +66,8 @@ def check(
     ] = False,
 ) -> None:
     """Check the file of a lesson; the first thing that is wrong is reported, with line, step and key."""
-    from lab.lessons.fields import LessonError  # noqa: PLC0415 - takes a second
-    from lab.lessons.lesson_file import read_lesson  # noqa: PLC0415 - takes a second
+    from lab.classroom.lessons.fields import LessonError  # noqa: PLC0415 - takes a second
+    from lab.classroom.lessons.lesson_file import read_lesson  # noqa: PLC0415 - takes a second
 
     try:
         found = read_lesson(file)
@@ -77,7 +77,7 @@ def check(
     print(f"{file}: {found.title}: steps: {len(found.steps)}, to solve: {asked}")
     if not run:
         return
-    from lab.lessons.trial import trials  # noqa: PLC0415 - takes a second
+    from lab.classroom.lessons.trial import trials  # noqa: PLC0415 - takes a second
 
     with working(str(file)) as progress:
         tried = trials(found, progress)

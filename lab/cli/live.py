@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lab.base.parameters.counted import counted
+from lab.base.parameters.settings import SettingError
 from lab.cli.app import CommandError, Commands, plain, print_json, working
 from lab.cli.interrupt import interrupted
 from lab.cli.options import AsJson, Assignments, Card, Config, experiment
 from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
 from lab.missions.mission_name import accepted_name
-from lab.parameters.counted import counted
-from lab.parameters.settings import SettingError
 
 if TYPE_CHECKING:
+    from lab.data.streams.source import Source
+    from lab.data.streams.source_status import Status
     from lab.live.live_state import LiveState
-    from lab.live.simulated_device import SimulatedDevice
-    from lab.live.source import Source
-    from lab.live.source_status import Status
+    from lab.live.simulated.simulated_device import SimulatedDevice
 
 EXAMPLES = """\b
 Examples:
@@ -72,10 +72,10 @@ Seconds = Annotated[
 @live.command("list")
 def list_sources(as_json: AsJson = False) -> None:
     """List the serial ports of this computer, the protocols, and the forms of sources."""
-    from lab.live.address import FORMS  # noqa: PLC0415 - help does not need it
-    from lab.live.decoders.catalogue import DECODERS, ENCODERS  # noqa: PLC0415 - help does not need it
-    from lab.live.serial_port import serial_ports  # noqa: PLC0415 - help does not need it
-    from lab.live.transport import TransportError  # noqa: PLC0415 - help does not need it
+    from lab.data.protocols.catalogue import DECODERS, ENCODERS  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.address import FORMS  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.serial_port import serial_ports  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.transport import TransportError  # noqa: PLC0415 - help does not need it
 
     try:
         ports, why = serial_ports(), ""
@@ -264,10 +264,10 @@ def simulate(
 
     The settings are those of the sensors: --set sensors.heading.fitted=true sends headings too.
     """
-    from lab.live.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
-    from lab.live.simulated_device import Misbehaviour, SimulatedDevice, unsent_readings  # noqa: PLC0415
-    from lab.live.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
-    from lab.live.simulated_link import link_of  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, unsent_readings  # noqa: PLC0415
+    from lab.live.simulated.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated.simulated_link import link_of  # noqa: PLC0415 - help does not need it
 
     _check(rate, 1, 2000, "--rate", "Hz")
     _check(corruption, 0, 0.1, "--corruption")
@@ -298,7 +298,7 @@ def simulate(
 @contextmanager
 def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
     """Let a simulated device send; refuse a line that cannot be made."""
-    from lab.live.cause import cause_of  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.cause import cause_of  # noqa: PLC0415 - help does not need it
 
     try:
         sender.start()
@@ -315,11 +315,11 @@ def _opened(
     address: str, prepare: Callable[[Source], None] = lambda source: None
 ) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
     """Yield an open source, and a function that waits a moment and returns whether to go on."""
+    from lab.data.protocols.column_map import ColumnMapError  # noqa: PLC0415 - help does not need it
+    from lab.data.protocols.decoder_error import DecoderError  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.transport import TransportError  # noqa: PLC0415 - help does not need it
     from lab.live import open as open_source  # noqa: PLC0415 - help does not need it
-    from lab.live.decoders.column_map import ColumnMapError  # noqa: PLC0415 - help does not need it
-    from lab.live.decoders.decoder_error import DecoderError  # noqa: PLC0415 - help does not need it
-    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
-    from lab.live.transport import TransportError  # noqa: PLC0415 - help does not need it
 
     with working(address):
         try:
@@ -438,7 +438,7 @@ def _check(value: float, least: float, most: float, option: str, unit: str = "")
 
 
 def _three(text: str) -> tuple[float, float, float]:
-    from lab.logs.sensor_log import MAX_LEVER_ARM  # noqa: PLC0415 - help does not need it
+    from lab.data.log.sensor_log import MAX_LEVER_ARM  # noqa: PLC0415 - help does not need it
 
     try:
         x, y, z = (float(part) for part in text.split(","))

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
+from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, Commands, print_json
 from lab.cli.options import AsJson, Force
 from lab.cli.terminal import table
-from lab.parameters.counted import counted
 
 EXAMPLES = """\b
 Examples:
@@ -32,7 +32,7 @@ notebooks = typer.Typer(
 @notebooks.command("list")
 def list_notebooks(as_json: AsJson = False) -> None:
     """List the notebooks that ship with the lab."""
-    from lab.exercises.shipped_notebooks import notebooks as shipped  # noqa: PLC0415 - reads them
+    from lab.classroom.exercises.shipped_notebooks import notebooks as shipped  # noqa: PLC0415 - reads them
 
     found = shipped()
     if as_json:
@@ -50,7 +50,7 @@ def copy(
     force: Force = False,
 ) -> None:
     """Write all notebooks into a folder as .ipynb files; files that exist are kept without --force."""
-    from lab.exercises.shipped_notebooks import MissingJupytextError, copy_notebooks  # noqa: PLC0415 - rarely needed
+    from lab.classroom.exercises.shipped_notebooks import MissingJupytextError, copy_notebooks  # noqa: PLC0415 - rarely needed
 
     try:
         written, kept = copy_notebooks(folder, overwrite=force)

@@ -15,7 +15,7 @@ from lab.missions import missions as find_missions
 from lab.missions.log_mission import is_log_folder
 
 if TYPE_CHECKING:
-    from lab.experiment import Experiment
+    from lab.experiment.experiment import Experiment
     from lab.navigation.algorithm import Algorithm
 
 Mission = Annotated[
@@ -98,7 +98,7 @@ def experiment(
         raise CommandError("--no-assumed: needs --card, whose assumed numbers it omits")
     mission = _single(mission)
     find_mission(mission)
-    from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
+    from lab.experiment.experiment import Experiment  # noqa: PLC0415 - takes a second
 
     chosen = Experiment() if config is None else Experiment.from_toml(config)
     if card is not None:
@@ -122,7 +122,7 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
     """
     if not places:
         return {}
-    from lab.algorithm_file import load_algorithms  # noqa: PLC0415 - takes half a second
+    from lab.run.algorithm_file import load_algorithms  # noqa: PLC0415 - takes half a second
 
     try:
         return load_algorithms(places)

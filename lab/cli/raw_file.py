@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from lab.cli.app import CommandError, working
 
 if TYPE_CHECKING:
-    from lab.live.source import Source
-    from lab.logs.sensor_log import SensorLog
+    from lab.data.log.sensor_log import SensorLog
+    from lab.data.streams.source import Source
     from lab.missions.mission import Mission
 
 
@@ -31,7 +31,7 @@ class RawFile:
     """
 
     def __init__(self, folder: Path, name: str) -> None:
-        from lab.live.raw_recording import SUFFIX  # noqa: PLC0415 - help does not need it
+        from lab.data.streams.raw_recording import SUFFIX  # noqa: PLC0415 - help does not need it
 
         self.path = folder / f"{name}{SUFFIX}"
         self._made: list[Path] = []
@@ -77,8 +77,8 @@ class RawFile:
         CommandError
             If it cannot be made.
         """
-        from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
-        from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
+        from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
+        from lab.data.streams.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
         from lab.missions.library import add_log  # noqa: PLC0415 - help does not need it
 
         with working(str(self.path)):

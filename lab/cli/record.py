@@ -18,8 +18,8 @@ from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name
 
 if TYPE_CHECKING:
-    from lab.importing.xplane_live import XPlaneRecorder
-    from lab.repair.raw_flight import RawFlight
+    from lab.data.rebuild.raw_flight import RawFlight
+    from lab.data.streams.xplane_live import XPlaneRecorder
 
 EXAMPLES = """\b
 Examples:
@@ -64,7 +64,7 @@ def record(
 
     Ctrl-C ends the recording and keeps it. The same happens when X-Plane stops sending.
     """
-    from lab.importing.xplane_live import XPlaneRecorder  # noqa: PLC0415
+    from lab.data.streams.xplane_live import XPlaneRecorder  # noqa: PLC0415
     from lab.missions.flight_import import prepare_flight  # noqa: PLC0415 - loads what help does not need
 
     # Checked first: after an hour's flight it is too late to find that the name is in use.

@@ -32,9 +32,9 @@ from lab.missions import mission as find_mission
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lab.analysis.verdict import Verdict
-    from lab.experiment import Experiment
-    from lab.result import Result
+    from lab.analysis.verdicts.verdict import Verdict
+    from lab.experiment.experiment import Experiment
+    from lab.experiment.result import Result
 
 EXAMPLES = """\b
 Examples:

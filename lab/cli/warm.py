@@ -28,13 +28,13 @@ def warm(
     ] = False,
 ) -> None:
     """Compile the filter ahead for every combination of settings, so that nobody waits for it."""
-    from lab.compiling.compiled_cache import LOWEST_PRIORITY  # noqa: PLC0415 - help does not need the compiler
+    from lab.base.compiling.compiled_cache import LOWEST_PRIORITY  # noqa: PLC0415 - help does not need the compiler
 
     if idle and hasattr(os, "nice"):
         os.nice(LOWEST_PRIORITY)
     from multiprocessing import get_context  # noqa: PLC0415 - help does not need it
 
-    from lab import variants  # noqa: PLC0415 - takes a second
+    from lab.experiment import variants  # noqa: PLC0415 - takes a second
 
     found, usable = variants.variants(), 0
     with (

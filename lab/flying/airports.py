@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from lab.parameters.toml_file import parse_toml
-from lab.parameters.units import FOOT
-from lab.recordings.mission_error import MissionError
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.toml_file import parse_toml
+from lab.base.parameters.units import FOOT
 
 
 @cache

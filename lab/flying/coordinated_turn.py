@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.frames.rotation import wrap
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.motion.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 Vehicle = Literal["aircraft", "car", "boat"]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab.frames.displacement import metres_per_radian
+from lab.motion.frames.displacement import metres_per_radian
 
 FloatArray = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lab.base.files.mission_error import MissionError
 from lab.flying.flight_plan import FlightPlan
 from lab.flying.pilot import PATIENCE, Pilot
 from lab.flying.simulated_aircraft import STEP_MS, Instruments, SimulatedAircraft
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.recordings.recording import Recording
 
 if TYPE_CHECKING:
     from lab.flying.motion_commands import MotionPlan

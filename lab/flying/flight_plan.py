@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from lab.base.files.mission_error import MissionError
 from lab.flying import airports
 from lab.flying.aircraft import AIRCRAFT, Aircraft
 from lab.flying.manoeuvres import (
@@ -30,7 +31,6 @@ from lab.flying.plan_table import (
     read_part,
 )
 from lab.flying.weather import CALM, Air, Gust
-from lab.recordings.mission_error import MissionError
 
 MAX_GUSTS = 1000
 """Most gusts in one plan."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.earth import FLATTENING, SEMI_MAJOR_AXIS
+from lab.motion.frames.earth import FLATTENING, SEMI_MAJOR_AXIS
 
 FloatArray = NDArray[np.float64]
 

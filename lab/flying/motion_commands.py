@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.files.bounds import HEIGHTS, MIN_SAMPLES
+from lab.base.files.mission_error import MissionError
 from lab.flying.dead_reckoning import position
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part
-from lab.frames.rotation import C_nb_from_euler, wrap
-from lab.recordings.bounds import HEIGHTS, MIN_SAMPLES
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.frames.rotation import C_nb_from_euler, wrap
+from lab.motion.recordings.recording import Recording
 
 FloatArray = NDArray[np.float64]
 

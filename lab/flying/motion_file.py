@@ -13,9 +13,9 @@ import io
 from pathlib import Path
 from typing import Any
 
+from lab.base.files.mission_error import MissionError
+from lab.base.files.text_blocks import check_file
 from lab.flying.motion_commands import MAX_COMMANDS, MotionPlan
-from lab.recordings.mission_error import MissionError
-from lab.recordings.text_blocks import check_file
 
 MAX_BYTES = 2**22
 """Largest file accepted [bytes]."""

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.compiling.compiled_cache import cached
+from lab.base.compiling.compiled_cache import cached
 
 FloatArray = NDArray[np.float64]
 

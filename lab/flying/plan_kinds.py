@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from lab.base.files.mission_error import MissionError
 from lab.flying.flight_plan import FlightPlan
-from lab.recordings.mission_error import MissionError
 
 if TYPE_CHECKING:
     from lab.flying.motion_commands import MotionPlan

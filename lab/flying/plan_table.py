@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
-from lab.recordings.mission_error import MissionError
+from lab.base.files.mission_error import MissionError
 
 Part = TypeVar("Part")
 Limits = Mapping[str, tuple[float, float]]

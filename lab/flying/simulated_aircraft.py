@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import FOOT, RANKINES_PER_KELVIN
 from lab.flying.flight_plan import AirStart, FlightPlan, Runway
 from lab.flying.weather import Air
-from lab.parameters.units import FOOT, RANKINES_PER_KELVIN
-from lab.recordings.mission_error import MissionError
 
 STEP_MS = 1
 """Integration step [ms]; divides 5, 10 and 55 ms."""

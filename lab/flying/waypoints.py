@@ -18,18 +18,18 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.files.bounds import MIN_SAMPLES
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.flying.coordinated_turn import VEHICLES, Vehicle, attitude
 from lab.flying.dead_reckoning import integral
 from lab.flying.geodesic import geodesic
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.path_profile import Leg, Turn, profile
 from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part
-from lab.frames.displacement import longer_above, metres_per_radian
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.frames.rotation import wrap
-from lab.recordings.bounds import MIN_SAMPLES
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.frames.displacement import longer_above, metres_per_radian
+from lab.motion.frames.rotation import wrap
+from lab.motion.recordings.recording import Recording
 
 FloatArray = NDArray[np.float64]
 

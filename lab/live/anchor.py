@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.navigation.error_models import ATT
+from lab.navigation.filters.error_models import ATT
 
 FloatArray = NDArray[np.float64]
 

@@ -1,9 +1,9 @@
 """Attitude only: the navigator without fixes, levelled at rest and carried by the gyros in motion.
 
 At rest, the means of the sensors since the rest began update the estimate with which it began
-(`lab.navigation.rest_alignment`): tilt as good as the accelerometer biases, gyro biases, and north where the
-gyros are good enough. During the rest the attitude is held, so the noise of the gyros counts once. In motion,
-the compiled step of the navigator carries attitude and covariance.
+(`lab.navigation.alignment.rest_alignment`): tilt as good as the accelerometer biases, gyro biases, and north
+where the gyros are good enough. During the rest the attitude is held, so the noise of the gyros counts once.
+In motion, the compiled step of the navigator carries attitude and covariance.
 
 Position and velocity count from the last rest. They mean something for a few seconds only.
 """
@@ -17,25 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
+from lab.base.parameters.units import STANDARD_GRAVITY, si
+from lab.data.streams.rolling import Rolling
 from lab.live.anchor import Anchor, with_heading
-from lab.live.rolling import Rolling
 from lab.live.stream_settings import without
-from lab.navigation.alignment import level
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
+from lab.navigation.alignment.alignment import level
+from lab.navigation.alignment.rest_alignment import Means, align, induced_variance
 from lab.navigation.belief import belief, constant_errors
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
-from lab.navigation.filter import Filter
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.kalman import MEASUREMENTS
+from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.frames import model_at, shown
 from lab.navigation.gap_noise import AROUND, gap_noise
-from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.navigator import PIECE, advance
-from lab.navigation.rest_alignment import Means, align, induced_variance
-from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import SHORTEST, SPAN, still_seconds
-from lab.parameters.units import si
 from lab.sensors.imu import misalignment
 from lab.sensors.suite import SensorSuite
 
@@ -113,7 +113,7 @@ class AttitudeOnly:
             (np.zeros(9), induced_variance(sensors), np.zeros(6))
         )
         # Scale factors and misalignments look like biases as long as the attitude is the same.
-        g = earth.STANDARD_GRAVITY
+        g = STANDARD_GRAVITY
         shape = np.sum(misalignment(sensors.accelerometer) ** 2, axis=1)
         shape = shape + si(sensors.accelerometer, "scale_factor") ** 2
         shape = shape + si(sensors.accelerometer, "scale_factor_sigma") ** 2
@@ -447,7 +447,7 @@ class AttitudeOnly:
         levelled = Rotation.from_euler("YX", [pitch, roll]).apply(mean[:3] - anchor.bias[:3])
         latitude = float(anchor.position[0])
         level_rate = earth.RATE * np.cos(latitude)
-        tilt = np.diag(anchor.P)[ACCEL_BIAS].max() / earth.STANDARD_GRAVITY**2
+        tilt = np.diag(anchor.P)[ACCEL_BIAS].max() / STANDARD_GRAVITY**2
         noise = np.diag(anchor.P)[GYRO_BIAS].max() + variance[:3].max()
         noise += tilt * (earth.RATE * np.sin(latitude)) ** 2
         if not level_rate > 0:

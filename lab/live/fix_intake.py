@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import gnss_of, usable_fixes
+from lab.base.parameters.counted import counted, were
+from lab.data.clock.timed_samples import TIMED_FIX
+from lab.data.log.sensor_log import GnssLog
+from lab.data.streams.live_log import gnss_of, usable_fixes
 from lab.live.live_stream import Stream
-from lab.live.timed_samples import TIMED_FIX
-from lab.logs.sensor_log import GnssLog
 from lab.navigation.log_navigation import used_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
-from lab.parameters.counted import counted, were
 
 EARLY: Final = 100
 """Fixes that wait for the first sample of the IMU."""

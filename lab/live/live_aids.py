@@ -11,9 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.magnetic_field import magnetic_declination
-from lab.live.live_log import magnetometer_of
-from lab.live.rolling import Rolling
+from lab.base.parameters.settings import SettingError
+from lab.base.parameters.units import si
+from lab.data.streams.live_log import magnetometer_of
+from lab.data.streams.rolling import Rolling
+from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.navigation import aids
 from lab.navigation.aiding import (
     CONDITION_PERIOD,
@@ -26,8 +28,6 @@ from lab.navigation.aiding import (
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-from lab.parameters.settings import SettingError
-from lab.parameters.units import si
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
 
@@ -221,7 +221,7 @@ class LiveAids:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.timed_samples.TIMED_READING`
+        rows : (n,) array of `lab.data.clock.timed_samples.TIMED_READING`
             Readings; the times of each quantity increase.
         epoch
             Time of the host at the first sample of the stream [s].

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from lab.live.live_log import magnetometer_of
+from lab.data.log.auxiliary_data import Magnetometer
+from lab.data.streams.live_log import magnetometer_of
 from lab.live.live_stream import Stream
-from lab.logs.auxiliary_data import Magnetometer
-from lab.navigation.initial_heading import MAGNETIC_SIGMA, by_magnetometer
+from lab.navigation.alignment.initial_heading import MAGNETIC_SIGMA, by_magnetometer
 from lab.navigation.solution import Imu
 from lab.navigation.standstill import SHORTEST
 

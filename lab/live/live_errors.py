@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.displacement import displacement
-from lab.frames.rotation import wrap
+from lab.data.streams.true_motion import TrueMotion
 from lab.live.live_state import LiveHistory
-from lab.live.true_motion import TrueMotion
+from lab.motion.frames.displacement import displacement
+from lab.motion.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 

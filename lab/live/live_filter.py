@@ -15,17 +15,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.data.streams.rolling import Rolling
 from lab.live.live_aids import NONE, LiveAids
-from lab.live.rolling import Rolling
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
-from lab.navigation.error_models import ErrorModel
-from lab.navigation.filter import Filter
+from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.kalman import MEASUREMENTS, gate
+from lab.navigation.filters.schedule import SLACK, Schedule
 from lab.navigation.gap_noise import AROUND, gap_noise
-from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
 from lab.navigation.navigator import advance
-from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, Held, at_rest, standing_still

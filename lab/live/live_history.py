@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from lab.data.streams.rolling import Rolling
 from lab.live.live_state import HistoryCursor, LiveHistory, euler_with_sigma
-from lab.live.rolling import Rolling
 
 RATE: Final = 20.0
 """Rows of the history per second [Hz]: more than a plot shows."""

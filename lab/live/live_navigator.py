@@ -24,11 +24,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.rotation import wrap
+from lab.base.parameters.counted import counted
+from lab.base.parameters.settings import SettingError
+from lab.data.clock.reading_times import NO_READINGS
+from lab.data.log.sensor_log import SensorLog
+from lab.data.streams.intake import Increments, Intake
+from lab.data.streams.ring import Cursor
+from lab.data.streams.source import Source
+from lab.data.streams.source_status import Event
 from lab.live.anchor import Anchor
 from lab.live.attitude_only import AttitudeOnly
 from lab.live.fix_intake import FixIntake
-from lab.live.intake import Increments, Intake
 from lab.live.live_aids import LiveAids
 from lab.live.live_compass import look_at_compass
 from lab.live.live_filter import LiveFilter
@@ -38,24 +44,18 @@ from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream
 from lab.live.live_view import phase_of, state_of
 from lab.live.reading_intake import ReadingIntake
-from lab.live.reading_times import NO_READINGS
-from lab.live.ring import Cursor
-from lab.live.source import Source
-from lab.live.source_status import Event
 from lab.live.stream_log import log_of_stream
 from lab.live.stream_settings import stream_settings
-from lab.logs.sensor_log import SensorLog
-from lab.navigation.alignment import Alignment
+from lab.motion.frames.rotation import wrap
+from lab.navigation.alignment.alignment import Alignment
+from lab.navigation.alignment.initial_heading import FORWARD_SPEED, contradict
+from lab.navigation.alignment.start_covariance import start_covariance
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
-from lab.navigation.initial_heading import FORWARD_SPEED, contradict
+from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import load
-from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.start_covariance import start_covariance
-from lab.parameters.counted import counted
-from lab.parameters.settings import SettingError
 from lab.sensors.suite import SensorSuite
 
 FloatArray = NDArray[np.float64]
@@ -159,7 +159,7 @@ class LiveNavigator:
             Rows of the IMU, in the order of arrival.
         fixes : (m,) array of `TIMED_FIX`
             Fixes; they may be older than the rows of the IMU so far, by up to `live_filter.BACK`.
-        readings : (k,) array of `lab.live.timed_samples.TIMED_READING`
+        readings : (k,) array of `lab.data.clock.timed_samples.TIMED_READING`
             Headings and speeds; they may be as old.
         """
         if readings.size:

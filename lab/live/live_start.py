@@ -11,17 +11,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import headings_of, magnetometer_of
-from lab.live.rolling import Rolling
-from lab.logs.auxiliary_data import AuxiliaryData
-from lab.logs.sensor_log import MIN_OVERLAP
-from lab.logs.velocity_matching import WINDOW
-from lab.navigation.alignment import REST_SPEED, Alignment, align
-from lab.navigation.initial_heading import FORWARD_SPEED, Hints, shows_course
+from lab.data.checks.velocity_matching import WINDOW
+from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.sensor_log import MIN_OVERLAP
+from lab.data.streams.live_log import headings_of, magnetometer_of
+from lab.data.streams.rolling import Rolling
+from lab.navigation.alignment.alignment import REST_SPEED, Alignment, align
+from lab.navigation.alignment.initial_heading import FORWARD_SPEED, Hints, shows_course
+from lab.navigation.alignment.start_fixes import start_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST
-from lab.navigation.start_fixes import start_fixes
 
 FloatArray = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.rotation import euler_from_quaternion, euler_jacobian
-from lab.live.intake import Counts
+from lab.data.streams.intake import Counts
+from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ class LiveHistory(NamedTuple):
     bias : (n, 6) array
         Biases of gyros [rad/s] and accelerometers [m/s²].
     sigma : (n, 15) array
-        σ of the errors, in the order of `lab.navigation.error_models.STATES`.
+        σ of the errors, in the order of `lab.navigation.filters.error_models.STATES`.
     fix_time : (m,) array
         Times of validity of fixes, in the clock of the host [s].
     innovation, innovation_covariance : (m, 6) and (m, 6, 6) arrays

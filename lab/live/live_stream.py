@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
-from lab.live.rolling import Rolling
-from lab.navigation.alignment import Alignment
+from lab.navigation.alignment.alignment import Alignment
 
 FloatArray = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from lab.analysis.verdict import Verdict
-from lab.cache import StageCache
-from lab.experiment import Experiment
+from lab.analysis.verdicts.verdict import Verdict
+from lab.base.cache import StageCache
+from lab.data.log.sensor_log import SensorLog
+from lab.experiment.experiment import Experiment
+from lab.experiment.log_run import run_log
+from lab.experiment.result import Result
 from lab.live.stream_settings import stream_settings
-from lab.log_run import run_log
-from lab.logs.sensor_log import SensorLog
 from lab.missions.log_mission import LogMission
 from lab.navigation.settings import NavigatorSettings
-from lab.result import Result
 from lab.sensors.suite import SensorSuite
 
 ROOM = 64 * 2**20
@@ -61,7 +61,7 @@ def batch_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings)
     Raises
     ------
     MissionError, SettingError, ValueError
-        As `lab.log_run.run_log`.
+        As `lab.experiment.log_run.run_log`.
     """
     experiment = Experiment(mission=log.name)
     experiment.sensors.update(sensors.to_dict())

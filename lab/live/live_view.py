@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.displacement import metres_per_radian
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, COASTING, NAVIGATING, WAITING, LiveState
 from lab.live.live_stream import POSITION_LIMIT, Sample, Stream
+from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.standstill import SHORTEST
 
 FloatArray = NDArray[np.float64]

@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import TIMED_IMU
+from lab.data.streams.live_log import usable_imu
+from lab.data.streams.pressure import Heights
 from lab.live.live_aids import LiveAids
-from lab.live.live_log import usable_imu
 from lab.live.live_stream import Stream
-from lab.live.pressure import Heights
-from lab.live.reading_times import NO_READINGS
-from lab.live.timed_samples import TIMED_IMU
 
 EARLY: Final = 10_000
 """Headings and speeds that wait for the first sample, or for the next that are processed."""
@@ -28,7 +28,7 @@ class ReadingIntake:
         self._early = NO_READINGS
 
     def arrive(self, readings: NDArray[np.void]) -> None:
-        """Keep headings and speeds (k,) of `lab.live.timed_samples.TIMED_READING` until `take`."""
+        """Keep headings and speeds (k,) of `lab.data.clock.timed_samples.TIMED_READING` until `take`."""
         if readings.size:
             self._early = np.concatenate((self._early, readings))[-EARLY:]
 

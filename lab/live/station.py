@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.growing_allan import GrowingAllan
+from lab.base.files.mission_error import MissionError
+from lab.data.log.sensor_log import SensorLog
+from lab.data.streams.ring import Read
+from lab.data.streams.source import Source
+from lab.data.streams.source_status import Status
+from lab.data.streams.thinned_samples import ThinnedSamples
+from lab.live.bench.growing_allan import GrowingAllan
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
 from lab.live.owner import Owner
-from lab.live.ring import Read
-from lab.live.source import Source
-from lab.live.source_status import Status
-from lab.live.thinned_samples import ThinnedSamples
-from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
-from lab.recordings.mission_error import MissionError
 from lab.sensors.suite import SensorSuite
 
 PERIOD = 0.02

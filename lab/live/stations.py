@@ -8,9 +8,9 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lab.data.streams.transport import TransportError
 from lab.live.owner import Owner, Visitor, may_join, may_share, may_watch, owned_by
 from lab.live.station import Station
-from lab.live.transport import TransportError
 
 MOST = 8
 """Most stations of a server at a time: each has threads, and a navigator at 1 kHz takes a tenth of a core."""

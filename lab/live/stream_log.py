@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_log import headings_of, magnetometer_of
+from lab.base.files.mission_error import MissionError
+from lab.data.log.auxiliary_data import AuxiliaryData, Series
+from lab.data.log.sensor_log import GnssLog, SensorLog
+from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.live.live_stream import Stream
-from lab.logs.auxiliary_data import AuxiliaryData, Series
-from lab.logs.sensor_log import GnssLog, SensorLog
-from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
 

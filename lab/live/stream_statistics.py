@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import allan
-from lab.identification.renavigation import subject
-from lab.identification.withheld import held_out, outages
+from lab.analysis.identification.renavigation import subject
+from lab.analysis.identification.withheld import held_out, outages
+from lab.data.log.sensor_log import SensorLog
 from lab.live.live_verdict import batch_of
-from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import TRIADS, SensorSuite
 

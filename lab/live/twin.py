@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 
 from lab.analysis.allan import AllanDeviation
 from lab.analysis.rest import Record
-from lab.frames.rotation import euler_from_quaternion
-from lab.live.live_log import log_of
+from lab.data.log.sensor_log import SensorLog
+from lab.data.streams.live_log import log_of
 from lab.live.live_verdict import batch_of
-from lab.live.simulated_flight import REST, SimulatedFlight
+from lab.live.simulated.simulated_flight import REST, SimulatedFlight
 from lab.live.stream_settings import stream_settings
 from lab.live.stream_statistics import LEAST_HZ, Spectrum, StreamStatistics, of_log, of_rest
-from lab.logs.sensor_log import SensorLog
+from lab.motion.frames.rotation import euler_from_quaternion
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.recording import Recording
 from lab.navigation.settings import NavigatorSettings
-from lab.recordings.flight_csv import write_flight_csv
-from lab.recordings.recording import Recording
 from lab.sensors.suite import TRIADS, SensorSuite
 
 FloatArray = NDArray[np.float64]

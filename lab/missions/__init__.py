@@ -1,4 +1,10 @@
-"""Missions: the shipped missions, the user's own, and the functions that add new ones.
+"""Missions: flights by name: the shipped ones, the user's own, and the functions that add new ones.
+
+In: a name, a file to import, or a plan to fly. Out: a `Mission` with its `Recording`, or a `LogMission` with
+its `SensorLog`; a library that loses nothing when two write to it.
+
+Read first: `mission` (what a mission is), `catalogue` (how a name is found), `flight_import` (from a file to
+a mission).
 
 >>> from lab.missions import mission, missions
 >>> sorted(missions())[:2]
@@ -12,8 +18,9 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from lab.logs.sensor_log import SensorLog
-from lab.logs.sensor_log_csv import read_sensor_log
+from lab.base.files.mission_error import MissionError
+from lab.data.files.sensor_log_csv import read_sensor_log
+from lab.data.log.sensor_log import SensorLog
 from lab.missions.catalogue import (
     broken_missions,
     mission,
@@ -24,15 +31,14 @@ from lab.missions.catalogue import (
 )
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
-from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.recordings.flight_csv import read_flight_csv, write_flight_csv
+from lab.motion.recordings.recording import Recording
 
 if TYPE_CHECKING:
+    from lab.data.rebuild.import_settings import ImportSettings
     from lab.flying.flight import Flight, fly
     from lab.flying.flight_plan import FlightPlan
     from lab.flying.plan_kinds import read_plan
-    from lab.importing.import_settings import ImportSettings
     from lab.missions.flight_import import FlightImport, prepare_import
     from lab.missions.flown_mission import fly_mission
     from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
@@ -72,7 +78,7 @@ _HOMES = {
     "Flight": "lab.flying.flight",
     "FlightImport": "lab.missions.flight_import",
     "FlightPlan": "lab.flying.flight_plan",
-    "ImportSettings": "lab.importing.import_settings",
+    "ImportSettings": "lab.data.rebuild.import_settings",
     "add_log": "lab.missions.library",
     "add_mission": "lab.missions.library",
     "delete_mission": "lab.missions.library",

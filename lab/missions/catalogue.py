@@ -8,10 +8,10 @@ import warnings
 from collections.abc import Collection
 from pathlib import Path
 
+from lab.base.files.mission_error import MissionError
 from lab.missions.folder_listing import described, list_folder
 from lab.missions.log_mission import LogMission, is_log_folder
 from lab.missions.mission import Mission
-from lab.recordings.mission_error import MissionError
 
 OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 """Environment variable that names the folder of the user's own missions."""

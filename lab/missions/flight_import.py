@@ -11,19 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.importing.import_report import ImportReport, report
-from lab.importing.import_settings import ImportSettings
-from lab.importing.reconstruction import Reconstruction, reconstruct
-from lab.importing.sensor_noise import SensorNoise
-from lab.logs.auxiliary_data import Comparison
-from lab.logs.sensor_log import SensorLog
+from lab.base.files.mission_error import MissionError
+from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
+from lab.data.log.auxiliary_data import Comparison
+from lab.data.log.sensor_log import SensorLog
+from lab.data.rebuild.import_report import ImportReport, report
+from lab.data.rebuild.import_settings import ImportSettings
+from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.rebuild.reconstruction import Reconstruction, reconstruct
+from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight, repair
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
-from lab.readers import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
-from lab.repair.raw_flight import RawFlight
-from lab.repair.time_repair import AS_RECORDED, RepairedFlight, repair
+from lab.motion.recordings.recording import Recording
+from lab.sensors.sensor_noise import SensorNoise
 
 RECONSTRUCTED = "attitude reconstructed"
 """Tag of a mission whose attitude is not recorded."""

@@ -6,6 +6,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from lab.base.files.description_toml import read_toml
+from lab.base.files.folder_lock import folder_lock
+from lab.base.files.mission_error import MissionError
 from lab.flying.flight import fly, refuse_seed
 from lab.flying.flight_plan import FlightPlan
 from lab.missions.catalogue import mission, own_folder, shipped_folder
@@ -20,10 +23,7 @@ from lab.missions.library import (
 from lab.missions.mission import Mission
 from lab.missions.mission_name import suggested_name
 from lab.missions.toml_edit import flown_text
-from lab.recordings.description_toml import read_toml
-from lab.recordings.folder_lock import folder_lock
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.recordings.recording import Recording
 
 
 def fly_mission(

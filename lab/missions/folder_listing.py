@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lab.logs.log_toml import DESCRIPTION_FILE
+from lab.base.files.mission_error import MissionError
+from lab.data.files.log_toml import DESCRIPTION_FILE
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
-from lab.recordings.mission_error import MissionError
 
 _SETTLED = 2.0
 """Age above which a change of a file shows in its time stamp [s]: some file systems have a resolution of 2

@@ -16,23 +16,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lab.base.files.atomic_file import atomic_file
+from lab.base.files.description_toml import file_in_same_folder, read_toml
+from lab.base.files.folder_lock import folder_lock
+from lab.base.files.mission_error import MissionError
+from lab.base.files.temporary_files import sweep, temporary_folder, unfinished
+from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
+from lab.data.files.log_toml import DESCRIPTION_FILE
+from lab.data.files.sensor_log_writer import write_sensor_log
+from lab.data.log.sensor_log import SensorLog
 from lab.flying.plan_kinds import read_plan
-from lab.logs.log_toml import DESCRIPTION_FILE
-from lab.logs.sensor_log import SensorLog
-from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions.catalogue import mission, names_in_words, own_folder, places, shipped_folder
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.toml_edit import changed_text
-from lab.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
-from lab.recordings.atomic_file import atomic_file
-from lab.recordings.description_toml import file_in_same_folder, read_toml
-from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
-from lab.recordings.folder_lock import folder_lock
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
-from lab.recordings.temporary_files import sweep, temporary_folder, unfinished
+from lab.motion.recordings.flight_csv import read_flight_csv, write_flight_csv
+from lab.motion.recordings.recording import Recording
 
 _LOG_FILES = (
     *("imu.csv", "gnss.csv", "ref.csv", "mag.csv"),

@@ -10,15 +10,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lab.logs.log_toml import DESCRIPTION_FILE, KEYS
-from lab.logs.sensor_log import SensorLog
-from lab.logs.sensor_log_csv import LogFiles, log_files
+from lab.base.files.description_toml import read_toml
+from lab.base.files.mission_error import MissionError
+from lab.base.files.named_columns import MAX_BYTES
+from lab.base.files.text_blocks import check_file
+from lab.data.files.log_toml import DESCRIPTION_FILE, KEYS
+from lab.data.files.sensor_log_csv import LogFiles, log_files
+from lab.data.log.sensor_log import SensorLog
 from lab.missions.mission import Mission
-from lab.recordings.description_toml import read_toml
-from lab.recordings.mission_error import MissionError
-from lab.recordings.named_columns import MAX_BYTES
-from lab.recordings.recording import Recording
-from lab.recordings.text_blocks import check_file
+from lab.motion.recordings.recording import Recording
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,7 +125,7 @@ def _read(files: LogFiles) -> SensorLog:
     """Return the log of files with the lab's own columns, or with other headings."""
     if files.has_own_names:
         return files.read()
-    from lab.readers.sensor_csv import read_logs  # noqa: PLC0415 - imports scipy, which takes a while
+    from lab.data.sheets.sensor_csv import read_logs  # noqa: PLC0415 - imports scipy, which takes a while
 
     log = read_logs(
         [files.imu, files.gnss],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from lab.recordings.mission_error import MissionError
+from lab.base.files.mission_error import MissionError
 
 MAX_LETTERS = 48
 """Longest name [characters]: with its ending and in UTF-8 it fits every file system."""

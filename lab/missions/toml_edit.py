@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.parameters.toml_file import parse_toml
-from lab.recordings.mission_error import MissionError
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.toml_file import parse_toml
 
 
 def changed_text(toml: Path, text: str, changes: Mapping[str, Any]) -> str:

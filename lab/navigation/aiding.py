@@ -11,11 +11,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.parameters.units import si
 from lab.navigation import aids
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
-from lab.parameters.units import si
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 

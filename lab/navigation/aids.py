@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.blocks import NO_STATE
-from lab.navigation.compilation import inline_kernel, kernel
-from lab.navigation.propagation import STATES
+from lab.navigation.filters.blocks import NO_STATE
+from lab.navigation.kernels.compilation import inline_kernel, kernel
+from lab.navigation.kernels.propagation import STATES
 from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
 
 FloatArray = NDArray[np.float64]

@@ -7,11 +7,11 @@ from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.propagation import NAV
-from lab.navigation.schedule import SLACK
+from lab.base.python_file import described
+from lab.navigation.filters.kalman import MEASUREMENTS
+from lab.navigation.filters.schedule import SLACK
+from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Fixes, Imu, Solution, Start
-from lab.python_file import described
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)

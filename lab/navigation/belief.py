@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from lab.frames.east_north_up import east_north_up_sizes
-from lab.navigation import blocks
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
-from lab.navigation.kalman import MEASUREMENTS, gate
-from lab.navigation.own_states import declared_states
-from lab.navigation.schedule import Schedule
+from lab.base.parameters.settings import SettingError
+from lab.base.parameters.units import si
+from lab.motion.frames.east_north_up import east_north_up_sizes
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation.filters.kalman import MEASUREMENTS, gate
+from lab.navigation.filters.own_states import declared_states
+from lab.navigation.filters.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
-from lab.parameters.settings import SettingError
-from lab.parameters.units import si
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.ecef import near_pole
-from lab.navigation.error_models import MODELS, NORTH_SLAVED
-from lab.navigation.schedule import Schedule
+from lab.base.parameters.settings import SettingError
+from lab.motion.frames.ecef import near_pole
+from lab.navigation.filters.error_models import MODELS, NORTH_SLAVED
+from lab.navigation.filters.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 

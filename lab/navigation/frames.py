@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.navigation import strapdown, wander
-from lab.navigation.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
-from lab.navigation.further_columns import with_blocks
-from lab.navigation.generation import interpreted
-from lab.navigation.propagation import NAV
+from lab.navigation.filters.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.wander_models import linear_model
+from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import PREVIOUS_VELOCITY, Q_NB, VELOCITY
-from lab.navigation.wander_models import linear_model
 
 FloatArray = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth
+from lab.motion.frames import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import kernel
+from lab.navigation.kernels.compilation import kernel
 from lab.navigation.solution import Imu
 from lab.navigation.strapdown import (
     Matrix,

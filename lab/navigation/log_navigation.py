@@ -13,13 +13,17 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.log_section import piece
-from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.settings import SettingError
+from lab.data.log.log_section import piece
+from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
-from lab.navigation import smoother, unscented
 from lab.navigation.aiding import aids_of, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
-from lab.navigation.alignment import Alignment, align
+from lab.navigation.alignment.alignment import Alignment, align
+from lab.navigation.alignment.initial_heading import Hints
+from lab.navigation.alignment.start_covariance import start_covariance
+from lab.navigation.alignment.start_fixes import start_fixes, velocity_of_positions
 from lab.navigation.belief import (
     assumed_latency,
     assumed_lever_arm,
@@ -37,20 +41,16 @@ from lab.navigation.checks import (
     check_r,
     check_smoother,
 )
-from lab.navigation.further_columns import with_blocks
+from lab.navigation.filters import smoother, unscented
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.kalman import MEASUREMENTS, gate
+from lab.navigation.filters.schedule import Stretch
+from lab.navigation.filters.wander_models import linear_model
 from lab.navigation.gap_noise import gap_noise
-from lab.navigation.initial_heading import Hints
-from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.log_readings import fitted_only, readings_of
-from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
-from lab.navigation.start_covariance import start_covariance
-from lab.navigation.start_fixes import start_fixes, velocity_of_positions
-from lab.navigation.wander_models import linear_model
-from lab.parameters.settings import SettingError
-from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.magnetic_field import magnetic_declination
-from lab.logs.auxiliary_data import Magnetometer
-from lab.logs.coverage import clock_text, span_text
-from lab.logs.sensor_log import SensorLog
-from lab.parameters.units import si
+from lab.base.parameters.units import si
+from lab.data.log.auxiliary_data import Magnetometer
+from lab.data.log.coverage import clock_text, span_text
+from lab.data.log.sensor_log import SensorLog
+from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
@@ -23,7 +23,7 @@ from lab.sensors.suite import SensorSuite
 FloatArray = NDArray[np.float64]
 
 OF_ONE_NUMBER = ("barometer", "odometer", "airspeed")
-"""Sensors whose readings are a `lab.logs.auxiliary_data.Series` of a log."""
+"""Sensors whose readings are a `lab.data.log.auxiliary_data.Series` of a log."""
 NAMES = {
     "barometer": "barometer",
     "odometer": "odometer",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from lab.compiling import compiled_cache
-from lab.navigation import navigator, smoother, unscented
+from lab.base.compiling import compiled_cache
+from lab.navigation import navigator
 from lab.navigation.belief import chosen_blocks, is_aided, schedule_of
-from lab.navigation.driver import driver
-from lab.navigation.error_models import ErrorModel
-from lab.navigation.further_columns import with_blocks
+from lab.navigation.filters import smoother, unscented
+from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.wander_models import linear_model
+from lab.navigation.kernels.driver import driver
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.wander_models import linear_model
 from lab.sensors.suite import SensorSuite
 
 MANY = 2**20

@@ -16,18 +16,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.histories import SINGLE
+from lab.base.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
-from lab.navigation.blocks import LEVER_ARM, OF_AIDS
-from lab.navigation.compilation import is_ready
-from lab.navigation.driver import driver
-from lab.navigation.error_models import PHI, ErrorModel
-from lab.navigation.filter import Filter
-from lab.navigation.flight_piece import FlightPiece
+from lab.navigation.filters.blocks import LEVER_ARM, OF_AIDS
+from lab.navigation.filters.error_models import PHI, ErrorModel
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.kalman import MEASUREMENTS
+from lab.navigation.filters.schedule import EVERY_FIX, Schedule, Stretch
 from lab.navigation.frames import change, model_at
-from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.kernels.compilation import is_ready
+from lab.navigation.kernels.driver import driver
+from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.lever_arm import turns
-from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 
 FloatArray = NDArray[np.float64]

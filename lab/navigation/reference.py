@@ -18,13 +18,15 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.frames.rotation import skew, wrap
-from lab.navigation import blocks, own_room, strapdown
+from lab.base.parameters.settings import SettingError
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import skew, wrap
+from lab.navigation import strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, MAGNETIC, NO_AIDS, Aids
-from lab.navigation.blocks import LEVER_ARM
-from lab.navigation.correction import bend_estimate
-from lab.navigation.error_models import (
+from lab.navigation.filters import blocks
+from lab.navigation.filters.blocks import LEVER_ARM
+from lab.navigation.filters.correction import bend_estimate
+from lab.navigation.filters.error_models import (
     ATT,
     GYRO_BIAS,
     GYRO_SCALE,
@@ -33,9 +35,11 @@ from lab.navigation.error_models import (
     VEL,
     ErrorModel,
 )
-from lab.navigation.filter import initial_covariance
+from lab.navigation.filters.filter import initial_covariance
+from lab.navigation.filters.own_states import of_blocks
+from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule
+from lab.navigation.kernels import own_room
 from lab.navigation.lever_arm import turns
-from lab.navigation.own_states import of_blocks
 from lab.navigation.reference_aids import (
     as_biases,
     azimuth_variance,
@@ -46,11 +50,9 @@ from lab.navigation.reference_aids import (
     vertical_bias_noise,
     vertical_directions,
 )
-from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.navigation.strapdown import Vector
-from lab.parameters.settings import SettingError
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]

@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.frames.rotation import skew, wrap
-from lab.navigation import blocks, own_room, strapdown
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.motion.frames.rotation import skew, wrap
+from lab.navigation import strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, HEIGHT, LEAST_LEVEL, MAGNETIC, NORTHWARD, Aids
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.heading_observability import CHANCE, LEVEL, UNKNOWN
-from lab.navigation.vertical_bias import MOST
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.filters.heading_observability import CHANCE, LEVEL, UNKNOWN
+from lab.navigation.filters.vertical_bias import MOST
+from lab.navigation.kernels import own_room
 
 FloatArray = NDArray[np.float64]
 

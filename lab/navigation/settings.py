@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import param
 
-from lab.logs.vehicle import VEHICLES
-from lab.parameters.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
-from lab.parameters.settings import Settings
+from lab.base.parameters.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
+from lab.base.parameters.settings import Settings
+from lab.data.log.vehicle import VEHICLES
 
 _AXES_NED = ("north", "east", "down")
 _FIX_ROWS = [(f"position {axis}", "m") for axis in _AXES_NED] + [

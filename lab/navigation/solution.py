@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames.displacement import displaced
-from lab.navigation import blocks
+from lab.motion.frames.displacement import displaced
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import Aids
-from lab.navigation.kalman import MEASUREMENTS
-from lab.truth.trajectory import Truth
+from lab.navigation.filters import blocks
+from lab.navigation.filters.kalman import MEASUREMENTS
 
 FloatArray = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ class Solution(NamedTuple):
     variance : (n + 1, states) array
         Diagonal of P: the 15 states of every filter in the order of `error_models.STATES`, then those of its
         blocks. For a long flight, all arrays over the samples except for the position are float32
-        (`lab.histories`).
+        (`lab.base.histories`).
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
     innovation : (m, 6) array

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import kernel
+from lab.navigation.kernels.compilation import kernel
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.strapdown import Vector, get, matrix, put, rotate
 

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth
-from lab.frames.ecef import NEAR_POLE
-from lab.navigation.compilation import inline_kernel, kernel
+from lab.motion.frames import earth
+from lab.motion.frames.ecef import NEAR_POLE
+from lab.navigation.kernels.compilation import inline_kernel, kernel
 
 FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]

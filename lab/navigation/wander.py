@@ -31,9 +31,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames import earth
+from lab.motion.frames import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
+from lab.navigation.kernels.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.strapdown import (
     HEIGHT,
     MERIDIAN,

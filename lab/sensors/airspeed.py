@@ -15,13 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.parameters.setting_kinds import Quantity
-from lab.parameters.settings import Settings
-from lab.parameters.units import si
+from lab.base.parameters.setting_kinds import Quantity
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.units import si
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import processes, readings
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings, read, reading_times, scale_error
-from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

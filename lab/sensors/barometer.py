@@ -8,11 +8,11 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from lab.parameters.settings import Settings
+from lab.base.parameters.settings import Settings
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
-from lab.truth.trajectory import Trajectory
 
 
 class BarometerErrors(Settings):

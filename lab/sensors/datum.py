@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from lab.parameters.setting_kinds import AxisQuantity
-from lab.parameters.settings import SettingError, Settings
-from lab.parameters.units import TO_SI
+from lab.base.parameters.setting_kinds import AxisQuantity
+from lab.base.parameters.settings import SettingError, Settings
+from lab.base.parameters.units import TO_SI
 
 ONE_SIDED, TWO_SIDED = "one-sided", "two-sided"
 """Conventions of the density of white noise."""

@@ -20,15 +20,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lab.frames import earth, ecef, rotation
-from lab.frames.displacement import displaced, displacement
-from lab.frames.east_north_up import east_north_up
-from lab.parameters.setting_kinds import AxisQuantity, Intervals, Quantity
-from lab.parameters.settings import Settings
-from lab.parameters.units import si
+from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, Quantity
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.units import si
+from lab.motion.frames import earth, ecef, rotation
+from lab.motion.frames.displacement import displaced, displacement
+from lab.motion.frames.east_north_up import east_north_up
+from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
-from lab.truth.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 

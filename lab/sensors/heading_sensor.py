@@ -13,15 +13,15 @@ import param
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames.magnetic_field import magnetic_field
-from lab.frames.rotation import wrap
-from lab.parameters.setting_kinds import QuantityOrNone
-from lab.parameters.settings import SettingError, Settings
-from lab.parameters.units import si
+from lab.base.parameters.setting_kinds import QuantityOrNone
+from lab.base.parameters.settings import SettingError, Settings
+from lab.base.parameters.units import si
+from lab.motion.frames.magnetic_field import magnetic_field
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
-from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.histories import kept
-from lab.parameters.units import si
+from lab.base.histories import kept
+from lab.base.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.imu_draws import ImuDraws

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from lab.parameters.setting_kinds import AxisQuantity, Quantity
-from lab.parameters.settings import Settings
+from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
+from lab.base.parameters.settings import Settings
 
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lab.parameters.setting_kinds import AxisQuantity
-from lab.parameters.settings import Derived, Settings
-from lab.parameters.units import TO_SI
+from lab.base.parameters.setting_kinds import AxisQuantity
+from lab.base.parameters.settings import Derived, Settings
+from lab.base.parameters.units import TO_SI
 from lab.sensors.imu_errors import GyroErrors
 
 NOISE_VARIANCES = ("sensors.gyro.noise_variance", "sensors.accelerometer.noise_variance")

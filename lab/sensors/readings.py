@@ -12,9 +12,9 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
-from lab.parameters.setting_kinds import Intervals, Quantity
-from lab.parameters.settings import Settings
-from lab.parameters.units import si
+from lab.base.parameters.setting_kinds import Intervals, Quantity
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.motion.truth.growing_trajectory import FlownPiece
 from lab.sensors import gps, imu
 from lab.sensors.draws import DrawStream
 from lab.sensors.imu_draws import ImuDrawStream
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
-from lab.truth.growing_trajectory import FlownPiece
 
 FloatArray = NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from collections.abc import Collection
 import numpy as np
 import param
 
-from lab.importing.sensor_noise import SensorNoise
-from lab.parameters.settings import Settings, group
-from lab.parameters.units import si
+from lab.base.parameters.settings import Settings, group
+from lab.base.parameters.units import si
 from lab.sensors.airspeed import AirspeedErrors
 from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
 from lab.sensors.heading_sensor import HeadingErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.odometer import OdometerErrors
+from lab.sensors.sensor_noise import SensorNoise
 from lab.sensors.temperature import TemperatureSettings
 
 TRIADS = ("gyro", "accelerometer")

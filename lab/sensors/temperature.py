@@ -9,9 +9,9 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
-from lab.parameters.setting_kinds import Quantity
-from lab.parameters.settings import Settings
-from lab.parameters.units import si
+from lab.base.parameters.setting_kinds import Quantity
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.units import si
 from lab.sensors.draws import Seed, unit_draws
 
 FloatArray = NDArray[np.float64]

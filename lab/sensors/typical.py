@@ -9,8 +9,8 @@ import functools
 from collections.abc import Mapping
 from pathlib import Path
 
-from lab.parameters.settings import Settings
-from lab.parameters.toml_file import read_toml
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.toml_file import read_toml
 from lab.sensors.datum import Datum, read_sources, read_terms
 from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
 

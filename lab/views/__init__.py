@@ -1,4 +1,8 @@
-"""Views: the content of each plot, declared once, and its drawings: page, notebook, 3-D scene.
+"""Views: everything that draws: plots of the page and of notebooks, the 3-D scene, cards, files of tracks.
 
-A view takes a `lab.result.Result` and draws it; it computes no physics and runs no server.
+In: a `lab.experiment.result.Result`, a live state or a mission. Out: its drawing. A view computes no physics
+and runs no server; what a plot shows is declared once, for page and notebook.
+
+Read first: `quantities` (what can be plotted), `figures` (the plots of the page), `plots` (those of a
+notebook).
 """

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan import FLOOR, AllanDeviation
-from lab.parameters.units import TO_SI, si
+from lab.base.parameters.units import TO_SI, si
 from lab.sensors.suite import SensorSuite
 from lab.views.paired_curves import PairedCurves
 

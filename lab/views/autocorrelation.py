@@ -18,7 +18,7 @@ from lab.views.figures import hide, plain_figure
 from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
 
 if TYPE_CHECKING:
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 LEAST_LIMIT = 0.4
 """Smallest limit of the ordinate, so that it stays constant while small correlations change."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from lab.registry import register
+from lab.base.registry import register
 
 CARDS = {
     "settings": "lab.views.settings_card:settings_html",
@@ -42,5 +42,5 @@ def register_cards() -> None:
     register("sweep", "plot", "lab.views.sweep_plot:sweep_plot")
     register("result", "view3d", "lab.views.framed_scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
-    register("experiment", "sweep", "lab.ensembles.sweeping:sweep")
+    register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
     register("experiment", "progress", "lab.views.notebook_progress:shown")

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from lab.ensembles.comparison import Compared, Comparison
+from lab.experiment.ensembles.comparison import Compared, Comparison
 
 
 def comparison_html(comparison: Comparison) -> str:

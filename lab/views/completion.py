@@ -11,11 +11,11 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from lab.notebook_card import NotebookCard
-from lab.result_plots import ResultPlots
+from lab.base.notebook_card import NotebookCard
+from lab.experiment.result_plots import ResultPlots
 
 if TYPE_CHECKING:
-    from lab.parameters.settings import Settings
+    from lab.base.parameters.settings import Settings
 
 _ATTRIBUTE = re.compile(r"(\w+(?:\.\w+)*)\.(\w*)")
 _PATH = re.compile(r"(\w+(?:\.\w+)*)\.(?:get|set|sweep)\([^)]*[\"']([\w.]*)$")
@@ -79,7 +79,7 @@ def in_one_line(kind: str) -> str:
 
 
 def _is_settings(found: object) -> bool:
-    from lab.parameters.settings import Settings  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.settings import Settings  # noqa: PLC0415 - importing the lab loads no settings
 
     return isinstance(found, Settings)
 
@@ -118,7 +118,7 @@ def _members(owner: object, *, private: bool) -> list[tuple[str, str]]:
 
 def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
     """Return settings and groups first, then the methods."""
-    from lab.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     groups, values, methods = settings.groups(), [], []
     for name in listed:
@@ -146,6 +146,6 @@ def _about(owner: object, name: str) -> str:
 
 
 def _paths(settings: Settings) -> list[tuple[str, str]]:
-    from lab.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     return [(path, brief(owner.param[name], getattr(owner, name))) for path, owner, name in settings.leaves()]

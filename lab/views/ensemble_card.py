@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from lab.ensembles.ensemble import Ensemble
+from lab.experiment.ensembles.ensemble import Ensemble
 from lab.views.mission_card import title_of
 from lab.views.verdict_card import verdict_html
 

@@ -37,7 +37,7 @@ from lab.views.track import TrackFigure
 if TYPE_CHECKING:
     from bokeh.plotting import figure
 
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 ROW = 210
 """Height of a row of figures [px]."""

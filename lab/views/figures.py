@@ -21,15 +21,15 @@ from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
-from lab.run import Run
+from lab.run.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, times_of_aid
 from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
-    from lab.ensembles.ensemble import Ensemble
-    from lab.result import Result
+    from lab.experiment.ensembles.ensemble import Ensemble
+    from lab.experiment.result import Result
 
 UNPACK = """
 const {all} = cb_obj.data;

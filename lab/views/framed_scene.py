@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import rich
 import viser
 
-from lab.html_frame import HtmlFrame
+from lab.base.html_frame import HtmlFrame
 from lab.views.scene import Scene
 
 if TYPE_CHECKING:
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 
 def view3d(result: Result, *, dark: bool = True, height: int = 500) -> HtmlFrame:

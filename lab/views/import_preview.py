@@ -20,10 +20,10 @@ from bokeh.plotting import figure
 from bokeh.resources import INLINE
 from numpy.typing import NDArray
 
-from lab.frames import ecef
-from lab.frames.east_north_up import east_north_up
+from lab.base.files.atomic_file import atomic_file
 from lab.missions.flight_import import FlightImport
-from lab.recordings.atomic_file import atomic_file
+from lab.motion.frames import ecef
+from lab.motion.frames.east_north_up import east_north_up
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.figures import TimeAxis, plain_figure, set_ordinate, time_figure
 from lab.views.legend import add_legend

@@ -5,9 +5,9 @@ from __future__ import annotations
 from html import escape
 from itertools import groupby
 
-from lab.importing.import_report import ImportReport
-from lab.logs.log_section import piece
-from lab.logs.sensor_log import SensorLog
+from lab.data.log.log_section import piece
+from lab.data.log.sensor_log import SensorLog
+from lab.data.rebuild.import_report import ImportReport
 
 REPORT_STYLE = """
 table { border-collapse: collapse; font: 13px/1.5 Roboto, sans-serif; width: 100%; }

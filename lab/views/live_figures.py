@@ -11,9 +11,9 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from lab.frames.displacement import metres_per_radian
-from lab.frames.rotation import wrap
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
+from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
 from lab.views.equal_scale import keep_equal
@@ -261,7 +261,7 @@ class LiveFigures:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.live.thinned_samples.THINNED`
+        rows : (n,) array of `lab.data.streams.thinned_samples.THINNED`
             Samples.
         zero
             Time that the plots call zero [s].
@@ -291,7 +291,7 @@ class LiveFigures:
         self._track.add(history.position[drawn][-_TRACK_POINTS:], np.empty((0, 3)))
 
     def add_fixes(self, fix: NDArray[np.void]) -> None:
-        """Append fixes to the ground track, rows of `lab.live.timed_samples.TIMED_FIX`."""
+        """Append fixes to the ground track, rows of `lab.data.clock.timed_samples.TIMED_FIX`."""
         self._track.add(np.empty((0, 3)), np.column_stack((fix["latitude"], fix["longitude"])))
 
     def show(self, state: Any, now: float, *, whole: bool = True, words: bool = True) -> None:

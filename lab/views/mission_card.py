@@ -6,13 +6,13 @@ from html import escape
 
 import numpy as np
 
-from lab.logs.log_section import piece
-from lab.logs.sensor_log import MAX_GAP, SensorLog
+from lab.base.files.mission_error import MissionError
+from lab.data.log.log_section import piece
+from lab.data.log.sensor_log import MAX_GAP, SensorLog
 from lab.missions.catalogue import mission as find_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
-from lab.recordings.mission_error import MissionError
-from lab.recordings.recording import Recording
+from lab.motion.recordings.recording import Recording
 from lab.views.thumbnail import picture
 
 CARD_WIDTH = 400

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from html import escape
 from typing import Any
 
-from lab.progress import Progress
+from lab.base.progress import Progress
 
 QUIET = 0.5
 """Work that takes no longer than this shows no bar [s]."""

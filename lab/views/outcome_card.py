@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lab.exercises.exercise import Outcome
+from lab.classroom.exercises.exercise import Outcome
 
 _SIGNS = {None: ("#777", "?"), True: ("#1a8f4c", "✓"), False: ("#b3541e", "✗")}
 """Colour and sign of an outcome; both are readable on white and on black."""

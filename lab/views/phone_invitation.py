@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from lab.phone.invitation import Invitation
-from lab.qr_code import qr_svg
+from lab.base.qr_code import qr_svg
+from lab.live.phone.invitation import Invitation
 
 LABEL = "QR code of the page for the phone"
 

@@ -45,7 +45,7 @@ from lab.views.quantities import (
 from lab.views.time_plot import AID_CLOCKS, Curve, TimePlot
 
 if TYPE_CHECKING:
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 WIDTH, HEIGHT_PIXELS = 330, 230
 """Size of a plot [px]."""

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
-from lab.frames.east_north_up import east_north_up_sizes
+from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.aids import NAMES, SHOWN
-from lab.navigation.blocks import SCALES
-from lab.navigation.blocks import block as find_block
-from lab.navigation.error_models import ATT, POS, VEL
+from lab.navigation.filters.blocks import SCALES
+from lab.navigation.filters.blocks import block as find_block
+from lab.navigation.filters.error_models import ATT, POS, VEL
 from lab.views.time_plot import AID_CLOCKS, Band, Clock, Curve, FloatArray, Interval, Reader, TimePlot
 
 if TYPE_CHECKING:
-    from lab.ensembles.ensemble import Ensemble
-    from lab.result import Result
-    from lab.run import Run
+    from lab.experiment.ensembles.ensemble import Ensemble
+    from lab.experiment.result import Result
+    from lab.run.run import Run
 
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
 AXIS_COLOURS = (BLUE, GREEN, ORANGE)

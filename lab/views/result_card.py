@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.settings_card import settings_html
 
 

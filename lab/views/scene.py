@@ -10,13 +10,13 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames.east_north_up import NED_TO_ENU
+from lab.motion.frames.east_north_up import NED_TO_ENU
 from lab.views.aircraft import LENGTH, aircraft
 from lab.views.envelope import thin_path
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH
 
 if TYPE_CHECKING:
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 FloatArray = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from lab.parameters.setting_help import is_changed, value_text
-from lab.parameters.setting_kinds import describe
-from lab.parameters.settings import Settings
+from lab.base.parameters.setting_help import is_changed, value_text
+from lab.base.parameters.setting_kinds import describe
+from lab.base.parameters.settings import Settings
 
 _LEFT = "text-align:left"
 _CHANGED = f"{_LEFT};font-weight:bold"

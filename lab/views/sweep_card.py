@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from lab.sweep import Sweep
+from lab.experiment.sweep import Sweep
 from lab.views.mission_card import title_of
 from lab.views.sweep_plot import BAND, DEFAULT, Panel, labelled, panel, tests
 

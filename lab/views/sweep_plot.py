@@ -16,7 +16,7 @@ from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lab.sweep import Sweep
+    from lab.experiment.sweep import Sweep
 
 FloatArray = NDArray[np.float64]
 

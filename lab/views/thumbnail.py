@@ -7,10 +7,10 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.frames.displacement import metres_per_radian
-from lab.frames.ecef import displacement, near_pole
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
+from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.ecef import displacement, near_pole
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lab.navigation.aids import NAMES
 
 if TYPE_CHECKING:
-    from lab.ensembles.ensemble import Ensemble
-    from lab.result import Result
+    from lab.experiment.ensembles.ensemble import Ensemble
+    from lab.experiment.result import Result
 
 FloatArray = NDArray[np.floating]
 Reader = Callable[[Any], FloatArray]

@@ -19,7 +19,7 @@ from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, ESTIMATE, FIXES, TRUTH
 
 if TYPE_CHECKING:
-    from lab.result import Result
+    from lab.experiment.result import Result
 
 POINTS = 2000
 """Largest number of drawn points of a path."""

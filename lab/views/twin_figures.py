@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from bokeh.plotting import figure
 
+from lab.base.parameters.units import TO_SI
 from lab.live.twin import TwinComparison
-from lab.parameters.units import TO_SI
 from lab.views.allan import TITLES, AllanFigures
 from lab.views.paired_curves import PairedCurves
 

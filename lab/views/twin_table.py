@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lab.base.parameters.units import TO_SI
 from lab.live.stream_statistics import LEAST_HZ
 from lab.live.twin import CORRELATION, Difference, TwinComparison
-from lab.parameters.units import TO_SI
 from lab.views.allan import UNITS
 from lab.views.twin_figures import DENSITIES
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lab.analysis.finding import Finding, Verdict
+from lab.analysis.verdicts.finding import Finding, Verdict
 
 SIGNS = {True: ("#1a8f4c", "✓"), False: ("#b3541e", "✗"), None: ("#777", "?")}
 """Colour and sign of a consistent, a wrong and an unknown filter; all are readable on white and on black."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.agreement import FAMILY, Told, agreements, judge_agreement
-from lab.analysis.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
-from lab.analysis.sums import Kept, Squares
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.analysis.verdicts.agreement import FAMILY, Told, agreements, judge_agreement
+from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
+from lab.analysis.verdicts.sums import Kept, Squares
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
 
 TOLD = Told("the filter says", "Nothing explains it.", "Look for it.")
 RUNS = 30

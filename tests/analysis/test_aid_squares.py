@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.analysis.aid_verdict import aid_squares, judge_aids
-from lab.analysis.sums import Squares
+from lab.analysis.verdicts.aid_verdict import aid_squares, judge_aids
+from lab.analysis.verdicts.sums import Squares
 from lab.navigation.aids import FORWARD, HEIGHT
 
 NUMBER = 20_000

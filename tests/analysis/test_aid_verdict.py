@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.aid_verdict import SENSORS, aid_squares, judge_aids
-from lab.analysis.sums import Squares
+from lab.analysis.verdicts.aid_verdict import SENSORS, aid_squares, judge_aids
+from lab.analysis.verdicts.sums import Squares
 from lab.navigation.aids import HEIGHT, NAMES, VERTICAL
 from lab.navigation.solution import Solution
 

@@ -8,14 +8,14 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from lab.analysis.finding import Finding
-from lab.analysis.run_evidence import reference_of
-from lab.analysis.sensor_evidence import sensor_errors, spectrum
-from lab.analysis.sensor_verdict import judge_sensors
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.analysis.verdicts.finding import Finding
+from lab.analysis.verdicts.run_evidence import reference_of
+from lab.analysis.verdicts.sensor_evidence import sensor_errors, spectrum
+from lab.analysis.verdicts.sensor_verdict import judge_sensors
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.navigation.solution import Imu
-from lab.result import Result
 
 MATCHED = [
     ("gyro", 30.0, 0.5),

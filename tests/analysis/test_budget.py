@@ -25,16 +25,16 @@ from lab.analysis.error_sources import (
 )
 from lab.analysis.error_sources import initial as initial_columns
 from lab.analysis.errors import error_state
-from lab.experiment import Experiment
-from lab.frames import earth
-from lab.frames.east_north_up import east_north_up
-from lab.frames.rotation import wrap
-from lab.navigation.error_models import POS, VEL
-from lab.parameters.settings import SettingError
-from lab.parameters.units import TO_SI
-from lab.result import Result
+from lab.base.parameters.settings import SettingError
+from lab.base.parameters.units import TO_SI
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
+from lab.motion.frames import earth
+from lab.motion.frames.east_north_up import east_north_up
+from lab.motion.frames.rotation import wrap
+from lab.navigation.filters.error_models import POS, VEL
 from lab.sensors.gps import GpsErrors
-from lab.stages import CACHE
 
 LATITUDE = 0.7
 STEP = 0.01

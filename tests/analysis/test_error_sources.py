@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from lab.analysis.budget import error_budget
-from lab.experiment import Experiment
+from lab.base.parameters.settings import Settings
+from lab.base.parameters.units import TO_SI
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 from lab.navigation.belief import belief
-from lab.parameters.settings import Settings
-from lab.parameters.units import TO_SI
 from lab.sensors.suite import OTHER_SENSORS, TRIADS
-from lab.stages import CACHE
 
 RATE = 50.0
 """Rate of the IMU [Hz]: the effects of errors on a flight are those at 200 Hz, in a quarter of the time."""

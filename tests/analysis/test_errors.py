@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
-from lab.frames.east_north_up import NED_TO_ENU, east_north_up
+from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.solution import Solution
-from lab.truth.trajectory import Truth
 
 RNG = np.random.default_rng(11)
 

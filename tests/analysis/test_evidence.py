@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis import hypotheses, imu_causes, innovation_evidence
 from lab.analysis.errors import error_state
-from lab.analysis.evidence import BLOCKS, Reference, nees_squares, state_means, usage
-from lab.analysis.run_evidence import evidence_of
-from lab.analysis.run_means import BETWEEN, NEES, QUARTERS, Figure
-from lab.analysis.verdict import judge
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.analysis.verdicts import hypotheses, imu_causes, innovation_evidence
+from lab.analysis.verdicts.evidence import BLOCKS, Reference, nees_squares, state_means, usage
+from lab.analysis.verdicts.run_evidence import evidence_of
+from lab.analysis.verdicts.run_means import BETWEEN, NEES, QUARTERS, Figure
+from lab.analysis.verdicts.verdict import judge
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.belief import belief
-from lab.navigation.error_models import VEL
+from lab.navigation.filters.error_models import VEL
 from lab.navigation.solution import Solution
-from lab.truth.trajectory import Truth
 
 STEP = 0.5
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lab.analysis.feedforward import FreeRun, judge
-from lab.analysis.finding import Finding, Verdict
-from lab.analysis.sums import Squares
-from lab.experiment import Experiment
+from lab.analysis.verdicts.finding import Finding, Verdict
+from lab.analysis.verdicts.sums import Squares
+from lab.experiment.experiment import Experiment
 
 FAR, NEAR = (FreeRun(float(np.radians(drift)), float(np.radians(0.8))) for drift in (2.0, 0.5))
 

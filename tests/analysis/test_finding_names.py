@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import lab.analysis
-from lab.analysis.finding_names import FINDING_NAMES
-from lab.analysis.hypotheses import R_CHANNELS
+from lab.analysis.verdicts.finding_names import FINDING_NAMES
+from lab.analysis.verdicts.hypotheses import R_CHANNELS
 
 PLACES = {"Finding": 0, "judge_size": 1}
 """The functions that take the quantity of a finding, and the place of that argument."""

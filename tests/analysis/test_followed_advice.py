@@ -10,8 +10,8 @@ import re
 import numpy as np
 import pytest
 
-from lab.analysis.trial import advised
-from lab.result import Result
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.result import Result
 from tests.benchmarks.faults import experiment
 
 SEEDS = (11, 12, 13, 14)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 
 ARMS = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, -2.0))
 """Lever arms of 2 m [m]."""

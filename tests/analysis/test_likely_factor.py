@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import brentq
 
 from lab import Experiment
-from lab.analysis.finding import written
-from lab.analysis.likely_factor import LOSS, likely_factor
-from lab.analysis.trial import advised
-from lab.result import Result
+from lab.analysis.verdicts.finding import written
+from lab.analysis.verdicts.likely_factor import LOSS, likely_factor
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.result import Result
 
 TRIED = 10.0 ** np.arange(-2, 3.5, 0.5)
 R = (0.5, 0.5, 0.5, 0.2, 0.2, 0.2)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.finding import Finding, Verdict
 from lab.analysis.fix_causes import MotionAtFixes
-from lab.analysis.linear_verdict import NAME, judge
-from lab.analysis.linearity import Linearity, linearity
-from lab.analysis.run_means import NEES
-from lab.analysis.sums import Kept
-from lab.analysis.trial import advised
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.analysis.verdicts.finding import Finding, Verdict
+from lab.analysis.verdicts.linear_verdict import NAME, judge
+from lab.analysis.verdicts.linearity import Linearity, linearity
+from lab.analysis.verdicts.run_means import NEES
+from lab.analysis.verdicts.sums import Kept
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.navigation.belief import belief
 from lab.navigation.solution import Solution
-from lab.result import Result
 
 GRAVITY = 9.81
 

@@ -7,9 +7,9 @@ import pytest
 
 from lab.analysis import observability as file
 from lab.analysis.observability import SMOOTHING, manoeuvres, observability, observability_table
-from lab.experiment import Experiment
-from lab.result import Result
-from lab.truth.trajectory import Truth
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.motion.truth.trajectory import Truth
 
 DT = 0.05
 

@@ -12,11 +12,11 @@ from lab.analysis import feedforward
 from lab.analysis.budget import error_budget
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.observability import observability
-from lab.analysis.trial import advised
-from lab.experiment import Experiment
-from lab.recordings.flight_csv import write_flight_csv
-from lab.result import Result
-from lab.stages import CACHE
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
+from lab.motion.recordings.flight_csv import write_flight_csv
 
 WANDER = {"navigator.mechanization": "wander azimuth"}
 LINEAR = {

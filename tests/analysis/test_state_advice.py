@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis.fix_verdict import ADVICE_CORRELATION
-from lab.analysis.state_advice import of_simulated
-from lab.analysis.trial import advised
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.analysis.verdicts.fix_verdict import ADVICE_CORRELATION
+from lab.analysis.verdicts.state_advice import of_simulated
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from tests.aided_flights import winding_road
 from tests.simulated_logs import log_of
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis import suggestion
-from lab.analysis.finding import Suggestion
-from lab.analysis.suggestion import may_suggest
-from lab.analysis.trial import advised
+from lab.analysis.verdicts import suggestion
+from lab.analysis.verdicts.finding import Suggestion
+from lab.analysis.verdicts.suggestion import may_suggest
+from lab.analysis.verdicts.trial import advised
 from lab.cli.run import verdict_text
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.live.live_verdict import batch_of
 from lab.missions.flight_import import read_log
 from lab.navigation.settings import NavigatorSettings
-from lab.result import Result
 from lab.sensors.suite import SensorSuite
 from lab.views.verdict_card import verdict_html
 from tests.aided_flights import winding_road

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.analysis import trial
-from lab.analysis.finding import Change, Finding, Verdict
-from lab.analysis.trial import Figures
-from lab.ensembles.ensemble import TRIED
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
-from lab.identification.renavigation import subject
+from lab.analysis.identification.renavigation import subject
+from lab.analysis.verdicts import trial
+from lab.analysis.verdicts.finding import Change, Finding, Verdict
+from lab.analysis.verdicts.trial import Figures
+from lab.experiment.ensembles.ensemble import TRIED
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
 from lab.navigation.checks import diverged
 
 OUTAGES = np.array([3.0, 4.0, 5.0, 4.0, 3.5, 4.5])

@@ -19,20 +19,20 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from lab.analysis import fix_causes
-from lab.analysis import fix_evidence as module
-from lab.analysis.evidence import Evidence, Reference, Squares, evidence
-from lab.analysis.fix_evidence import RATIOS, TIMES
-from lab.analysis.innovation_evidence import offered
-from lab.analysis.outliers import outliers
-from lab.analysis.sums import Kept
-from lab.analysis.verdict import judge
-from lab.experiment import Experiment
-from lab.frames import earth
+from lab.analysis.verdicts import fix_evidence as module
+from lab.analysis.verdicts.evidence import Evidence, Reference, Squares, evidence
+from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES
+from lab.analysis.verdicts.innovation_evidence import offered
+from lab.analysis.verdicts.outliers import outliers
+from lab.analysis.verdicts.sums import Kept
+from lab.analysis.verdicts.verdict import judge
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE, start
+from lab.motion.frames import earth
+from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.navigator import navigate
-from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution
-from lab.result import Result
-from lab.stages import CACHE, start
 
 MISSIONS = ("montreal", "los_angeles")
 SEEDS = 10

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.analysis.pattern import BINS, binned, channel, stretch
-from lab.analysis.selection import select
-from lab.analysis.sensor_evidence import Reference, exact
-from lab.analysis.sums import Fit, Squares
-from lab.analysis.verdict import judge
-from lab.experiment import Experiment
-from lab.gallery.faults import FAULTS
-from lab.gallery.faulty_experiment import FaultyExperiment
-from lab.lessons.gallery_lessons import gallery_lessons
+from lab.analysis.verdicts.pattern import BINS, binned, channel, stretch
+from lab.analysis.verdicts.selection import select
+from lab.analysis.verdicts.sensor_evidence import Reference, exact
+from lab.analysis.verdicts.sums import Fit, Squares
+from lab.analysis.verdicts.verdict import judge
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.lessons.gallery_lessons import gallery_lessons
+from lab.experiment.experiment import Experiment
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import NAMES
 from lab.sensors.cards import card
-from lab.truth.trajectory import Truth
 
 RNG = np.random.default_rng(11)
 

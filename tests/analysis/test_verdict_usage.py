@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
 
 
 def quantities(verdict: object) -> list[str]:

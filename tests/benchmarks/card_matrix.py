@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import normalised_squares, uncertain
 from lab.analysis.errors import error_state
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
 from lab.sensors.cards import card, cards
-from lab.stages import CACHE
 from tests.benchmarks.faults import MISSIONS
 
 FIRST = 1001

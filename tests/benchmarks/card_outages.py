@@ -11,9 +11,9 @@ import sys
 
 import numpy as np
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 from lab.sensors.cards import cards
-from lab.stages import CACHE
 from tests.benchmarks.card_matrix import FIRST
 
 CASES = (

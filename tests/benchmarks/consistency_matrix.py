@@ -15,11 +15,11 @@ from collections import Counter
 import numpy as np
 from scipy import stats
 
-from lab.ensembles import seeds as seeds_module
-from lab.ensembles.ensemble import Ensemble
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
-from lab.stages import CACHE
+from lab.experiment.ensembles import seeds as seeds_module
+from lab.experiment.ensembles.ensemble import Ensemble
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 from tests.benchmarks.faults import GRADES, MISSIONS, experiment
 
 MATCHED, WRONG, BEYOND = "matched", "Q or R wrong", "beyond the linear model"

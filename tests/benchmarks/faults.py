@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.sensors.cards import card
 

@@ -12,13 +12,13 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
-from lab.experiment import Experiment
-from lab.gallery.faults import FAULTS
-from lab.gallery.faulty_experiment import FaultyExperiment
-from lab.lessons.gallery_lessons import gallery_lessons
-from lab.lessons.quantities import QUANTITIES
-from lab.result import Result
-from lab.stages import CACHE
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.lessons.gallery_lessons import gallery_lessons
+from lab.classroom.lessons.quantities import QUANTITIES
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
 
 MISSIONS = ("los_angeles", "montreal")
 LIMITS: Mapping[str, tuple[float, ...]] = {

@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis.verdict import Verdict
+from lab.analysis.verdicts.verdict import Verdict
+from lab.base.files.mission_error import MissionError
 from lab.live.live_verdict import verdict_of
 from lab.missions import mission, read_sensor_log
+from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.settings import NavigatorSettings
-from lab.recordings.mission_error import MissionError
 from lab.sensors.suite import SensorSuite
-from lab.truth.trajectory import Trajectory
 from tests.sensor_logs import Tables, tables, write
 
 MISSIONS = {"montreal": (20.0, 120.0), "los_angeles": (5.0, 100.0), "pacific": (5.0, 105.0)}

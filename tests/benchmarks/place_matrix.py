@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from lab.experiment import Experiment
-from lab.recordings.flight_csv import write_flight_csv
-from lab.recordings.recording import Recording
-from lab.result import Result
-from lab.stages import CACHE
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.recording import Recording
 
 SEEDS = 4
 RATE = 50.0

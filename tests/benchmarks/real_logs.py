@@ -21,20 +21,20 @@ from typing import cast
 
 import numpy as np
 
-from lab.analysis import trial
-from lab.experiment import Experiment
-from lab.experiment_settings import ExperimentSettings
-from lab.identification.factors import scaled
-from lab.identification.identify import LARGEST_PART, SETTLING
-from lab.identification.renavigation import Subject, subject
-from lab.identification.withheld import held_out, outages
-from lab.log_result import LogResult
+from lab.analysis.identification.factors import scaled
+from lab.analysis.identification.identify import LARGEST_PART, SETTLING
+from lab.analysis.identification.renavigation import Subject, subject
+from lab.analysis.identification.withheld import held_out, outages
+from lab.analysis.verdicts import trial
+from lab.base.files.mission_error import MissionError
+from lab.experiment.experiment import Experiment
+from lab.experiment.log_result import LogResult
 from lab.missions.catalogue import mission
 from lab.missions.flight_import import read_log
 from lab.missions.library import add_log
 from lab.missions.mission import Mission
 from lab.missions.mission_name import suggested_name
-from lab.recordings.mission_error import MissionError
+from lab.run.experiment_settings import ExperimentSettings
 from tests.sensor_logs import described
 
 GATES = (0.99, 0.995, 0.999, 0.9999)

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 import lab
 from lab.analysis.consistency import normalised_squares, uncertain
 from lab.analysis.errors import error_state
-from lab.navigation import blocks
+from lab.experiment.result import Result
+from lab.navigation.filters import blocks
 from lab.navigation.settings import NavigatorSettings
-from lab.result import Result
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from aided_flights import flight, standing, winding_road

@@ -7,7 +7,7 @@ import time
 import pytest
 from live_streams import fixes, motion
 
-from lab.live.decoders.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
 

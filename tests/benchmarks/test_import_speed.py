@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.data.formats import read_raw
 from lab.missions import Recording, mission, prepare_import, write_flight_csv
-from lab.readers import read_raw
 
 TESTS = Path(__file__).parents[1]
 sys.path.append(str(TESTS))

@@ -19,7 +19,7 @@ import pytest
 from playwright.sync_api import Page
 
 from dashboards.devices import STATIONS
-from lab.live.recorded_log import recorded_samples
+from lab.data.streams.recorded_log import recorded_samples
 from tests.benchmarks.test_live_speed import delays_of_navigator, device
 from tests.browser.conftest import IDLE, ROOT, chromium, free_port, new_context
 

@@ -19,11 +19,11 @@ import psutil
 import pytest
 
 import lab.live
+from lab.data.streams.recorded_log import recorded_samples
+from lab.data.streams.ring import ROOM
+from lab.data.streams.source_status import LOST, STALE
 from lab.live.live_navigator import LiveNavigator
-from lab.live.recorded_log import recorded_samples
-from lab.live.ring import ROOM
-from lab.live.simulated_transport import SimulatedTransport
-from lab.live.source_status import LOST, STALE
+from lab.live.simulated.simulated_transport import SimulatedTransport
 from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

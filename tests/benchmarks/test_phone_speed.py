@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from played_phone import JSON, batch, request, untrusting
 
-from lab.live.decoders.phone import PhoneDecoder
-from lab.live.samples import joined
-from lab.phone.hub import PhoneHub
-from lab.phone.server import PhoneServer
+from lab.data.protocols.phone import PhoneDecoder
+from lab.data.protocols.samples import joined
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.server import PhoneServer
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
 

@@ -26,18 +26,18 @@ from numpy.typing import NDArray
 from sized_models import with_states
 
 from lab.analysis.errors import position_error
-from lab.ensembles import seeds as many_seeds
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.base.parameters.units import si
+from lab.experiment.ensembles import seeds as many_seeds
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE, start
+from lab.experiment.variants import compile_lanes
 from lab.missions import fly, mission
-from lab.navigation import unscented
 from lab.navigation.belief import belief
-from lab.navigation.error_models import MODELS
+from lab.navigation.filters import unscented
+from lab.navigation.filters.error_models import MODELS
 from lab.navigation.navigator import Fixes, Imu, navigate
-from lab.parameters.units import si
-from lab.result import Result
-from lab.stages import CACHE, start
-from lab.variants import compile_lanes
 
 pytestmark = pytest.mark.benchmark
 

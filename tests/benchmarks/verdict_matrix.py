@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from lab.analysis.finding import Verdict
-from lab.stages import CACHE
+from lab.analysis.verdicts.finding import Verdict
+from lab.experiment.stages import CACHE
 from tests.benchmarks.faults import FAULTS, GRADES, MISSIONS, Fault, experiment
 
 MATCHED = "matched"

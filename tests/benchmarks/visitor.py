@@ -13,7 +13,7 @@ from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from dashboards.settings_panel import COMMON, SECTIONS
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 
 PLOTS = 60_000
 """Bytes of numbers in the nine plots of errors, at least: 28 columns of 666 numbers are 75 kB."""

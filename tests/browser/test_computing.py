@@ -11,9 +11,9 @@ from bokeh.document import Document
 
 from dashboards import computing, session
 from dashboards.computing import LatestWins, Outcome, run
-from lab.experiment import Experiment
+from lab.base.progress import Progress
+from lab.experiment.experiment import Experiment
 from lab.missions import MissionError
-from lab.progress import Progress
 
 PATIENCE = 60
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from dashboards.computing import SupersededError
 from dashboards.ensembles import ensemble
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from tests.browser.conftest import wait_for
 
 pytestmark = pytest.mark.browser

@@ -12,9 +12,9 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 from xplane_sender import XPlaneSender
 
+from lab.data.protocols.catalogue import ENCODERS
 from lab.flying.airports import runway
-from lab.live.decoders.catalogue import ENCODERS
-from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 from lab.missions.library import delete_mission
 from tests.browser.conftest import RANGE_END, wait_for

@@ -15,7 +15,7 @@ from bokeh.resources import INLINE
 from playwright.sync_api import Browser, expect
 
 from lab import Experiment
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.allan import AllanFigures
 from lab.views.explorer import ROW, Explorer
 from lab.views.notebook_theme import follow_theme

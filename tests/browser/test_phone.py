@@ -18,11 +18,11 @@ from conftest import HARMLESS, new_context
 from live_streams import decoded
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from lab.live.decoders.phone import PhoneDecoder
-from lab.live.samples import Samples
-from lab.phone.hub import PhoneHub
-from lab.phone.server import PhoneServer
-from lab.phone.transport import PhoneTransport
+from lab.data.protocols.phone import PhoneDecoder
+from lab.data.protocols.samples import Samples
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.server import PhoneServer
+from lab.live.phone.transport import PhoneTransport
 
 pytestmark = pytest.mark.browser
 

@@ -25,7 +25,7 @@ from PIL import Image, ImageStat
 from playwright.sync_api import Browser, Page, expect
 
 import lab
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from tests.browser.conftest import ROOT, new_context, wait_for
 
 # Looked for, and not imported: that takes a second in each process that collects tests.

@@ -18,8 +18,8 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
+from lab.base.parameters.toml_file import MAX_BYTES
 from lab.missions import add_mission, mission
-from lab.parameters.toml_file import MAX_BYTES
 from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, wait_for
 from tests.browser.test_page_walk import walk
 

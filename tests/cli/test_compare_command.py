@@ -22,7 +22,7 @@ def test_models_are_compared_on_the_same_flights() -> None:
 
 
 def test_all_models_are_compared_where_none_is_named() -> None:
-    from lab.ensembles.comparison import models
+    from lab.experiment.ensembles.comparison import models
 
     answer = ask("compare", "los_angeles", "--json")
     assert [row["model"] for row in json.loads(answer.stdout)] == list(models())

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from asking import ask, refused
 
-from lab.live.decoders.catalogue import ENCODERS
-from lab.live.raw_recording import RawWriter
-from lab.live.simulated_flight import SimulatedFlight
-from lab.live.transport import Chunk
+from lab.data.protocols.catalogue import ENCODERS
+from lab.data.streams.raw_recording import RawWriter
+from lab.data.streams.transport import Chunk
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import missions
 
 END = 60.0

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 
-from lab.live import recorded_log
-from lab.live.recorded_log import recorded_samples
-from lab.live.simulated_device import SimulatedDevice
+from lab.data.streams import recorded_log
+from lab.data.streams.recorded_log import recorded_samples
+from lab.live.simulated.simulated_device import SimulatedDevice
 from lab.missions import mission
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 
+from lab.base.files import named_columns
 from lab.flying.simulated_aircraft import SimulatedAircraft
 from lab.missions import add_mission, mission
-from lab.recordings import named_columns
 
 
 def test_missions_are_a_table() -> None:

@@ -18,7 +18,7 @@ import pytest
 from asking import ask, refused
 
 from lab.cli import record
-from lab.importing import xplane_live
+from lab.data.streams import xplane_live
 from lab.missions import Recording, mission
 
 sys.path.append(str(Path(__file__).parents[1]))

@@ -11,7 +11,7 @@ from asking import ask, refused
 from polar_flights import over_the_pole
 
 from lab.missions import mission
-from lab.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.flight_csv import write_flight_csv
 
 
 def test_a_run_shows_its_errors_as_an_aligned_table() -> None:

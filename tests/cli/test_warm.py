@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from asking import ask
 
-from lab import variants
+from lab.experiment import variants
 
 
 def test_warm_reports_how_many_combinations_are_ready(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from walking import Walk, walking
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.library import add_mission
-from lab.recordings.flight_csv import read_flight_csv
+from lab.motion.recordings.flight_csv import read_flight_csv
 from tests.aided_flights import winding_road
 
 

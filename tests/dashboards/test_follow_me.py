@@ -20,9 +20,9 @@ from dashboards.teaching.class_register import CLASSES
 from dashboards.teaching.school_class import SchoolClass
 from dashboards.teaching.student_bar import ENDED, FOLLOWING, KEPT, OWN_WAY, StudentBar
 from dashboards.teaching.teacher_bar import TeacherBar
-from lab.experiment import Experiment
-from lab.gallery.faults import FAULTS
-from lab.stages import CACHE
+from lab.classroom.gallery.faults import FAULTS
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 
 FLIGHT = {"mission": "los_angeles", "trajectory": {"imu_rate": 20}}
 NOISE = "navigator.q_scale"

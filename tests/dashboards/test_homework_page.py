@@ -14,9 +14,9 @@ from walking import Walk, walking
 from dashboards import classroom
 from dashboards.exchange import Address, homework_of_query
 from dashboards.pages.lessons.homework_part import IS_OFF
-from lab.experiment import Experiment
-from lab.homework.hand_in import open_hand_in
-from lab.homework.homework_file import Keyed, homework_text, make_homework, write_key
+from lab.classroom.homework.hand_in import open_hand_in
+from lab.classroom.homework.homework_file import Keyed, homework_text, make_homework, write_key
+from lab.experiment.experiment import Experiment
 
 SOURCE = """title = "Find <b>it</b>"
 text = "<script>x</script> and $R$"

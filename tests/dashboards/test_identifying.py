@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from walking import PAUSE, Walk, walking
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 
 
 @pytest.fixture

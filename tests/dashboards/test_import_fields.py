@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from dashboards.pages.missions.import_fields import ColumnField
+from lab.data.formats import read_raw
 from lab.missions import MissionError
-from lab.readers import read_raw
 
 
 def field_of(*names: str) -> tuple[ColumnField, list[str]]:

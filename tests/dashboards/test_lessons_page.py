@@ -12,9 +12,9 @@ from walking import Walk, walking
 
 from dashboards import classroom
 from dashboards.pages.lessons.lessons import FAULT_IS_OFF, OLD_RESULT
-from lab.experiment import Experiment
-from lab.gallery.faults import FAULTS
-from lab.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.experiment.experiment import Experiment
 
 OWN = """
 title = "Of <b>mine</b>"

@@ -12,12 +12,12 @@ from dashboards.devices import STATIONS
 from dashboards.pages.live.axes_part import OTHERS_AXES
 from dashboards.pages.live.live import ALLAN, ERRORS, NOT_ANY_MORE, TWIN
 from dashboards.pages.live.source_fields import PHONE, WATCHED
-from lab.live.axis_check import CheckedAxes
-from lab.live.axis_map import AxisMap
+from lab.data.streams.axis_map import AxisMap
+from lab.live.bench.axis_check import CheckedAxes
 from lab.live.owner import Visitor
+from lab.live.phone.phone import INVITED
 from lab.live.stations import ENDED
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.phone.phone import INVITED
 from tests.dashboards.test_live_page import Opened, columns, wait_until_nothing_is_left
 
 

@@ -19,11 +19,11 @@ from dashboards.pages.live import Live
 from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
 from dashboards.serve_command import free_port
 from dashboards.session import Session
+from lab.data.streams.source_status import LOST, STREAMING
+from lab.data.streams.transport import TransportError
 from lab.live.owner import Visitor
-from lab.live.source_status import LOST, STREAMING
 from lab.live.station import Station
 from lab.live.stations import Stations
-from lab.live.transport import TransportError
 from lab.views.figures import TimeAxis
 
 PATIENCE = 120.0

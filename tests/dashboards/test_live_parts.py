@@ -11,15 +11,15 @@ from bokeh.document.events import DocumentChangedEvent
 
 import dashboards.pages.live.allan_part as allan_module
 import dashboards.pages.live.twin_part as twin_part_module
-import lab.live.growing_allan as growing_module
+import lab.live.bench.growing_allan as growing_module
 import lab.live.twin as twin_module
 from dashboards import devices
 from dashboards.devices import allow_devices
 from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, SLOWEST, TWIN
-from lab.live.axis_map import AxisMap
+from lab.base.parameters.toml_file import parse_toml
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.source_status import LOST
 from lab.live.live_errors import joined
-from lab.live.source_status import LOST
-from lab.parameters.toml_file import parse_toml
 from lab.sensors.cards import read_cards
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
 

@@ -13,12 +13,12 @@ import dashboards.pages.live.live as live_module
 from dashboards import devices, visitors
 from dashboards.devices import allow_devices
 from dashboards.pages.live.recorder import Recorder
-from lab.live import unfinished
-from lab.live.raw_recording import SUFFIX
-from lab.live.recorded_log import recorded_samples
-from lab.live.source_status import LOST
+from lab.data.log import sensor_log
+from lab.data.streams import unfinished
+from lab.data.streams.raw_recording import SUFFIX
+from lab.data.streams.recorded_log import recorded_samples
+from lab.data.streams.source_status import LOST
 from lab.live.station import Station
-from lab.logs import sensor_log
 from lab.missions import mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.log_mission import LogMission
@@ -248,7 +248,7 @@ def test_what_a_full_disk_lost_is_told_with_the_mission(
     writer = station.source._writer
     assert writer is not None
     if ends_by_itself:
-        monkeypatch.setattr("lab.live.raw_recording.SPARE", 1 << 62)  # no disk has so much
+        monkeypatch.setattr("lab.data.streams.raw_recording.SPARE", 1 << 62)  # no disk has so much
         one.until(lambda: "in the library" in said(one))
         assert "are free on the disk" in said(one)
     else:

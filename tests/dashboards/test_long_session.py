@@ -11,8 +11,9 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import PAUSE, Walk, walking
 
-from lab import histories, stages
-from lab import run as arrays
+from lab.base import histories
+from lab.experiment import stages
+from lab.run import run as arrays
 
 PATIENCE = 300.0
 """Longest time that a run may take [s]; the first one compiles its kernels."""

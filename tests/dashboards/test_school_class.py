@@ -23,8 +23,8 @@ from dashboards.teaching.school_class import (
     ClassError,
     Seat,
 )
-from lab.experiment import Experiment
-from lab.lessons.catalogue import Catalogue
+from lab.classroom.lessons.catalogue import Catalogue
+from lab.experiment.experiment import Experiment
 
 LESSON = ("shipped", "a")
 

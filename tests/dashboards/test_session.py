@@ -8,9 +8,9 @@ import pytest
 from bokeh.document import Document
 
 from dashboards.session import Session
-from lab.experiment import Experiment
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
 from lab.missions import missions
-from lab.parameters.settings import SettingError
 
 
 @pytest.fixture

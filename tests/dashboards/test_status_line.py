@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dashboards.pages.live.status_line import StatusLine
-from lab.live.intake import Counts
+from lab.data.streams.intake import Counts
+from lab.data.streams.source_status import LOST, STREAMING, Status
 from lab.live.live_state import LiveState
-from lab.live.source_status import LOST, STREAMING, Status
 
 FILLED = "1 gap of the IMU was filled linearly with 20 samples; the filter got large variances there."
 

@@ -17,10 +17,10 @@ from dashboards.page import PAGES
 from dashboards.pages.base import Page
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.time_plots import Covariance, Errors, Height
-from lab.analysis.verdict import Verdict
-from lab.ensembles import seeds
-from lab.ensembles.ensemble import Ensemble
-from lab.experiment import Experiment
+from lab.analysis.verdicts.verdict import Verdict
+from lab.experiment.ensembles import seeds
+from lab.experiment.ensembles.ensemble import Ensemble
+from lab.experiment.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import cards
 

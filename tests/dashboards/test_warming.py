@@ -9,7 +9,7 @@ import time
 import pytest
 
 from dashboards.warming import Warming
-from lab.compiling.compiled_cache import LOWEST_PRIORITY
+from lab.base.compiling.compiled_cache import LOWEST_PRIORITY
 
 PATIENCE = 60.0
 """Longest time until the process has read its imports [s]."""

@@ -23,8 +23,8 @@ from dashboards.page import PAGES, SimulatorPage
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
 from dashboards.upstream.server import speed_up
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 
 PATIENCE = 600.0
 """Longest time a page may take to work out what it shows [s]; the first time its kernels are compiled."""

@@ -8,11 +8,11 @@ from flights import circle
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.flying.coordinated_turn import FLYING, ROLLING, STANDSTILL, TAXIING, attitude
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.frames.rotation import wrap
 from lab.missions import Recording, mission
-from lab.truth.trajectory import Trajectory
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Trajectory
 
 
 def turning(speed: float, rate: float, climb: float = 0.0, step: float = 0.1, seconds: float = 60.0):

@@ -17,6 +17,8 @@ import pymap3d
 import pytest
 from scipy.interpolate import CubicSpline
 
+from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.parameters.toml_file import toml_text
 from lab.flying.simulated_aircraft import Instruments, SimulatedAircraft
 from lab.missions import (
     FlightPlan,
@@ -29,8 +31,6 @@ from lab.missions import (
     shipped_folder,
     write_flight_csv,
 )
-from lab.parameters.toml_file import toml_text
-from lab.recordings.folder_lock import LOCK_FILE
 
 pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
 

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.base.parameters.toml_file import toml_text
 from lab.flying.aircraft import AIRCRAFT
 from lab.flying.flight_plan import AirStart, Runway
 from lab.flying.manoeuvres import MANOEUVRES, Climb, Descend, Hold, TakeOff, Turn
 from lab.flying.plan_table import entries
 from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan, MissionError
-from lab.parameters.toml_file import toml_text
 
 PLAN = {
     "duration_s": 60,

@@ -19,8 +19,8 @@ from lab.flying.geodesic import geodesic
 from lab.flying.path_profile import Turn, step, step_integral, step_slope
 from lab.flying.plan_kinds import read_plan
 from lab.flying.waypoints import WaypointPlan
-from lab.frames.rotation import wrap
 from lab.missions import MissionError, Recording, fly
+from lab.motion.frames.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from processor_time import takes_less_than
 from writers import WRITERS
 
+from lab.data.formats import HEAD_BYTES, READERS, Reader, read_raw
+from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import MissionError, Recording, mission
 from lab.missions.flight_import import prepare_import
-from lab.readers import HEAD_BYTES, READERS, Reader, read_raw
-from lab.repair.raw_flight import RawFlight
 
 SECONDS_PER_MEGABYTE = 5.0
 TIMES_THE_FILES = 10.0

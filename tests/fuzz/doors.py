@@ -27,7 +27,7 @@ from dashboards.log_limit import AT_ONCE, LONGEST, PER_SECOND
 from dashboards.page import PAGES
 from dashboards.pages.time_plots import Errors
 from dashboards.pages.view_3d import View3D
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from tests.security.conftest import Served, Visitor
 from tests.security.watch import WAIT, as_map, say, watched
 

@@ -146,7 +146,7 @@ def by_atheris(name: str, seconds: float) -> int:
     """Attack a reader with inputs led by the branches it takes; does not return."""
     import atheris
 
-    with atheris.instrument_imports(include=["lab.readers"]):
+    with atheris.instrument_imports(include=["lab.data"]):
         from attack import attack, seeds
 
     files = seeds(name, 2.5)

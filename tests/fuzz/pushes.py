@@ -26,14 +26,14 @@ from fuzz.mutations import mutated
 from fuzz.streams import attack_decoder
 from played_phone import Played, batch, request, untrusting
 
-from lab.live.decoders.catalogue import decoder_of
-from lab.live.decoders.phone_line import LONGEST
-from lab.live.sensor_server import KINDS, SensorServerTransport
-from lab.phone.app_request import app_request_of
-from lab.phone.hub import PhoneHub
-from lab.phone.page_request import page_request_of
-from lab.phone.phone import Phone
-from lab.phone.server import PhoneServer
+from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.phone_line import LONGEST
+from lab.data.streams.sensor_server import KINDS, SensorServerTransport
+from lab.live.phone.app_request import app_request_of
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.page_request import page_request_of
+from lab.live.phone.phone import Phone
+from lab.live.phone.server import PhoneServer
 
 START = 1698501144401773000  # ns since 1970
 STEP = 10_000_000  # ns

@@ -16,9 +16,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from live_streams import fixes, motion
 
-from lab.live.decoders.catalogue import DECODERS, ENCODERS, decoder_of
-from lab.live.decoders.limits import Limits
-from lab.live.samples import FIX, IMU, READING, Samples
+from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.data.protocols.limits import Limits
+from lab.data.protocols.samples import FIX, IMU, READING, Samples
 
 DECODER_NAMES = {f"live {name}": name for name in DECODERS}
 """Name of each decoder, by that under which it is attacked."""
@@ -50,7 +50,7 @@ def unchecked() -> Iterator[None]:
     with ExitStack() as stack:
         for file, name, answer in _CHECKS:
             stack.enter_context(
-                mock.patch(f"lab.live.decoders.{file}.{name}", mock.Mock(return_value=answer))
+                mock.patch(f"lab.data.protocols.{file}.{name}", mock.Mock(return_value=answer))
             )
         yield
 

@@ -12,10 +12,10 @@ from attack import BY_NAME, attack, rebuild, seeds
 from mutations import mutated
 from writers import WRITERS
 
+from lab.base.files.decompression import whole
+from lab.base.files.text_blocks import TextBlocks
+from lab.data.formats import read_raw
 from lab.missions import MissionError
-from lab.readers import read_raw
-from lab.recordings.decompression import whole
-from lab.recordings.text_blocks import TextBlocks
 
 ATTACKS = 30
 

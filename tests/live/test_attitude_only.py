@@ -9,8 +9,8 @@ import pytest
 from live_batch import NO_FIXES, navigator
 from live_rows import HOST, driven, feed, handled, standing
 
-from lab.frames.rotation import wrap
 from lab.live.live_navigator import LiveNavigator
+from lab.motion.frames.rotation import wrap
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite

@@ -8,13 +8,13 @@ from types import BuiltinFunctionType, FunctionType, ModuleType
 import numpy as np
 import pytest
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.live import open as open_source
 from lab.live.live_state import HistoryCursor
-from lab.live.simulated_device import SimulatedDevice
-from lab.live.simulated_flight import SimulatedFlight
-from lab.live.simulated_link import local_link
-from lab.live.simulated_transport import SimulatedTransport
-from lab.live.source_opening import open_source
+from lab.live.simulated.simulated_device import SimulatedDevice
+from lab.live.simulated.simulated_flight import SimulatedFlight
+from lab.live.simulated.simulated_link import local_link
+from lab.live.simulated.simulated_transport import SimulatedTransport
 from lab.live.station import Station
 from lab.missions import MissionError
 

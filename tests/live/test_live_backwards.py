@@ -11,15 +11,15 @@ import pytest
 from live_batch import assert_equal, navigator, suite
 from live_rows import HOST, RATE, driven, feed, ramp
 
-from lab.frames.rotation import wrap
-from lab.live.live_log import log_of
+from lab.data.streams.live_log import log_of
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor
 from lab.missions import Recording
-from lab.navigation.initial_heading import FORWARD_SPEED
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Trajectory
+from lab.navigation.alignment.initial_heading import FORWARD_SPEED
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.truth.trajectory import Trajectory
 
 FORWARD = 40.0
 """Time at which the vehicle begins to move forward [s]."""

@@ -8,13 +8,13 @@ from live_batch import assert_equal, navigator, random_pieces, recorded, suite
 from live_rows import driven, feed
 
 import lab.live
-from lab.live.live_log import log_of
-from lab.live.pressure import Heights
-from lab.live.recorded_log import log_of_recording
-from lab.live.timed_samples import TIMED_IMU
-from lab.logs.pressure_height import height_of, pressure_at
-from lab.logs.sensor_log_csv import read_sensor_log
-from lab.logs.sensor_log_writer import write_sensor_log
+from lab.data.clock.timed_samples import TIMED_IMU
+from lab.data.files.sensor_log_csv import read_sensor_log
+from lab.data.files.sensor_log_writer import write_sensor_log
+from lab.data.log.pressure_height import height_of, pressure_at
+from lab.data.streams.live_log import log_of
+from lab.data.streams.pressure import Heights
+from lab.data.streams.recorded_log import log_of_recording
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

@@ -10,8 +10,8 @@ from live_batch import assert_equal, navigator, random_pieces, recorded, suite
 from live_rows import HOST, driven, feed
 
 import lab.live
-from lab.live.live_log import log_of
-from lab.live.recorded_log import log_of_recording
+from lab.data.streams.live_log import log_of
+from lab.data.streams.recorded_log import log_of_recording
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 

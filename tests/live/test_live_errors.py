@@ -9,13 +9,13 @@ import pytest
 
 import lab.live
 from lab import Experiment
-from lab.frames.earth import radii
+from lab.data.streams.true_motion import TrueFlight
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor, LiveHistory
-from lab.live.simulated_flight import SimulatedFlight
-from lab.live.true_motion import TrueFlight
-from lab.truth.trajectory import Truth
+from lab.live.simulated.simulated_flight import SimulatedFlight
+from lab.motion.frames.earth import radii
+from lab.motion.truth.trajectory import Truth
 
 
 def circling(seconds: float = 10.0) -> Truth:

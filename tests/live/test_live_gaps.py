@@ -10,10 +10,10 @@ from live_batch import NO_FIXES, TOLERANCE, assert_equal, navigator, random_piec
 from live_rows import HOST, driven, feed
 
 import lab.live
-from lab.frames.displacement import metres_per_radian
-from lab.live.live_log import log_of
-from lab.live.recorded_log import log_of_recording, recorded_samples
-from lab.logs.log_section import piece
+from lab.data.log.log_section import piece
+from lab.data.streams.live_log import log_of
+from lab.data.streams.recorded_log import log_of_recording, recorded_samples
+from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card

@@ -7,10 +7,10 @@ import pytest
 from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import driven, feed, reading_rows
 
-from lab.live.live_log import log_of
-from lab.live.timed_samples import TIMED_READING
-from lab.logs.sensor_log_csv import read_sensor_log
-from lab.logs.sensor_log_writer import write_sensor_log
+from lab.data.clock.timed_samples import TIMED_READING
+from lab.data.files.sensor_log_csv import read_sensor_log
+from lab.data.files.sensor_log_writer import write_sensor_log
+from lab.data.streams.live_log import log_of
 from lab.navigation import aids
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings

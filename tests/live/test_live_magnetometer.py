@@ -8,10 +8,10 @@ from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import driven, feed
 from scipy.spatial.transform import Rotation
 
-from lab.frames.magnetic_field import magnetic_field
-from lab.live.live_log import log_of
-from lab.logs.sensor_log_csv import read_sensor_log
-from lab.logs.sensor_log_writer import write_sensor_log
+from lab.data.files.sensor_log_csv import read_sensor_log
+from lab.data.files.sensor_log_writer import write_sensor_log
+from lab.data.streams.live_log import log_of
+from lab.motion.frames.magnetic_field import magnetic_field
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

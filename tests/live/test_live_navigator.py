@@ -9,17 +9,17 @@ import pytest
 from live_batch import NO_FIXES, TOLERANCE, navigator, suite
 from live_rows import HOST, RATE, driven, feed
 
-from lab.frames.rotation import wrap
+from lab.base.parameters.settings import SettingError
+from lab.data.streams.axis_map import AxisMap
 from lab.live import live_navigator
-from lab.live.axis_map import AxisMap
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor
 from lab.live.live_stream import POSITION_LIMIT
 from lab.live.live_view import COASTS_AFTER
-from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated.simulated_flight import SimulatedFlight
+from lab.motion.frames.rotation import wrap
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
-from lab.parameters.settings import SettingError
 
 
 def test_fixes_that_stop_let_it_coast_until_the_position_means_nothing():

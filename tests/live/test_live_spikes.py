@@ -7,7 +7,7 @@ import pytest
 from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import driven, feed
 
-from lab.live.live_log import log_of
+from lab.data.streams.live_log import log_of
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from lab import Experiment
-from lab.live.live_log import log_of
+from lab.data.log.sensor_log import SensorLog
+from lab.data.streams.live_log import log_of
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_verdict import verdict_of
-from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.live.stream_settings import stream_settings
-from lab.logs.sensor_log import SensorLog
 
 LENGTH = 120.0
 """Length of the stream [s]: what a live navigator keeps."""

@@ -9,8 +9,8 @@ import pytest
 from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import HOST, driven, feed
 
-from lab.live.live_log import log_of
-from lab.logs.pressure_height import pressure_at
+from lab.data.log.pressure_height import pressure_at
+from lab.data.streams.live_log import log_of
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 

@@ -9,10 +9,10 @@ from typing import cast
 
 import pytest
 
+from lab.data.streams.transport import TransportError
 from lab.live.owner import Owner, Visitor
 from lab.live.station import Station
 from lab.live.stations import ENDED, MOST, MOST_OF_ONE, Stations
-from lab.live.transport import TransportError
 
 PATIENCE = 60.0
 ANN = Visitor("ann", "abc", counted="ann")

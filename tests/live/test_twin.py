@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 import lab.live.twin as twin_module
 from lab.analysis.rest import Record, card_of, with_noise
-from lab.experiment import Experiment
-from lab.live.live_log import log_of
-from lab.live.simulated_flight import SimulatedFlight
+from lab.data.streams.live_log import log_of
+from lab.experiment.experiment import Experiment
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card

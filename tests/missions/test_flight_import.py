@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from raw_flights import raw_of, weave, without
 from scipy.interpolate import CubicSpline
 
-from lab.frames.rotation import C_nb_from_euler
-from lab.importing import import_report
-from lab.importing.import_report import ImportReport
-from lab.importing.plausibility import motion, rate_agreement
-from lab.importing.sensor_noise import SensorNoise
+from lab.data.rebuild import import_report
+from lab.data.rebuild.import_report import ImportReport
+from lab.data.rebuild.plausibility import motion, rate_agreement
+from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.flight_import import prepare_flight
-from lab.repair.raw_flight import RawFlight
+from lab.motion.frames.rotation import C_nb_from_euler
+from lab.sensors.sensor_noise import SensorNoise
 
 EVEN = np.arange(2000) * 0.05
 

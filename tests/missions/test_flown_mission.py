@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from lab.base.files.folder_lock import LOCK_FILE
 from lab.missions import Flight, MissionError, add_mission, describe_mission, fly, fly_mission, mission
 from lab.missions import flown_mission as writer
 from lab.missions import library as shelf
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.recordings.folder_lock import LOCK_FILE
 
 # Carried out by the lab itself: JSBSim is not needed.
 PLAN = """\

@@ -16,6 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_logs import tables, write
 
+from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.parameters.toml_file import MAX_BYTES
 from lab.missions import (
     MissionError,
     add_log,
@@ -37,8 +39,6 @@ from lab.missions.library import (
 )
 from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name, without_archive
-from lab.parameters.toml_file import MAX_BYTES
-from lab.recordings.folder_lock import LOCK_FILE
 
 PLAN = tomllib.loads((shipped_folder() / "montreal.toml").read_text(encoding="utf-8"))["flight"]
 

@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from writers import WRITERS, ardupilot, mavlink, ulog
 
-from lab.frames import ecef
-from lab.frames.rotation import wrap
+from lab.data.formats import read_raw
 from lab.missions import Recording, mission
 from lab.missions.flight_import import prepare_import
-from lab.readers import read_raw
-from lab.truth.trajectory import Trajectory, Truth
+from lab.motion.frames import ecef
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Trajectory, Truth
 
 TIMES = np.arange(3.0, 200.0, 0.05)
 

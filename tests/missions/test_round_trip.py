@@ -14,10 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from writers import WRITERS
 
-from lab.frames import ecef
+from lab.data.formats import READERS, read_raw, reader_of
 from lab.missions import mission, prepare_import
-from lab.readers import READERS, read_raw, reader_of
-from lab.truth.trajectory import Trajectory
+from lab.motion.frames import ecef
+from lab.motion.truth.trajectory import Trajectory
 
 RATE = 100.0
 TIMES = np.arange(2.0, 203.0, 0.05)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.errors import attitude_error, position_error
-from lab.result import Result
+from lab.experiment.result import Result
 
 
 def apart(one: Result, other: Result) -> NDArray[np.float64]:

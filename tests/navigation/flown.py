@@ -6,8 +6,8 @@ import functools
 from typing import NamedTuple
 
 from lab.missions import mission
+from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.navigation.navigator import Imu
-from lab.truth.trajectory import Trajectory, Truth
 
 
 class Flown(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.frames.rotation import wrap
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import wrap
 from lab.navigation.navigator import Belief, Fixes, Imu, Solution, Start, navigate
 
 FloatArray = NDArray[np.float64]

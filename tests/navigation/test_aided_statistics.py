@@ -14,9 +14,9 @@ from scipy import stats
 from lab import Experiment
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.errors import error_state
-from lab.navigation import blocks
+from lab.experiment.result import Result
 from lab.navigation.aids import NORTHWARD
-from lab.result import Result
+from lab.navigation.filters import blocks
 
 FloatArray = NDArray[np.float64]
 

@@ -12,24 +12,25 @@ from motions import NO_FILTER
 from scipy.spatial.transform import Rotation
 
 from lab import Experiment
-from lab.analysis.finding import Change
-from lab.analysis.trial import advised
-from lab.ensembles.seeds import run_ensemble
-from lab.frames.rotation import wrap
-from lab.memory import bytes_per_aid
-from lab.navigation import aids, blocks, navigator, observation, reference_aids, strapdown, wander
+from lab.analysis.verdicts.finding import Change
+from lab.analysis.verdicts.trial import advised
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.motion.frames.rotation import wrap
+from lab.navigation import aids, navigator, reference_aids, strapdown, wander
 from lab.navigation.aiding import KINDS, aids_of, most_aids
-from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
-from lab.navigation.driver import Advance, driver
-from lab.navigation.error_models import MODELS, ErrorModel
-from lab.navigation.filter import Filter
+from lab.navigation.filters import blocks, observation
+from lab.navigation.filters.blocks import BLOCKS, count, first_state, in_order, places
+from lab.navigation.filters.error_models import MODELS, ErrorModel
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.north_slaved import north_axes
+from lab.navigation.filters.wander_models import PSI
 from lab.navigation.frames import keep_radii
-from lab.navigation.further_columns import with_blocks
-from lab.navigation.generation import interpreted
-from lab.navigation.north_slaved import north_axes
-from lab.navigation.propagation import layout_constants
+from lab.navigation.kernels.driver import Advance, driver
+from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.propagation import layout_constants
 from lab.navigation.solution import Imu, Solution, Start
-from lab.navigation.wander_models import PSI
+from lab.run.memory import bytes_per_aid
 from lab.sensors.readings import Readings
 
 RATE = 50.0

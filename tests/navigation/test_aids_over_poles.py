@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from polar_flights import FLIGHTS, over_the_pole
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
+from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.navigation import aids
-from lab.recordings.flight_csv import write_flight_csv
-from lab.stages import CACHE
 
 SEEDS = 6
 SENSORS = {

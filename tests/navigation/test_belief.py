@@ -8,9 +8,9 @@ from scipy.linalg import expm, solve_continuous_are
 
 from lab import Experiment
 from lab.analysis import error_sources
+from lab.base.parameters.units import si
 from lab.navigation.belief import FLICKER_AFTER_REST, belief, bias_process, bias_processes, flicker_process
 from lab.navigation.settings import NavigatorSettings
-from lab.parameters.units import si
 from lab.sensors.cards import card
 from lab.sensors.imu import GyroErrors
 from lab.sensors.processes import flicker

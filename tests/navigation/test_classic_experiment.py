@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
-from lab.experiment import Experiment
-from lab.stages import CACHE
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 import lab.missions
 from lab.analysis.errors import attitude_error, position_error
 from lab.flying.plan_kinds import read_plan
-from lab.frames import earth, rotation
+from lab.motion.frames import earth, rotation
+from lab.motion.recordings.recording import Recording
+from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
-from lab.recordings.recording import Recording
-from lab.truth.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from sized_models import with_states
 
-from lab.frames import earth
+from lab.motion.frames import earth
 from lab.navigation import reference, strapdown
-from lab.navigation.error_models import (
+from lab.navigation.filters.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
     ATT,

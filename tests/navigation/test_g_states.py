@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.analysis.imu_causes import _system_matrix
-from lab.navigation import blocks, strapdown
-from lab.navigation.error_models import ATT, GYRO_BIAS, MODELS
-from lab.navigation.further_columns import with_blocks
-from lab.navigation.observation import felt_by_gyro
+from lab.analysis.verdicts.imu_causes import _system_matrix
+from lab.navigation import strapdown
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ATT, GYRO_BIAS, MODELS
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.observation import felt_by_gyro
 from lab.navigation.solution import Belief
 
 FloatArray = NDArray[np.float64]

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.navigation import generation
-from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
-from lab.navigation.generation import Redecorated, Slot, Variant, Written, generated, interpreted
+from lab.navigation.kernels import generation
+from lab.navigation.kernels.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.kernels.generation import Redecorated, Slot, Variant, Written, generated, interpreted
 
 SIZE = 3
 change = Slot("change")
@@ -111,7 +111,7 @@ def test_plain_python_calls_nothing_that_is_compiled() -> None:
 
 
 LAID_OUT = """
-from lab.navigation.compilation import kernel
+from lab.navigation.kernels.compilation import kernel
 SIZE = 3
 
 @kernel
@@ -174,8 +174,8 @@ def test_a_source_that_changed_meanwhile_is_refused(tmp_path: Path, monkeypatch:
 STEPPED = """
 import numpy as np
 from lab.navigation import unscented
-from lab.navigation.driver import driver
-from lab.navigation.error_models import PHI
+from lab.navigation.kernels.driver import driver
+from lab.navigation.filters.error_models import PHI
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Belief, Fixes, Imu, Start
 rng = np.random.default_rng(1)

@@ -11,13 +11,13 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, Tables, tables, write
 
-from lab.frames import earth
-from lab.frames.magnetic_field import magnetic_declination
-from lab.frames.rotation import euler_from_quaternion, wrap
-from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
-from lab.logs.velocity_matching import match, turned, window_of
+from lab.data.checks.velocity_matching import match, turned, window_of
+from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.missions import read_sensor_log
-from lab.navigation.initial_heading import Found, Hints, surest
+from lab.motion.frames import earth
+from lab.motion.frames.magnetic_field import magnetic_declination
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
+from lab.navigation.alignment.initial_heading import Found, Hints, surest
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.navigation.alignment import level
+from lab.navigation.alignment.alignment import level
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
-from lab.experiment import Experiment
-from lab.frames import earth
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
+from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
-from lab.navigation.blocks import SCALES, places
-from lab.navigation.generation import Variant, interpreted
+from lab.navigation.filters.blocks import SCALES, places
+from lab.navigation.filters.sigma_points import displace
+from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
-from lab.navigation.sigma_points import displace
 from lab.navigation.solution import Imu
-from lab.result import Result
-from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

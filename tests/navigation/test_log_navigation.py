@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from sensor_logs import LATENCY, POSITION, described, tables, write, write_csv
 
-from lab.analysis.evidence import evidence
 from lab.analysis.fix_causes import CAUSES
-from lab.frames import earth
-from lab.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
-from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.analysis.verdicts.evidence import evidence
+from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.missions import read_sensor_log
-from lab.navigation.alignment import EXACT, align, level
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.navigation.alignment.alignment import EXACT, align, level
 from lab.navigation.log_navigation import RecordedRun, navigate_log
 from lab.navigation.navigator import navigate
 from lab.navigation.settings import NavigatorSettings

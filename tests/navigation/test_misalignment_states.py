@@ -12,12 +12,21 @@ from scipy.stats import chi2
 
 from lab import Experiment, card
 from lab.analysis.errors import error_state
-from lab.navigation import blocks, strapdown
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, MODELS, VEL
-from lab.navigation.further_columns import with_blocks
+from lab.experiment.stages import CACHE
+from lab.navigation import strapdown
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import (
+    ACCEL_BIAS,
+    ACCEL_SCALE,
+    ATT,
+    GYRO_BIAS,
+    GYRO_SCALE,
+    MODELS,
+    VEL,
+)
+from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.lever_arm import see_antenna
 from lab.sensors.imu_errors import OFF_DIAGONAL
-from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

@@ -13,15 +13,15 @@ from scipy.stats import chi2
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
-from lab.experiment import Experiment
-from lab.frames.rotation import wrap
-from lab.navigation.error_models import MODELS
-from lab.navigation.kalman import gate
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE, start
+from lab.motion.frames.rotation import wrap
+from lab.motion.truth.trajectory import Truth
+from lab.navigation.filters.error_models import MODELS
+from lab.navigation.filters.kalman import gate
 from lab.navigation.navigator import Fixes, Imu, Schedule, navigate
-from lab.result import Result
 from lab.sensors.cards import card
-from lab.stages import CACHE, start
-from lab.truth.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 

@@ -10,14 +10,14 @@ from motions import NO_FILTER, NO_FIXES
 from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
-from lab.experiment import Experiment
-from lab.navigation.driver import driver
-from lab.navigation.error_models import PHI
-from lab.navigation.filter import Filter
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE, start
+from lab.navigation.filters.error_models import PHI
+from lab.navigation.filters.filter import Filter
+from lab.navigation.kernels.driver import driver
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS
-from lab.result import Result
-from lab.stages import CACHE, start
 
 FloatArray = NDArray[np.float64]
 

@@ -14,12 +14,14 @@ from lab import Experiment, run_ensemble
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
-from lab.navigation import blocks, own_room, own_states, strapdown, wander
-from lab.navigation.error_models import ATT, MODELS, VEL
-from lab.navigation.further_columns import with_blocks
-from lab.navigation.generation import interpreted
-from lab.navigation.own_states import declared_states
-from lab.parameters.settings import SettingError
+from lab.base.parameters.settings import SettingError
+from lab.navigation import strapdown, wander
+from lab.navigation.filters import blocks, own_states
+from lab.navigation.filters.error_models import ATT, MODELS, VEL
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.own_states import declared_states
+from lab.navigation.kernels import own_room
+from lab.navigation.kernels.generation import interpreted
 
 FloatArray = NDArray[np.float64]
 STEP = 1e-30

@@ -9,10 +9,10 @@ import pytest
 from apart import apart
 from place_flights import looping, moved
 
-from lab.experiment import Experiment
-from lab.navigation.error_models import MODELS
-from lab.recordings.flight_csv import write_flight_csv
-from lab.recordings.recording import Recording
+from lab.experiment.experiment import Experiment
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.recording import Recording
+from lab.navigation.filters.error_models import MODELS
 
 FLIGHTS = {
     "equator at the date line": moved(0.0, -180.0),

@@ -11,24 +11,24 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from sized_models import with_states
 
-from lab.navigation import kalman
+from lab.experiment.stages import start
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ATT, PHI, VEL
-from lab.navigation.filter import Filter
-from lab.navigation.generation import Variant, generated
-from lab.navigation.navigator import Fixes, Schedule, Solution, advance
-from lab.navigation.prediction import second_order
-from lab.navigation.propagation import (
+from lab.navigation.filters import kalman
+from lab.navigation.filters.error_models import ATT, PHI, VEL
+from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.prediction import second_order
+from lab.navigation.kernels.generation import Variant, generated
+from lab.navigation.kernels.propagation import (
     layout,
     layout_constants,
     propagate,
     propagate_over,
     propagation_of,
 )
+from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
-from lab.stages import start
 
 FloatArray = NDArray[np.float64]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.experiment import Experiment
-from lab.navigation import kalman
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.navigation.belief import schedule_of
-from lab.navigation.generation import interpreted
-from lab.navigation.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
-from lab.navigation.schedule import Schedule
+from lab.navigation.filters import kalman
+from lab.navigation.filters.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
+from lab.navigation.filters.schedule import Schedule
+from lab.navigation.kernels.generation import interpreted
 from lab.navigation.settings import NavigatorSettings
-from lab.result import Result
 
 
 def run(seed: int = 1, **settings: object) -> Result:

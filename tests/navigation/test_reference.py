@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sized_models import with_states
 
-from lab.experiment import Experiment
-from lab.frames import earth
-from lab.frames.rotation import wrap
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import start
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import wrap
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
-from lab.navigation.error_models import MODELS
+from lab.navigation.filters.error_models import MODELS
 from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps, imu
 from lab.sensors.suite import SensorSuite
-from lab.stages import start
 
 FloatArray = NDArray[np.float64]
 

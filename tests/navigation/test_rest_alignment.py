@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lab import Experiment, earth
-from lab.frames.rotation import quaternion_from_euler
-from lab.navigation import blocks
+from lab.base.parameters.units import STANDARD_GRAVITY, si
+from lab.motion.frames.rotation import quaternion_from_euler
+from lab.navigation.alignment.rest_alignment import Means, align, begin, usual
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
-from lab.navigation.rest_alignment import Means, align, begin, usual
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
 from lab.navigation.solution import Start
-from lab.parameters.units import si
 from lab.sensors import imu
 from lab.sensors.cards import card
 
@@ -205,7 +205,7 @@ def test_a_bias_found_at_rest_comes_with_the_sensitivity_that_is_in_it() -> None
         found = begin(true, true, experiment.sensors, experiment.navigator, seed)
         P0 = belief(experiment.sensors, experiment.navigator, found.P).P0
         x = np.zeros(P0.shape[0])
-        size = np.radians(0.05 * signs) / earth.STANDARD_GRAVITY
+        size = np.radians(0.05 * signs) / STANDARD_GRAVITY
         x[GYRO_BIAS] = found.gyro_bias - biases(experiment, seed)[0]
         x[felt] = -size
         seen = x[GYRO_BIAS] + x[felt] * force  # the error of the whole bias at rest: only the noise of it

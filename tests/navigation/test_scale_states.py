@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import error_state
-from lab.ensembles.comparison import models
-from lab.experiment import Experiment
+from lab.base.parameters.settings import SettingError
+from lab.experiment.ensembles.comparison import models
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ACCEL_SCALE, GYRO_SCALE
-from lab.parameters.settings import SettingError
-from lab.result import Result
-from lab.stages import CACHE
+from lab.navigation.filters.error_models import ACCEL_SCALE, GYRO_SCALE
 
 FloatArray = NDArray[np.float64]
 

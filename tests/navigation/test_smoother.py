@@ -14,20 +14,21 @@ from sized_models import with_states
 
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
-from lab.experiment import Experiment
-from lab.frames import earth
-from lab.frames.rotation import wrap
-from lab.navigation import smoother, strapdown
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import wrap
+from lab.navigation import strapdown
 from lab.navigation.belief import schedule_of
-from lab.navigation.error_models import PHI
+from lab.navigation.filters import smoother
+from lab.navigation.filters.error_models import PHI
+from lab.navigation.filters.schedule import Schedule
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import navigate
-from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
-from lab.parameters.settings import SettingError
-from lab.result import Result
-from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

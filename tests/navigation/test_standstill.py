@@ -11,13 +11,13 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.errors import error_state
-from lab.experiment import Experiment
-from lab.frames import earth
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.motion.frames import earth
 from lab.navigation import standstill, strapdown
-from lab.navigation.generation import interpreted
+from lab.navigation.kernels.generation import interpreted
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST, at_rest, standing_still
-from lab.result import Result
 
 HEADER = (
     "time_s,latitude_deg,longitude_deg,height_m,velocity_north_m_s,velocity_east_m_s,velocity_down_m_s,"

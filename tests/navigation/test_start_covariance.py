@@ -11,21 +11,22 @@ from live_rows import feed
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from lab.frames import earth
-from lab.frames.displacement import displaced, displacement
-from lab.frames.rotation import euler_from_quaternion, quaternion_from_euler
-from lab.live.live_log import log_of
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.log.vehicle import vehicle_of
+from lab.data.streams.live_log import log_of
 from lab.live.live_navigator import LiveNavigator
-from lab.logs.vehicle import vehicle_of
-from lab.navigation import blocks
-from lab.navigation.alignment import Alignment, align
+from lab.motion.frames import earth
+from lab.motion.frames.displacement import displaced, displacement
+from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler
+from lab.navigation.alignment.alignment import Alignment, align
+from lab.navigation.alignment.initial_heading import UNKNOWN, Hints
+from lab.navigation.alignment.start_covariance import start_covariance
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ACCEL_BIAS, ATT, POS, VEL
-from lab.navigation.initial_heading import UNKNOWN, Hints
+from lab.navigation.filters import blocks
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, POS, VEL
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Fixes, Imu, Start
-from lab.navigation.start_covariance import start_covariance
 from lab.sensors.suite import SensorSuite
 
 PLACE = np.array([np.radians(50.0), 0.2, 300.0])
@@ -60,7 +61,7 @@ def covariance(start: Alignment, arm=(0.0, 0.0, 0.0), names=(), suite=None, **se
 
 def test_levelled_tilts_are_the_biases_of_the_accelerometers():
     """Level and to the north, φ_N = −b_E / g and φ_E = b_N / g for the error of the estimate b."""
-    variance = (15e-3 * earth.STANDARD_GRAVITY) ** 2
+    variance = (15e-3 * STANDARD_GRAVITY) ** 2
     P = covariance(found((0, 0, 0), 1e-6, tilt=1e-4))
     tilt, across = P[ATT, ATT], P[ATT, ACCEL_BIAS]
     np.testing.assert_allclose(np.diag(tilt)[:2], variance / G**2 + 1e-8, rtol=1e-9)
@@ -75,7 +76,7 @@ def test_an_arm_that_points_anywhere():
     """Without a heading, north and east err by 1/√2 of the level part, and up by the tilts."""
     P = covariance(found((0, 0, 0.7), np.pi), ARM)
     level = np.hypot(*ARM[:2])
-    tilt = 15e-3 * earth.STANDARD_GRAVITY / G
+    tilt = 15e-3 * STANDARD_GRAVITY / G
     level_variance = NOISE[:2] ** 2 + level**2 / 2 + (ARM[2] * tilt) ** 2
     np.testing.assert_allclose(np.diag(P)[:2], level_variance, rtol=2e-3)
     np.testing.assert_allclose(P[2, 2], NOISE[2] ** 2 + (level * tilt) ** 2, rtol=1e-6)
@@ -121,7 +122,7 @@ def turning_start(rng: np.random.Generator, sigma: float, *, rest: bool) -> floa
     heading with some σ [rad] are drawn.
     """
     turning, speed = (0.0, 0.0) if rest else (0.3, 8.0)
-    arm, bias = rng.normal(size=3) * 1.5, rng.normal(size=3) * 8e-3 * earth.STANDARD_GRAVITY
+    arm, bias = rng.normal(size=3) * 1.5, rng.normal(size=3) * 8e-3 * STANDARD_GRAVITY
     heading, (roll, pitch) = rng.uniform(-3, 3), rng.normal(size=2) * 0.1 * rest
     C_nb = Rotation.from_euler("ZYX", (heading, pitch, roll))
     time, times = np.arange(301) / 50, np.arange(0.0, 6.0, 0.5)

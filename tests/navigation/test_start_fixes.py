@@ -10,11 +10,11 @@ from copter_logs import copter
 from phone_drive import RATE, trajectory
 from sensor_logs import write
 
-from lab.frames.displacement import metres_per_radian
-from lab.frames.rotation import euler_from_quaternion, wrap
-from lab.logs.auxiliary_data import AuxiliaryData
-from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.missions import read_sensor_log
+from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

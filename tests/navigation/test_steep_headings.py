@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from place_flights import looping
 
 from lab import Experiment
+from lab.experiment.result import Result
+from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.navigation.aids import azimuth_variance
-from lab.recordings.flight_csv import write_flight_csv
-from lab.result import Result
 
 SEEDS = 12
 

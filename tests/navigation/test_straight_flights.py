@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.analysis.observability import observability
-from lab.experiment import Experiment
-from lab.frames import earth
-from lab.navigation import heading_observability
-from lab.recordings.flight_csv import write_flight_csv
-from lab.recordings.recording import Recording
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.motion.frames import earth
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.recording import Recording
+from lab.navigation.filters import heading_observability
 
 FloatArray = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import j1
 
-from lab.frames import earth
-from lab.frames.rotation import euler_from_quaternion
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation import strapdown
-from lab.navigation.generation import interpreted
+from lab.navigation.kernels.generation import interpreted
 from lab.navigation.navigator import Imu
 
 FloatArray = NDArray[np.float64]

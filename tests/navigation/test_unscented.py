@@ -20,20 +20,21 @@ from polar_flights import over_the_pole
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.errors import attitude_error, position_error
-from lab.experiment import Experiment
-from lab.frames import earth, ecef
-from lab.navigation import navigator, sigma_points, strapdown, unscented, wander
-from lab.navigation.generation import Variant, interpreted
-from lab.navigation.lane_points import MOST_TURN, step_kernel
-from lab.navigation.lane_step import LANES
-from lab.navigation.schedule import Schedule
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE, start
+from lab.motion.frames import earth, ecef
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.navigation import navigator, strapdown, wander
+from lab.navigation.filters import sigma_points, unscented
+from lab.navigation.filters.schedule import Schedule
+from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.lane_points import MOST_TURN, step_kernel
+from lab.navigation.kernels.lane_step import LANES
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
 from lab.navigation.wander import LENGTH
-from lab.parameters.settings import SettingError
-from lab.recordings.flight_csv import write_flight_csv
-from lab.result import Result
-from lab.stages import CACHE, start
 
 FloatArray = NDArray[np.float64]
 

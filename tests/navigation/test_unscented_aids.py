@@ -11,23 +11,24 @@ from motions import NO_FILTER
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import ecef
-from lab.frames.rotation import wrap
-from lab.navigation import aids, blocks, strapdown, wander
+from lab.base.parameters.settings import SettingError
+from lab.experiment.result import Result
+from lab.motion.frames import ecef
+from lab.motion.frames.rotation import wrap
+from lab.navigation import aids, strapdown, wander
 from lab.navigation.aids import Aids
-from lab.navigation.blocks import in_order
 from lab.navigation.checks import check_own_states
+from lab.navigation.filters import blocks
+from lab.navigation.filters.blocks import in_order
+from lab.navigation.filters.north_slaved import north_axes, north_variance
+from lab.navigation.filters.schedule import Schedule
+from lab.navigation.filters.unscented_aids import observe_aid
+from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.frames import keep_radii
-from lab.navigation.generation import Variant, interpreted
-from lab.navigation.lane_step import numbers, plain_numbers
-from lab.navigation.north_slaved import north_axes, north_variance
-from lab.navigation.schedule import Schedule
+from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.lane_step import numbers, plain_numbers
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
-from lab.navigation.unscented_aids import observe_aid
-from lab.navigation.unscented_filter import UnscentedFilter
-from lab.parameters.settings import SettingError
-from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 

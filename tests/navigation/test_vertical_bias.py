@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.run_means import NEES, Figure
-from lab.experiment import Experiment
-from lab.frames.earth import STANDARD_GRAVITY
-from lab.navigation.vertical_bias import raise_vertical_bias
-from lab.recordings.flight_csv import write_flight_csv
-from lab.recordings.recording import Recording
+from lab.analysis.verdicts.run_means import NEES, Figure
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.experiment.experiment import Experiment
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.recordings.recording import Recording
+from lab.navigation.filters.vertical_bias import raise_vertical_bias
 
 SEEDS = range(1001, 1013)
 

@@ -16,16 +16,16 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
-from lab.experiment import Experiment
-from lab.frames import ecef
-from lab.navigation import wander_models
-from lab.navigation.filter import Filter
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import start
+from lab.motion.frames import ecef
+from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.truth.trajectory import Trajectory
+from lab.navigation.filters import wander_models
+from lab.navigation.filters.filter import Filter
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
-from lab.parameters.settings import SettingError
-from lab.recordings.flight_csv import write_flight_csv
-from lab.result import Result
-from lab.stages import start
-from lab.truth.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 

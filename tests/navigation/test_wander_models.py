@@ -9,13 +9,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.frames import earth
-from lab.navigation import error_models, strapdown, wander
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
-from lab.navigation.generation import Variant, interpreted
+from lab.base.parameters.settings import SettingError
+from lab.motion.frames import earth
+from lab.navigation import strapdown, wander
+from lab.navigation.filters import error_models
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
+from lab.navigation.filters.wander_models import MODELS, linear_model
+from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.wander_models import MODELS, linear_model
-from lab.parameters.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from lab.export import gpx, kml
-from lab.export.tracks import Tracks
 from lab.missions import Mission
+from lab.views.export import gpx, kml
+from lab.views.export.tracks import Tracks
 from lab.views.mission_card import mission_html
 
 MARK = '<img src="x" onerror="alert(1)"></description>&lt;b&gt;]]>'

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from lab.missions import add_mission, mission
 from tests.security.conftest import Visitor, serving
 from tests.security.watch import WAIT, as_map, say, watched

@@ -13,11 +13,11 @@ from processor_time import takes_less_than
 from typer.testing import CliRunner
 
 from lab import Experiment, MissionError, SettingError
+from lab.base.parameters.toml_file import MAX_BYTES, MAX_PARTS, TomlError, parse_toml, toml_text
 from lab.cli import app
+from lab.data.files.sensor_log_csv import log_files
 from lab.flying.motion_file import read_motion_file
-from lab.logs.sensor_log_csv import log_files
 from lab.missions import mission
-from lab.parameters.toml_file import MAX_BYTES, MAX_PARTS, TomlError, parse_toml, toml_text
 from lab.sensors.cards import read_cards
 
 ROOT = Path(__file__).parents[2]
@@ -177,4 +177,4 @@ def test_one_reader_is_used_everywhere() -> None:
         for path in sorted((ROOT / folder).rglob("*.py"))
         if "import tomllib" in path.read_text(encoding="utf-8")
     ]
-    assert named == ["lab/parameters/toml_file.py"]
+    assert named == ["lab/base/parameters/toml_file.py"]

@@ -25,9 +25,9 @@ from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
 from dashboards.visitors import VARIABLE
+from lab.base.files.folder_lock import folder_lock, hold
 from lab.missions import MissionError, describe_mission, missions
 from lab.missions import library as mission_library
-from lab.recordings.folder_lock import folder_lock, hold
 
 ROOT = Path(__file__).parents[2]
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")

@@ -11,8 +11,8 @@ import pytest
 import lab
 from lab import Experiment, SettingError
 from lab.analysis import rest
-from lab.parameters.toml_file import MAX_BYTES
-from lab.parameters.units import TO_SI
+from lab.base.parameters.toml_file import MAX_BYTES
+from lab.base.parameters.units import TO_SI
 from lab.sensors import cards
 from lab.sensors.datum import ALIKE, ONE_SIDED, TWO_SIDED
 from lab.sensors.imu import AccelerometerErrors, GyroErrors

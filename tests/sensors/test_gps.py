@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.frames.earth import RATE
 from lab.missions import Recording
+from lab.motion.frames.earth import RATE
+from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.sensors.gps import GpsDraws, GpsErrors, GpsFixes, antenna, fix_times, measure
-from lab.truth.trajectory import Trajectory, Truth
 
 FIXES = 20_000
 VARIANCES = np.array((1.0, 4.0, 9.0))

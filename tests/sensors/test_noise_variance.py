@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.experiment import Experiment
-from lab.parameters.settings import SettingError
+from lab.base.parameters.settings import SettingError
+from lab.experiment.experiment import Experiment
 
 UNITS = {"gyro": np.radians(1) ** 2, "accelerometer": 1.0}
 """(°/s)² and (m/s²)² in SI units."""

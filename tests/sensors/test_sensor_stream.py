@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from live_rows import drive
 
+from lab.motion.truth.growing_trajectory import FlownPiece
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import gps, imu
 from lab.sensors.draws import DrawStream, unit_draws
 from lab.sensors.imu_draws import ImuDrawStream
@@ -15,8 +17,6 @@ from lab.sensors.processes import Flicker, flicker
 from lab.sensors.sensor_stream import Sensed, SensorStream
 from lab.sensors.suite import SensorSuite
 from lab.sensors.temperature import temperature, thermometer
-from lab.truth.growing_trajectory import FlownPiece
-from lab.truth.trajectory import Trajectory
 
 RATE = 100.0
 SEED = 5

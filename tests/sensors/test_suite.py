@@ -7,11 +7,11 @@ import hashlib
 import numpy as np
 import pytest
 
-from lab.experiment import Experiment
-from lab.parameters.setting_kinds import AxisQuantity, Quantity
-from lab.result import Result
+from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.stages import CACHE
 from lab.sensors.draws import unit_draws
-from lab.stages import CACHE
 
 DEGREE = np.pi / 180
 G = 9.80665

@@ -6,9 +6,9 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.missions import Recording, write_flight_csv
-from lab.result import Result
 from lab.sensors.temperature import TemperatureSettings, temperature, thermometer
 
 TIME = np.linspace(0, 1000, 11)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.stages import CACHE
 from lab.sensors import cards
 from lab.sensors.suite import TRIADS
 from lab.sensors.typical import grades, typical
-from lab.stages import CACHE
 
 TERMS = ("noise_density", "bias_sigma", "flicker", "scale_factor_sigma", "misalignment")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 
 
 @pytest.fixture(scope="session")

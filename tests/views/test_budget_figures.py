@@ -7,8 +7,8 @@ import pytest
 from bokeh.models import ColumnDataSource
 
 from dashboards.pages.budget import Budget, sentence
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.budget import FAMILIES, SLOTS, BudgetFigures
 from lab.views.figures import TimeAxis
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.ensembles.epoch_sums import EpochSums
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
+from lab.experiment.ensembles.epoch_sums import EpochSums
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
 from lab.views.ensemble_card import inside
 
 

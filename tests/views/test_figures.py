@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from lab.ensembles.seeds import run_ensemble
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.figures import TimeAxis, TimeFigures, decade_ticks, set_ordinate, time_figure
 from lab.views.quantities import BLUE, COVARIANCE, ENSEMBLE_CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, LAGS

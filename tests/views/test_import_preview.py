@@ -8,9 +8,9 @@ import numpy as np
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import figure
 
+from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import mission
 from lab.missions.flight_import import FlightImport, prepare_flight
-from lab.repair.raw_flight import RawFlight
 from lab.views.import_preview import POINTS, import_preview
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.quantities import (
     CONSISTENCY,
     COVARIANCE,

@@ -11,8 +11,8 @@ from bokeh.document import Document
 from param.parameterized import edit_constant
 from sensor_logs import tables, write
 
-from lab.experiment import Experiment
-from lab.result import Result
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.explorer import Explorer
 
 

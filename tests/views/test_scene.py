@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import viser
 
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.aircraft import LENGTH, aircraft
 from lab.views.scene import Scene
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lab.frames.rotation import euler_from_quaternion
 from lab.missions import Recording
+from lab.motion.frames.rotation import euler_from_quaternion
 from writers.autopilot import GPS_DELAY, GPS_SIGMA, LEVER_ARM, sensed, solution
 
 BOOT = 23_456_789

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from lab.frames import ecef
 from lab.missions import Recording
-from lab.truth.trajectory import Trajectory, Truth
+from lab.motion.frames import ecef
+from lab.motion.truth.trajectory import Trajectory, Truth
 
 IMU_RATE = 200.0
 GYRO_BIAS = np.radians((0.1, -0.2, 0.15))

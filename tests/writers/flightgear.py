@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.missions import Recording
-from lab.truth.trajectory import Trajectory
+from lab.motion.truth.trajectory import Trajectory
 
 GPS_RATE = 4.0
 IMU_RATE = 50.0

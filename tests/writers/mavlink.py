@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from lab.frames.rotation import euler_from_quaternion
 from lab.missions import Recording
+from lab.motion.frames.rotation import euler_from_quaternion
 from writers.autopilot import GPS_DELAY, GPS_SIGMA, LEVER_ARM, sensed, solution
 
 BOOT = 61_234

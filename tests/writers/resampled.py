@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.missions import Recording
-from lab.truth.trajectory import Trajectory, Truth
+from lab.motion.truth.trajectory import Trajectory, Truth
 
 
 def resampled(recording: Recording, rate: float, start: float = 0.0) -> Truth:

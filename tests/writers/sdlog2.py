@@ -9,8 +9,8 @@ import struct
 
 import numpy as np
 
-from lab.frames.rotation import euler_from_quaternion
 from lab.missions import Recording
+from lab.motion.frames.rotation import euler_from_quaternion
 from writers.ardupilot import CODES
 from writers.autopilot import GPS_DELAY, GPS_SIGMA, sensed, solution
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.frames.earth import STANDARD_GRAVITY
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.missions import Recording
 
 HEADER = (

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pymap3d
 
-from lab.frames.rotation import body_rate
 from lab.missions import Recording
+from lab.motion.frames.rotation import body_rate
 
 FOOT = 0.3048
 KNOT = 1852 / 3600

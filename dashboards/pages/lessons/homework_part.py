@@ -20,12 +20,12 @@ from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.upload import Upload
-from lab.experiment import Experiment
-from lab.homework.hand_in import HandInError, hand_in, hand_in_text
-from lab.homework.homework import Homework
-from lab.homework.homework_file import LARGEST, read_homework
-from lab.homework.shelf import Shelved
-from lab.parameters.settings import SettingError
+from lab.base.parameters.settings import SettingError
+from lab.classroom.homework.hand_in import HandInError, hand_in, hand_in_text
+from lab.classroom.homework.homework import Homework
+from lab.classroom.homework.homework_file import LARGEST, read_homework
+from lab.classroom.homework.shelf import Shelved
+from lab.experiment.experiment import Experiment
 
 IS_OFF = (
     "The settings at the left are not those of the homework, because they were reset or loaded. Choose “Run "

@@ -1,6 +1,6 @@
 """Homework view: the text of a homework, what it asks, and the button with which it is handed in.
 
-Texts come from files of a teacher, or of anybody: `lab.lessons.text` makes a few elements
+Texts come from files of a teacher, or of anybody: `lab.classroom.lessons.text` makes a few elements
 of them and escapes all else. A hand-made message of a browser may contain any value, which `HandIn` checks.
 """
 
@@ -19,9 +19,9 @@ from dashboards.pages.lessons.step_view import BUTTONS, CHOICES, TEXT, Choices
 from dashboards.seen_names import html_as_seen
 from dashboards.style import WHOLE
 from dashboards.upload import plain_name
-from lab.homework.hand_in import LONGEST_NAME, SUFFIX
-from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles
-from lab.lessons.text import text_html
+from lab.classroom.homework.hand_in import LONGEST_NAME, SUFFIX
+from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
+from lab.classroom.lessons.text import text_html
 
 PARTS = """
 h3 { font: 500 17px/1.35 Roboto, sans-serif; margin: 12px 0 4px; }

@@ -9,8 +9,8 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.style import WHOLE
-from lab.lessons.catalogue import Entry
-from lab.lessons.lesson import Lesson
+from lab.classroom.lessons.catalogue import Entry
+from lab.classroom.lessons.lesson import Lesson
 
 HEADINGS = {
     "own": "Lessons of your teacher",

@@ -17,12 +17,12 @@ from dashboards.pages.lessons.step_view import Actions, StepView
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from lab.experiment import Experiment
-from lab.gallery.faults import FAULTS
-from lab.lessons.lesson import Answer, Lesson, Step
-from lab.parameters.settings import SettingError
-from lab.progress import Progress
-from lab.result import Result
+from lab.base.parameters.settings import SettingError
+from lab.base.progress import Progress
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.lessons.lesson import Answer, Lesson, Step
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
 LOOK = 2000

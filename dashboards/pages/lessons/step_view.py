@@ -1,7 +1,7 @@
 """Step view: the text of one step, its buttons, its question, and what there is to say of the answer.
 
-Texts come from files of a teacher: `lab.lessons.text` makes a few elements of them and escapes all else.
-Choices and titles of buttons are plain text.
+Texts come from files of a teacher: `lab.classroom.lessons.text` makes a few elements of them and escapes all
+else. Choices and titles of buttons are plain text.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import panel_material_ui as pmui
 from dashboards.pages.lessons.lesson_list import progress_html
 from dashboards.seen_names import html_as_seen
 from dashboards.style import WHOLE
-from lab.exercises.exercise import Outcome
-from lab.lessons.lesson import Answer, Lesson, Step
-from lab.lessons.text import text_html
+from lab.classroom.exercises.exercise import Outcome
+from lab.classroom.lessons.lesson import Answer, Lesson, Step
+from lab.classroom.lessons.text import text_html
 
 TEXT = """
 :host { max-width: 46em; }

@@ -20,10 +20,10 @@ from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.analysis import allan, rest
-from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
+from lab.base.progress import Progress
+from lab.live.bench.growing_allan import LEAST_FOR_CARD, GrowingAllan
 from lab.live.station import Station
 from lab.missions.mission_name import accepted_name
-from lab.progress import Progress
 from lab.sensors.cards import Card
 from lab.views.allan import AllanFigures
 

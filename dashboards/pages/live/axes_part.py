@@ -13,8 +13,9 @@ from dashboards.notice import Notice
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
-from lab.frames import earth
-from lab.live.axis_check import (
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.source_status import STREAMING
+from lab.live.bench.axis_check import (
     LAST,
     TURN_TIME,
     TURNS,
@@ -23,9 +24,8 @@ from lab.live.axis_check import (
     Seen,
     in_device_axes,
 )
-from lab.live.axis_map import AxisMap
-from lab.live.source_status import STREAMING
-from lab.live.static_interval import AxisCheckError
+from lab.live.bench.static_interval import AxisCheckError
+from lab.motion.frames import earth
 from lab.views.axis_picture import axis_picture
 
 PLACED = 5e-4

@@ -8,10 +8,10 @@ from typing import Any
 import panel as pn
 
 from dashboards.phones import phone_server
-from lab.live.source_opening import open_source
+from lab.live import open as open_source
+from lab.live.phone.phone import INVITED
 from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
-from lab.phone.phone import INVITED
 from lab.sensors.suite import SensorSuite
 from lab.views.phone_invitation import invitation_html
 

@@ -25,12 +25,12 @@ from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from lab.data.streams.ring import Cursor
+from lab.experiment.result import Result
 from lab.live.live_state import HistoryCursor
 from lab.live.owner import Visitor
-from lab.live.ring import Cursor
 from lab.live.station import Station
-from lab.memory import give_back
-from lab.result import Result
+from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
 from lab.views.live_figures import WINDOWS, LiveFigures
 

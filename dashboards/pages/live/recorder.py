@@ -15,15 +15,15 @@ from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
 from dashboards.visitors import may_edit
-from lab.live.raw_recording import SUFFIX
-from lab.live.recorded_log import log_of_recording
-from lab.live.source_status import Status
+from lab.base.progress import Progress
+from lab.data.streams.raw_recording import SUFFIX
+from lab.data.streams.recorded_log import log_of_recording
+from lab.data.streams.source_status import Status
+from lab.data.streams.unfinished import mark, unmark
 from lab.live.station import Station
-from lab.live.unfinished import mark, unmark
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name
 from lab.missions.mission_name import accepted_name
-from lab.progress import Progress
 
 
 class _Stopped(NamedTuple):

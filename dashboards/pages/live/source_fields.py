@@ -14,20 +14,21 @@ from dashboards.pages.live.wanted import Wanted
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
 from dashboards.widgets import number
-from lab.cache import digest
-from lab.experiment import Experiment
-from lab.live.address import Address
-from lab.live.axis_map import AxisMap
-from lab.live.decoders.catalogue import DECODERS, ENCODERS
-from lab.live.decoders.column_map import ColumnMap
-from lab.live.decoders.text_lines import TextLines
-from lab.live.simulated_device import Misbehaviour, SimulatedDevice
-from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
-from lab.live.simulated_link import local_link
-from lab.live.simulated_transport import SimulatedTransport
-from lab.live.source_opening import open_source, xplane_transport
+from lab.base.cache import digest
+from lab.base.parameters.settings import SettingError
+from lab.data.protocols.catalogue import DECODERS, ENCODERS
+from lab.data.protocols.column_map import ColumnMap
+from lab.data.protocols.text_lines import TextLines
+from lab.data.streams.address import Address
+from lab.data.streams.axis_map import AxisMap
+from lab.experiment.experiment import Experiment
+from lab.live import open as open_source
+from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice
+from lab.live.simulated.simulated_flight import SimulatedFlight, begins_at_rest
+from lab.live.simulated.simulated_link import local_link
+from lab.live.simulated.simulated_transport import SimulatedTransport
 from lab.live.station import Station
-from lab.parameters.settings import SettingError
+from lab.live.xplane.xplane_transport import xplane_transport
 
 SIMULATED = "simulated"
 """Choice of the simulated device."""

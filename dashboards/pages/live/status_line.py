@@ -9,8 +9,8 @@ import numpy as np
 import panel as pn
 
 from dashboards.seen_names import as_seen
+from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 from lab.live.live_state import WAITING, LiveState
-from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 
 COLOURS = {
     STREAMING: "#12a67c",

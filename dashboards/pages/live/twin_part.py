@@ -16,7 +16,7 @@ from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.analysis.rest import with_noise
-from lab.experiment import Experiment
+from lab.experiment.experiment import Experiment
 from lab.live.station import Station
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.sensors.cards import Card

@@ -13,8 +13,8 @@ import panel_material_ui as pmui
 from dashboards.devices import STATIONS
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.visitors import may_edit
-from lab.live.raw_recording import SUFFIX
-from lab.live.unfinished import UnfinishedRecordings, discard
+from lab.data.streams.raw_recording import SUFFIX
+from lab.data.streams.unfinished import UnfinishedRecordings, discard
 from lab.missions import own_folder
 
 LOOK = 2000

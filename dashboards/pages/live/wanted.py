@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lab.experiment import Experiment
-from lab.live.address import Address
-from lab.live.axis_map import AxisMap
-from lab.live.serial_port import BAUD
+from lab.data.streams.address import Address
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.serial_port import BAUD
+from lab.experiment.experiment import Experiment
 from lab.live.station import Station
 
 _ONE_READER = ("serial", "udp")

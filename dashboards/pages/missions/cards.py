@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import param
 from panel.custom import JSComponent
 
-from lab.cache import StageCache
+from lab.base.cache import StageCache
 from lab.missions import Mission, MissionError, broken_missions, missions
 from lab.missions.library import own_names
 from lab.views.thumbnail import picture

@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import WRITING
 from dashboards.pages.missions.job import Job
-from lab.progress import Progress
+from lab.base.progress import Progress
 
 
 class Act(NamedTuple):

@@ -16,14 +16,14 @@ from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from lab.importing.import_settings import ImportSettings
-from lab.live.recorded_log import device_log
-from lab.logs.sensor_log import SensorLog
+from lab.base.progress import Progress
+from lab.data.formats import read_raw
+from lab.data.log.sensor_log import SensorLog
+from lab.data.rebuild.import_settings import ImportSettings
+from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.streams.recorded_log import device_log
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
-from lab.progress import Progress
-from lab.readers import read_raw
-from lab.repair.raw_flight import RawFlight
 from lab.sensors.suite import white_noise
 from lab.views.import_preview import preview_figures
 from lab.views.import_report_card import REPORT_STYLE, read_log_html, rows_html

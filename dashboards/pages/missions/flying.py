@@ -20,9 +20,9 @@ from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from lab.base.parameters.toml_file import toml_text
+from lab.base.progress import Progress
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
-from lab.parameters.toml_file import toml_text
-from lab.progress import Progress
 
 MISSING = "Flying needs JSBSim, which is not installed on this server: pip install 'ins-lab[fly]'"
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined"}

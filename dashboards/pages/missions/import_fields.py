@@ -11,10 +11,10 @@ import panel_material_ui as pmui
 from dashboards.style import WHOLE
 from dashboards.titled import Card
 from dashboards.widgets import Field, field
-from lab.importing.import_settings import ImportSettings
-from lab.parameters.settings import SettingError
-from lab.readers.unit_names import UNITS
-from lab.repair.raw_flight import ColumnUnit
+from lab.base.parameters.settings import SettingError
+from lab.data.files.unit_names import UNITS
+from lab.data.rebuild.import_settings import ImportSettings
+from lab.data.rebuild.raw_flight import ColumnUnit
 
 _COLUMNS = "Columns of a csv"
 

@@ -8,7 +8,7 @@ from dashboards.pages.missions.draft import Draft
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.upload import MAX_BYTES, Upload
-from lab.readers import READERS
+from lab.data.formats import READERS
 
 
 class Importing:

@@ -16,7 +16,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
-from lab.progress import Progress
+from lab.base.progress import Progress
 
 TELL = 0.25
 """Time between two progress messages [s]."""

@@ -16,10 +16,10 @@ from dashboards.pages.missions.dialog import Act, Dialog, fill
 from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.visitors import may_edit
-from lab.experiment import Experiment
+from lab.base.progress import Progress
+from lab.experiment.experiment import Experiment
 from lab.missions import MissionError, delete_mission, describe_mission, missions, rename_mission
 from lab.missions.library import own_place
-from lab.progress import Progress
 
 FIELD: dict[str, Any] = {
     "size": "small",

@@ -16,7 +16,7 @@ from dashboards.pages.missions.recording import RecordingPart
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.visitors import may_edit
-from lab.result import Result
+from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
 

@@ -13,9 +13,9 @@ from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.widgets import number
-from lab.importing.xplane_live import PORT, XPlaneRecorder
-from lab.progress import Progress
-from lab.repair.raw_flight import RawFlight
+from lab.base.progress import Progress
+from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.streams.xplane_live import PORT, XPlaneRecorder
 
 TELL = 500
 """Time between two updates of the recording's state [ms]."""

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 from played_phone import Played, ask, batch
 
-from lab.live.transport import TransportError
-from lab.phone import certificate as certificate_module
-from lab.phone.addresses import in_address, own_addresses
-from lab.phone.certificate import certificate_file, names_of
-from lab.phone.hub import PhoneHub
-from lab.phone.server import PhoneServer
+from lab.data.streams.transport import TransportError
+from lab.live.phone import certificate as certificate_module
+from lab.live.phone.addresses import in_address, own_addresses
+from lab.live.phone.certificate import certificate_file, names_of
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.server import PhoneServer
 
 NAMES = ["192.168.0.20", "2001:db8::5", "localhost"]
 
@@ -158,7 +158,7 @@ def test_addresses_of_this_computer():
 
 
 def test_all_networks(tmp_path, monkeypatch):
-    monkeypatch.setattr("lab.phone.server.own_addresses", lambda: ["192.0.2.77"])
+    monkeypatch.setattr("lab.live.phone.server.own_addresses", lambda: ["192.0.2.77"])
     with PhoneServer(PhoneHub(), "0.0.0.0", folder=tmp_path) as server:
         invitation = server.invitation(server.hub.invite())
         assert invitation.address.startswith(f"https://192.0.2.77:{server.port}/phone/")

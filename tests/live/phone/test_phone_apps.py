@@ -16,12 +16,12 @@ from live_streams import decoded
 from played_phone import JSON, Played, ask
 from websockets.sync.server import serve
 
-from lab.live import sensor_server as sensor_server_module
-from lab.live.decoders.phone import PhoneDecoder
-from lab.live.sensor_server import SensorServerTransport
-from lab.live.transport import TransportError
-from lab.phone.hub import PhoneHub
-from lab.phone.server import PhoneServer
+from lab.data.protocols.phone import PhoneDecoder
+from lab.data.streams import sensor_server as sensor_server_module
+from lab.data.streams.sensor_server import SensorServerTransport
+from lab.data.streams.transport import TransportError
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.server import PhoneServer
 
 START = 1698501144401773000
 STEP = 10_000_000  # ns

@@ -12,12 +12,12 @@ import pytest
 from live_streams import decoded
 from played_phone import batch, request
 
-from lab.live.decoders.phone import PhoneDecoder
-from lab.live.sensor_server import SensorServerTransport
-from lab.live.transport import Transport, TransportError
-from lab.phone.hub import MOST, PhoneHub
-from lab.phone.page_request import page_request_of
-from lab.phone.phone import Phone
+from lab.data.protocols.phone import PhoneDecoder
+from lab.data.streams.sensor_server import SensorServerTransport
+from lab.data.streams.transport import Transport, TransportError
+from lab.live.phone.hub import MOST, PhoneHub
+from lab.live.phone.page_request import page_request_of
+from lab.live.phone.phone import Phone
 
 
 def invited(hub: PhoneHub) -> tuple[int, Phone]:

@@ -19,13 +19,13 @@ import pytest
 from live_streams import decoded
 from played_phone import JSON, Played, ask, batch, request, untrusting
 
-from lab.live.decoders.phone import PhoneDecoder
-from lab.phone import connections as connections_module
-from lab.phone import server as server_module
-from lab.phone.connections import EACH
-from lab.phone.hub import PhoneHub
-from lab.phone.limits import BODY
-from lab.phone.server import PhoneServer
+from lab.data.protocols.phone import PhoneDecoder
+from lab.live.phone import connections as connections_module
+from lab.live.phone import server as server_module
+from lab.live.phone.connections import EACH
+from lab.live.phone.hub import PhoneHub
+from lab.live.phone.limits import BODY
+from lab.live.phone.server import PhoneServer
 
 
 @pytest.fixture
@@ -197,7 +197,7 @@ def test_too_many_requests_are_refused(tmp_path):
 
 
 def test_too_many_samples_a_second_are_refused_and_come_later(tmp_path, monkeypatch):
-    monkeypatch.setattr("lab.phone.phone.SAMPLE_BURST", 2500)
+    monkeypatch.setattr("lab.live.phone.phone.SAMPLE_BURST", 2500)
     now = [0.0]
     with PhoneServer(PhoneHub(clock=lambda: now[0]), folder=tmp_path) as server:
         played = Played(server)
@@ -211,7 +211,7 @@ def test_too_many_samples_a_second_are_refused_and_come_later(tmp_path, monkeypa
 
 
 def test_a_reader_that_is_too_slow_makes_the_phone_wait(played, monkeypatch):
-    monkeypatch.setattr("lab.phone.phone.QUEUE", 3000)
+    monkeypatch.setattr("lab.live.phone.phone.QUEUE", 3000)
     transport = played.hub.transport(played.ticket.key)
     transport.open()
     number = 0

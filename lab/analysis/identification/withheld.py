@@ -1,0 +1,77 @@
+"""Withheld fixes: their choice, and the accuracy of their prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.identification.identification import HeldOut
+from lab.analysis.identification.likelihood import Seen, log_likelihoods, squares
+from lab.analysis.identification.renavigation import Subject
+from lab.run.experiment_settings import ExperimentSettings
+
+FloatArray = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
+"""Length of the outages for the test of the prediction, time from one to the next [s], and number of sets of
+outages at different times."""
+
+
+def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) -> list[Flags]:
+    """Return the mask of the withheld fixes for each set of outages.
+
+    Parameters
+    ----------
+    stamps : (m,) array
+        Time stamps of all fixes [s].
+    start, end
+        Start and end of the part of the run in which fixes are withheld [s].
+    shift
+        Delay of the outages of the first set [s].
+    """
+    since = stamps - start - shift
+    masks = []
+    for turn in range(TURNS):
+        within = np.mod(since - turn * EVERY / TURNS, EVERY) < OUTAGE
+        masks.append((since >= turn * EVERY / TURNS) & within & (stamps <= end))
+    return [mask for mask in masks if mask.any()]
+
+
+def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Seen:
+    """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
+    settings = experiment.copy()
+    settings.navigator.smoother, settings.navigator.engine = False, "compiled"
+    _, seen = subject.navigate(settings, withheld)
+    kept = withheld & ~dropped
+    innovation = seen.innovation[kept]
+    known = np.isfinite(innovation).any(axis=1)
+    return Seen(innovation[known], seen.covariance[kept][known])
+
+
+def held_out(
+    subject: Subject, experiment: ExperimentSettings, masks: Sequence[Flags], dropped: Flags
+) -> HeldOut:
+    """Return the accuracy of a filter's prediction of the fixes of all sets."""
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))
+
+
+def judged(parts: Sequence[Seen]) -> HeldOut:
+    """Return the accuracy of the prediction."""
+    seen = Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    nis, degrees = squares(seen)
+    position, velocity = (
+        float(np.sqrt(np.mean(np.nansum(block**2, axis=1)))) if np.isfinite(block).any() else float("nan")
+        for block in (seen.innovation[:, :3], seen.innovation[:, 3:])
+    )
+    return HeldOut(
+        seen.innovation.shape[0],
+        position,
+        velocity,
+        float(np.sqrt(nis.sum() / max(1, int(degrees.sum())))),
+        float(log_likelihoods(seen).mean()),
+    )

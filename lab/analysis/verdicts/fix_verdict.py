@@ -1,0 +1,236 @@
+"""Fix verdict: findings about R and the receiver from the true errors of the fixes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.verdicts.finding import RATIO, Change, Finding, Weighed, judge_size, written
+from lab.analysis.verdicts.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
+from lab.analysis.verdicts.outliers import CHANCE
+from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_words
+from lab.analysis.verdicts.selection import select
+from lab.analysis.verdicts.sums import Fit, Squares
+
+FloatArray = NDArray[np.float64]
+
+LATENCY, LEVER_ARM = 0.01, 0.2
+"""Smallest latency [s] and length of a lever arm [m] that are reported. On the mission Montréal (43 m/s),
+they move the fixes by 0.4 m and 0.2 m; the default fixes have a σ of 0.7 m. The advised latency is rounded to
+0.01 s."""
+CORRELATED = 0.3
+"""Smallest correlated error that is reported, as a fraction of the white σ: just below √0.1 of the smallest
+of `RATIOS`. At 1 Hz, with the shortest of `TIMES`, that one doubles the variance of the mean of many
+fixes."""
+ADVICE_CORRELATION = (
+    "Set navigator.estimate_gps_drift, with the σ and the time of the slow error as "
+    "sensors.gps.correlated_sigma and sensors.gps.correlation_time: the filter then estimates it."
+)
+"""Another R is no advice: the R that gives a right σ makes the innovations too small, which asks for less."""
+
+
+def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
+    """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes.
+
+    `sizes` are the rms of the position and the velocity innovations in their σ, `told` are the latency and
+    the lever arm (4,) that the filter assumed.
+    """
+    if not fixes.count:
+        return []
+    apart = judge_outliers(fixes.outliers, fixes.count + fixes.outliers, "position or velocity errors")
+    fits = _fits(fixes)
+    best = np.unravel_index(np.argmax(fits.likelihood), fits.likelihood.shape)
+    time, ratio = TIMES[best[0]], RATIOS[best[1]]
+    gain = float(fits.likelihood[best] - fits.likelihood[_WHITE])
+    correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
+    at = best if correlated else _WHITE
+    found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), told)
+    scales = fits.scales[at].copy()
+    if correlated:
+        sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
+        found.append(Weighed(gain, correlation(sigma, time, gain)))
+        # If R already includes the correlated part, it is not too large.
+        total = scales[0] * (1 + ratio)
+        scales[0] = scales[0] if scales[0] > 1 else min(total, 1.0)
+    for index, (scale, size) in enumerate(zip(scales, sizes, strict=True)):
+        found += _size(fixes, index, float(scale), float(size), plain=not correlated)
+    return found
+
+
+def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -> list[Weighed]:
+    """Judge R of the position (0) or the velocity (1): in a stretch, in a channel, or as a whole.
+
+    `scale` is the remaining variance relative to R, and `size` the rms of the innovations in their σ. `plain`
+    is true if the fixes are white; stretches and channels are searched only then.
+    """
+    name = ("position", "velocity")[kind]
+    count = np.array(3.0 * fixes.count)
+    own = slice(3 * kind, 3 * kind + 3)
+    squares, capped = (
+        Squares(fixes.channels.total[row, own], fixes.channels.number[row, own]) for row in (0, 1)
+    )
+    where = stretch(fixes.in_time, kind) if plain else None
+    if where is not None:
+        words = stretch_words(where, fixes.span)
+        return judge_size(
+            where.squares,
+            f"R {name}",
+            f"{words[0].upper()}{words[1:]} the {name} errors of the fixes are {{root}} × as large as "
+            f"assumed, R {name} is about {{factor}} × too {{wrong}}; before and after they are right.",
+            "Check the receiver in that time (satellites, multipath). A larger R of position and velocity, "
+            "or navigator.robust, covers these errors.",
+            f"{name} errors of the fixes {words}",
+        )
+    axis = channel(squares) if plain else None
+    if axis is not None and axis == channel(capped):
+        one = Squares(squares.total[axis], squares.number[axis])
+        return judge_size(
+            one,
+            f"R {name} {AXES[axis]}",
+            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others "
+            f"are right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
+            f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
+            f"{name} errors {AXES[axis]} of the fixes",
+            scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
+        )
+    return judge_size(
+        Squares(np.array(scale) * count, count),
+        f"R {name}",
+        f"The {name} innovations are {written(size)} × as large as assumed: R {name} is about {{factor}} × "
+        "too {wrong}.",
+        f"Multiply the {name} variances of navigator.r by {{multiply}}.",
+        f"{name} errors of the fixes",
+        scales=("navigator.r", (3 * kind, 3 * kind + 3)),
+    )
+
+
+_WHITE = (0, 0)
+"""Place of white errors in `TIMES` and `RATIOS`."""
+
+
+class _FixFits(NamedTuple):
+    """Latency and lever arm fitted to the errors of the fixes, and the sizes of the remaining errors.
+
+    There is one fit for each correlation of the position errors, at `TIMES` and `RATIOS` (t, r). `matrix` and
+    `vector` are the normal equations with unit variance, `scales` (t, r, 2) the remaining variances of
+    position and velocity relative to R.
+    """
+
+    matrix: FloatArray
+    vector: FloatArray
+    scales: FloatArray
+    likelihood: FloatArray
+
+
+def _fits(fixes: FixErrors) -> _FixFits:
+    """Fit latency and lever arm by least squares, weighted by the sizes of the remaining errors."""
+    parts = (fixes.position, fixes.velocity)
+    count = 3.0 * fixes.count
+    scales = np.ones((*fixes.log_determinant.shape, 2))
+    for _ in range(3):
+        matrix = parts[0].matrix / scales[..., 0, None, None] + parts[1].matrix / scales[..., 1, None, None]
+        vector = parts[0].vector / scales[..., 0, None] + parts[1].vector / scales[..., 1, None]
+        x = np.linalg.pinv(matrix, hermitian=True) @ vector[..., None]
+        if fixes.count < FEWEST:
+            x = np.zeros_like(x)
+        rest = [
+            part.squares + ((x.mT @ part.matrix - 2 * part.vector[..., None, :]) @ x)[..., 0, 0]
+            for part in parts
+        ]
+        scales = np.maximum(np.stack(rest, axis=-1) / count, 1e-12)
+    likelihood = -0.5 * (count * np.log(scales).sum(axis=-1) + fixes.log_determinant)
+    return _FixFits(matrix, vector, scales, likelihood)
+
+
+def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
+    """Judge latency and lever arm by their normal equations with unit variance.
+
+    `told` are the values (4,) that the filter assumed.
+    """
+    found = []
+    records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
+    for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, LEAST):
+        estimate = entry.estimate[0]
+        if entry.name == "latency" and abs(estimate[0]) > LATENCY:
+            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, told)))
+        elif entry.name == "lever arm" and np.linalg.norm(estimate) > LEVER_ARM:
+            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, told)))
+    return found
+
+
+def latency(size: float, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of a latency [s] beyond the one the filter assumed, `told` (4,)."""
+    return Finding(
+        "GPS latency",
+        "not modelled",
+        abs(size),
+        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors are proportional "
+        "to the velocity.",
+        f"Set navigator.latency to {told[0] + size:.2f}.",
+        f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.latency", float(round(told[0] + size, 2))),),
+    )
+
+
+def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `told` (4,)."""
+    place = ", ".join(f"{metres:.2f}" for metres in told[1:] + arm)
+    where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
+    length = float(np.linalg.norm(arm))
+    return Finding(
+        "GPS lever arm",
+        "not modelled",
+        length,
+        f"The lever arm to the antenna is wrong by {length:.1f} m ({where}): the errors of the fixes rotate "
+        "with the vehicle.",
+        f"Set navigator.lever_arm to [{place}].",
+        f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
+    )
+
+
+def judge_refused(rejected: int, expected: float, offered: int) -> list[Weighed]:
+    """Judge outliers that the gate rightly rejected."""
+    part = rejected / offered
+    finding = Finding(
+        "GPS outliers",
+        "rejected",
+        part,
+        f"The gate rejected {rejected} of {offered} fixes ({100 * part:.2g} %), where chance rejects "
+        f"{expected:.2g}: they differ from their neighbours as outliers do, such as those from multipath.",
+        "The filter does not use them. Check the antenna and its environment.",
+        f"{rejected} rejected, expected {expected:.2g}",
+    )
+    return [Weighed(float(rejected - expected), finding)]
+
+
+def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
+    """Judge used fixes that differ from their neighbours."""
+    if not number:
+        return []
+    finding = Finding(
+        "GPS outliers",
+        "not modelled",
+        number / fixes,
+        f"{number} of {fixes} fixes have {what} that are not Gaussian: outliers, such as those from "
+        "multipath.",
+        "Set navigator.gate to 0.999: the filter then rejects implausible fixes.",
+        f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        (Change("navigator.gate", 0.999),),
+    )
+    return [Weighed(-number * float(np.log(CHANCE)), finding)]
+
+
+def correlation(sigma: float, time: float, gain: float) -> Finding:
+    """Return the finding of correlated position errors with a σ [m] and a correlation time [s]."""
+    return Finding(
+        "GPS correlation",
+        "not modelled",
+        sigma,
+        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the "
+        "filter assumes that they are white.",
+        ADVICE_CORRELATION,
+        f"logarithm of the likelihood ratio {gain:.0f}",
+    )

@@ -1,0 +1,293 @@
+"""Hypotheses: the likelihood of the innovations if one assumption of the filter is wrong, for each in turn.
+
+The result of a filter with another Q, R or P0 on the same flight follows, fix by fix, from the innovations
+and gains of the filter that ran, because the errors of the two differ only by their gains. So the likelihood
+of the innovations under each hypothesis is known without another run, for sensor logs too.
+
+References
+----------
+R. K. Mehra, *On the Identification of Variances and Adaptive Kalman Filtering*, IEEE Trans. Automatic Control
+15 (1970); F. C. Schweppe, *Evaluation of Likelihood Functions for Gaussian Signals*, IEEE Trans. Information
+Theory 11 (1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.verdicts.imu_causes import Steps
+from lab.analysis.verdicts.pattern import AXES
+from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+
+FloatArray = NDArray[np.float64]
+
+
+STARTS = {
+    "position": POS,
+    "velocity": VEL,
+    "attitude": ATT,
+    "gyro bias": GYRO_BIAS,
+    "accelerometer bias": ACCEL_BIAS,
+}
+"""Groups of states that may have a wrong P0 alone."""
+
+
+class Hypothesis(NamedTuple):
+    """A hypothesis: factors on the assumptions of the filter.
+
+    Attributes
+    ----------
+    name : str
+        The wrong quantity.
+    factor : float
+        Ratio of its variance to the assumed one.
+    r : (6,) tuple
+        Factors on R of each channel.
+    q : (4,) tuple
+        Factors on gyro noise, accelerometer noise, and the drives of their biases.
+    p0 : (6,) tuple
+        Factors on the whole P0, and on each of `STARTS`.
+    correlated : (2,) tuple
+        Variance of correlated position errors relative to R, and their correlation time [s].
+    """
+
+    name: str
+    factor: float
+    r: tuple[float, ...] = (1.0,) * 6
+    q: tuple[float, ...] = (1.0,) * 4
+    p0: tuple[float, ...] = (1.0,) * 6
+    correlated: tuple[float, float] = (0.0, 60.0)
+
+
+class Outcome(NamedTuple):
+    """The innovations under the hypotheses.
+
+    Attributes
+    ----------
+    likelihoods : (h,) array
+        Log-likelihood under each, minus that under the first; -inf where rounding has taken the covariance
+        of an innovation its positive definiteness, so that nothing is known.
+    innovation, covariance : (m, 6), (m, 6, 6) arrays
+        Innovations under the first, and their covariance.
+    gains : (m, n, 6) array
+        Gains of the first; zero for skipped fixes.
+    skipped : (m,) array
+        Mask of the skipped fixes.
+    """
+
+    likelihoods: FloatArray
+    innovation: FloatArray
+    covariance: FloatArray
+    gains: FloatArray
+    skipped: NDArray[np.bool_]
+
+
+R_CHANNELS = {
+    "R position": (0, 1, 2),
+    "R velocity": (3, 4, 5),
+    "R": (0, 1, 2, 3, 4, 5),
+    **{f"R position {axis}": (at,) for at, axis in enumerate(AXES)},
+    **{f"R velocity {axis}": (at,) for at, axis in enumerate(AXES, start=3)},
+}
+"""The channels of a fix whose R may be wrong together."""
+_DECADES = tuple(10.0**power for power in range(-2, 7))
+"""Tried factors on a start and on the drives of biases: their σ is about a decade."""
+_HALF_DECADES = tuple(10.0 ** (half / 2) for half in range(-4, 9) if half)
+"""Tried factors on R and Q: over half a decade, their likelihood is smooth."""
+
+
+def _all() -> tuple[Hypothesis, ...]:
+    """Return the hypotheses: of each quantity some factors, between which `likely_factor` interpolates."""
+    found = [Hypothesis("none", 1.0)]
+    for name, channels in R_CHANNELS.items():
+        factors = _HALF_DECADES if len(channels) > 1 else _HALF_DECADES[2:8]
+        found += [Hypothesis(name, factor, r=_factors(6, channels, factor)) for factor in factors]
+    found += [Hypothesis("Q", factor, q=(factor,) * 4) for factor in _HALF_DECADES[2:8]]
+    for row, name in enumerate(("Q gyro", "Q accelerometer")):
+        found += [Hypothesis(name, factor, q=_factors(4, (row,), factor)) for factor in _HALF_DECADES[2:]]
+    for row, name in enumerate(("Q gyro bias", "Q accelerometer bias"), start=2):
+        for factor in _DECADES[3:]:
+            found.append(Hypothesis(name, factor, q=_factors(4, (row,), factor)))
+    for factor in (0.1, *_DECADES[3:7]):
+        found.append(Hypothesis("P0", factor, p0=_factors(6, (0,), factor)))
+    for block, name in enumerate(STARTS, start=1):
+        for factor in _DECADES[3:7]:
+            found.append(Hypothesis(f"P0 {name}", factor, p0=_factors(6, (block,), factor)))
+    for time in (10.0, 60.0):
+        for factor in (1.0, 5.0, 25.0):
+            found.append(Hypothesis("GPS correlation", factor, correlated=(factor, time)))
+    # A receiver that filters its fixes: hardly any of their errors is white.
+    for white in (0.01, 0.1):
+        for velocity in (white, 1.0):
+            r = (*(white,) * 3, *(velocity,) * 3)
+            found.append(Hypothesis("GPS correlation", 1.0, r=r, correlated=(1.0, 60.0)))
+    return tuple(found)
+
+
+def _factors(count: int, which: Sequence[int], factor: float) -> tuple[float, ...]:
+    """Return `count` factors: `factor` for some, and 1 for the others."""
+    return tuple(factor if at in which else 1.0 for at in range(count))
+
+
+HYPOTHESES = _all()
+"""The hypotheses; under the first, nothing is wrong."""
+
+
+def likelihoods(
+    innovation: FloatArray,
+    correction: FloatArray,
+    steps: Iterable[Steps],
+    H: FloatArray,
+    R: FloatArray,
+    P0: FloatArray,
+    times: FloatArray,
+    skipped: NDArray[np.bool_],
+    tried: Sequence[Hypothesis] = HYPOTHESES,
+    limit: float = np.inf,
+) -> Outcome:
+    """Return the likelihood of the innovations under each hypothesis.
+
+    Parameters
+    ----------
+    innovation : (m, 6) array
+        Innovations of the offered fixes; zero for unmeasured components.
+    correction : (m, n) array
+        Correction of the error state at each fix, K ν; zero for a rejected fix.
+    steps
+        Transition of the error between the fixes, of some fixes after the others.
+    H, R : (m, 6, n) and (m, 6, 6) arrays
+        H and R of the fixes.
+    P0 : (n, n) array
+        Initial covariance.
+    times : (m + 1,) array
+        Times of the start and of the fixes [s].
+    skipped : (m,) array
+        Mask of the fixes that no hypothesis uses, such as outliers.
+    limit
+        Largest normalised square of position and of velocity innovations of used fixes, under the first
+        hypothesis.
+    tried
+        The hypotheses; the innovations are returned for the first one.
+
+    Raises
+    ------
+    LinAlgError
+        If a covariance of the innovations under the first hypothesis is not positive definite: P0 and Q are
+        then so many times larger than R that float64 does not hold their difference.
+    """
+    m, n = correction.shape
+    white = np.array([not hypothesis.correlated[0] for hypothesis in tried])
+    position = float(np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3]))
+    banks = [
+        _Bank([tried[int(at)] for at in np.flatnonzero(own)], P0, position)
+        for own in (white, ~white)
+        if own.any()
+    ]
+    own, covariance, gains = np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6))
+    left = np.zeros(m, dtype=np.bool_)
+    onwards = ((Phi, added) for part in steps for Phi, added in zip(part.transition, part.noise, strict=True))
+    for k, (transition, added) in zip(range(m), onwards, strict=True):
+        for bank in banks:
+            bank.propagate(transition, added, times[k + 1] - times[k])
+            bank.predict(H[k], R[k], innovation[k], correction[k])
+        own[k], covariance[k] = banks[0].innovation[0], banks[0].S[0]
+        if skipped[k] or (limit < np.inf and _beyond(own[k], covariance[k], limit)):
+            left[k] = True
+            continue
+        for bank in banks:
+            bank.update()
+        gains[k] = banks[0].gain[0, :n]
+    np.linalg.cholesky(covariance)  # raises
+    total = np.empty(len(tried))
+    total[white] = banks[0].total
+    total[~white] = banks[-1].total if (~white).any() else 0.0
+    if not np.isfinite(total[0]):
+        raise np.linalg.LinAlgError("the likelihood of the innovations is not finite")
+    return Outcome(total - total[0], own, covariance, gains, left)
+
+
+class _Bank:
+    """Filters under hypotheses, and the differences of their errors from those of the filter that ran.
+
+    Parameters
+    ----------
+    tried
+        The hypotheses: all with correlated position errors, or all without.
+    P0 : (n, n) array
+        Initial covariance.
+    position
+        Mean variance of a position in R [m²].
+    """
+
+    def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
+        self._q = np.array([(*one.q, 1.0) for one in tried])  # what is unknown in gaps stays so
+        self._r = np.sqrt(np.array([one.r for one in tried]))
+        self._variance = position * np.array([one.correlated[0] for one in tried])
+        self._time = np.array([one.correlated[1] for one in tried])
+        n = P0.shape[0]
+        N = n + 3 if self._variance.any() else n
+        self._n, self._slow = n, np.arange(n, N)
+        self._P = _starts(P0, N, tried)
+        self._P[:, self._slow, self._slow] = self._variance[:, None]
+        self._apart = np.zeros((len(tried), N))
+        self._H = np.zeros((6, N))
+        self._H[:3, n:] = -np.eye(3)[:, : N - n]
+        self.total = np.zeros(len(tried))
+
+    def propagate(self, transition: FloatArray, added: FloatArray, dt: float) -> None:
+        """Propagate from one fix to the next, `dt` later [s], with the noise (4, n, n) added by each part."""
+        Phi, noise = transition, np.tensordot(self._q, added, axes=1)
+        if self._slow.size:
+            decay = np.exp(-dt / self._time)[:, None]
+            Phi, noise = np.zeros_like(self._P), _bordered(noise, self._slow.size)
+            Phi[:, : self._n, : self._n] = transition
+            Phi[:, self._slow, self._slow] = decay
+            noise[:, self._slow, self._slow] = self._variance[:, None] * (1 - decay**2)
+        self._P = Phi @ self._P @ Phi.swapaxes(-1, -2) + noise
+        self._apart = (Phi @ self._apart[..., None])[..., 0]
+
+    def predict(self, H: FloatArray, R: FloatArray, innovation: FloatArray, correction: FloatArray) -> None:
+        """Predict a fix, given innovation and correction of the filter that ran."""
+        self._H[:, : self._n] = H
+        self._seen = self._P @ self._H.T
+        self.S = self._H @ self._seen + self._r[:, :, None] * R * self._r[:, None, :]
+        self.innovation = innovation - self._apart @ self._H.T
+        self._apart[:, : self._n] -= correction
+
+    def update(self) -> None:
+        """Use the predicted fix."""
+        nu, inverse = self.innovation, np.linalg.inv(self.S)
+        squares, (sign, size) = np.einsum("hi,hij,hj->h", nu, inverse, nu), np.linalg.slogdet(self.S)
+        self.total = np.where((sign > 0) & (squares >= 0), self.total - 0.5 * (squares + size), -np.inf)
+        self.gain = self._seen @ inverse
+        P = self._P - self.gain @ self._seen.transpose(0, 2, 1)
+        self._P = 0.5 * (P + P.transpose(0, 2, 1))
+        self._apart += np.einsum("hij,hj->hi", self.gain, nu)
+
+
+def _bordered(blocks: FloatArray, more: int) -> FloatArray:
+    """Return matrices (h, n, n) with some more rows and columns of zeros."""
+    return np.pad(blocks, ((0, 0), (0, more), (0, more)))
+
+
+def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:
+    """Return whether a position or a velocity innovation exceeds the limit."""
+    return any(
+        float(nu[own] @ np.linalg.solve(S[own, own], nu[own])) > limit for own in (slice(0, 3), slice(3, 6))
+    )
+
+
+def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
+    """Return P0 under each hypothesis (h, N, N)."""
+    n = P0.shape[0]
+    P = np.zeros((len(tried), N, N))
+    for at, hypothesis in enumerate(tried):
+        scale = np.full(n, np.sqrt(hypothesis.p0[0]))
+        for block, factor in zip(STARTS.values(), hypothesis.p0[1:], strict=True):
+            scale[block] *= np.sqrt(factor)
+        P[at, :n, :n] = P0 * scale[:, None] * scale
+    return P

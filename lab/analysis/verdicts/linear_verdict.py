@@ -1,0 +1,161 @@
+"""Linear verdict: attitude errors beyond the linear model of the filter, as the cause of an inconsistency.
+
+References
+----------
+A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable observer*, IEEE Trans. AC 62 (2017):
+the invariant error, whose model does not depend on the estimate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lab.analysis.verdicts import aid_verdict
+from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline
+from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
+from lab.navigation.filters.error_models import ACCEL_BIAS
+from lab.navigation.settings import NavigatorSettings
+
+WIDE = np.radians(20.0)
+"""σ of the attitude up to which the models of `PERTURBED` are linear enough [rad]. Measured on montreal and
+los_angeles with such a heading at the start, 24 flights each: mean NEES is 1.05 × too large at 20°, 1.1 to
+1.2 × at 30°, 2 to 4 × at 60°; with the other models 0.97 to 1.1 × in all cases."""
+PERTURBED = ("phi", "psi")
+"""Models whose F holds for small attitude errors only."""
+NEGLECTED = 0.3
+"""Mean square of the neglected acceleration in σ of the accelerometer biases from which it is named. Measured
+on montreal: 0.05 and 1.5 with gyros of 0.017 and 0.24 °/s/√Hz, and NEES 1.02 and 1.16 × too large."""
+PART = 0.25
+"""Part of the excess of NEES of these biases that it must explain. Measured there: 0.8 to 1.4."""
+UNEXPLAINED = (NEES, BETWEEN, NIS)
+"""Findings without a cause."""
+_CONSEQUENCES = (*UNEXPLAINED, *aid_verdict.QUANTITIES)
+"""Findings that a wrong attitude causes."""
+NAME = "linear model"
+"""Quantity of the finding."""
+
+
+def is_wide(start: float, navigator: NavigatorSettings) -> bool:
+    """Return whether the attitude is too uncertain at the start for the model, given its largest σ [rad]."""
+    return navigator.model in PERTURBED and start > WIDE
+
+
+def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) -> Verdict:
+    """Return the verdict, with the linear model as a cause of inconsistency if it is one.
+
+    From a start that is too uncertain, no run is consistent: it may be right by chance alone. Of causes, only
+    those that have a sample of their own can then be told, which needs the truth.
+
+    Parameters
+    ----------
+    verdict
+        The verdict from the evidence.
+    evidence
+        The evidence.
+    navigator
+        The filter.
+    """
+    found = evidence.linearity
+    if found is None or verdict.consistent is None:  # of a user's algorithm, or without a fix
+        return verdict
+    start = float(np.median(found.start.values))
+    if is_wide(start, navigator) and not any(_is_start_too_wide(one) for one in verdict.findings):
+        with_truth = evidence.start is not None
+        others = [one for one in verdict.findings if with_truth and one.quantity not in _CONSEQUENCES]
+        return _with((*others, _of_start(start, navigator)), verdict)
+    unexplained = all(one.quantity in UNEXPLAINED for one in verdict.findings)
+    if not verdict.findings or not unexplained or navigator.model == "nonlinear":
+        return verdict
+    largest, neglected = float(np.median(found.largest.values)), float(found.neglected.values.mean())
+    if largest > WIDE and navigator.model in PERTURBED:
+        return _with((_of_flight(largest, navigator, verdict),), verdict)
+    if (
+        neglected > max(NEGLECTED, PART * _excess(evidence.means))
+        and verdict.findings[0].direction == "too large"
+    ):
+        return _with((_of_products(neglected, navigator, verdict),), verdict)
+    return verdict
+
+
+def _is_start_too_wide(finding: Finding) -> bool:
+    """Return whether the attitude at the start is known better than P0 says: then the model holds."""
+    return finding.quantity in ("P0", "P0 attitude") and finding.direction == "too large"
+
+
+def _with(findings: tuple[Finding, ...], verdict: Verdict) -> Verdict:
+    return Verdict(headline(findings, ""), findings, verdict.basis)
+
+
+def _excess(means: RunMeans) -> float:
+    """Return by how much NEES of the accelerometer biases exceeds their number; zero if it is unknown."""
+    figure = Figure(NEES, "accelerometer bias")
+    if figure not in means.figures:
+        return 0.0
+    mean = float(means.together(means.figures.index(figure)).mean)
+    return (ACCEL_BIAS.stop - ACCEL_BIAS.start) * (mean - 1)
+
+
+def remark(start: float, navigator: NavigatorSettings) -> str:
+    """Return a sentence about a start that is too uncertain for the model; empty if it is not.
+
+    Parameters
+    ----------
+    start
+        Largest σ of the attitude at the start [rad].
+    navigator
+        The filter.
+    """
+    if not is_wide(start, navigator):
+        return ""
+    return (
+        f"The attitude is uncertain by {np.degrees(start):.3g}° (1 σ) at the start, but the error model "
+        f"{navigator.model} is linear only up to {np.degrees(WIDE):.0f}°: its σ may not describe its errors. "
+        "navigator.model = invariant or nonlinear holds for large attitude errors."
+    )
+
+
+def _cure(navigator: NavigatorSettings) -> tuple[str, tuple[Change, ...]]:
+    """Return the advice, and the change of it."""
+    if navigator.model in PERTURBED:
+        advice = "Set navigator.model to invariant, or to nonlinear: they hold for larger attitude errors."
+        return advice, (Change("navigator.model", "invariant"),)
+    return "Set navigator.model to nonlinear.", (Change("navigator.model", "nonlinear"),)
+
+
+def _finding(size: float, sentence: str, evidence: str, navigator: NavigatorSettings) -> Finding:
+    advice, changes = _cure(navigator)
+    return Finding(NAME, "not modelled", size, sentence, advice, evidence, changes)
+
+
+def _of_start(start: float, navigator: NavigatorSettings) -> Finding:
+    return _finding(
+        start,
+        f"The attitude is uncertain by {np.degrees(start):.3g}° (1 σ) at the start. The linear model "
+        f"{navigator.model} does not hold there, so its σ does not describe its errors, except by chance.",
+        f"σ of the attitude at the start {np.degrees(start):.3g}°, limit {np.degrees(WIDE):.0f}°",
+        navigator,
+    )
+
+
+def _of_flight(largest: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
+    return _finding(
+        largest,
+        f"The attitude becomes uncertain by {np.degrees(largest):.3g}° (1 σ). The linear model "
+        f"{navigator.model} does not hold there, so its σ does not describe its errors.",
+        f"σ of the attitude {np.degrees(largest):.3g}°, limit {np.degrees(WIDE):.0f}°; "
+        f"{verdict.findings[0].evidence}",
+        navigator,
+    )
+
+
+def _of_products(neglected: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
+    return _finding(
+        float(np.sqrt(neglected)),
+        "The cause is beyond the linear model: products of attitude errors, which it neglects, act like "
+        f"accelerometer biases of {np.sqrt(neglected):.2g} × their σ. "
+        f"{verdict.findings[0].sentence.split('. ')[0]}.",
+        f"mean square of the neglected acceleration in σ of the accelerometer biases {neglected:.2g}, limit "
+        f"{NEGLECTED:g}; {verdict.findings[0].evidence}",
+        navigator,
+    )

@@ -1,0 +1,133 @@
+"""Pattern: whether all values are inconsistent, or a stretch of time, a channel, or single fixes.
+
+The pattern is determined before the cause: an R that is wrong for one channel or for half a minute is a
+different fault from an R that is wrong as a whole.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.verdicts.finding import DOUBT, MATTERS, RATIO, is_right
+from lab.analysis.verdicts.sums import Kept, Squares
+
+FloatArray = NDArray[np.float64]
+
+BINS = 40
+"""Number of parts of a flight that are tested separately."""
+AXES = ("north", "east", "down")
+FEWEST = 30
+"""Fewest values of a stretch, more than a fix or two."""
+CAPPED = 16.3
+"""Sum of three squares with unit variance that one in 1,000 exceeds."""
+FEW = 1e-12
+"""Smallest mean square before its logarithm is taken; innovations are never as small."""
+
+
+class Stretch(NamedTuple):
+    """A stretch of time, from bin `first` to bin `last`, without the latter.
+
+    Attributes
+    ----------
+    squares : Squares
+        Squares inside the stretch.
+    gain : float
+        Gain in log-likelihood with a separate variance.
+    """
+
+    first: int
+    last: int
+    squares: Squares
+    gain: float
+
+
+def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> Squares:
+    """Return the squares (2, 2, BINS) of position and velocity in each part of a flight.
+
+    The second set limits the square of each fix to `CAPPED`, since a single fix does not make a stretch.
+
+    Parameters
+    ----------
+    values : (m, 6) array
+        Values that should have unit variance; NaN has no effect.
+    times : (m,) array
+        Times of the values [s].
+    span
+        Start and end of the flight [s].
+    """
+    length = max(span[1] - span[0], 1e-9)
+    at = np.clip(((times - span[0]) / length * BINS).astype(np.int64), 0, BINS - 1)
+    total, number = np.zeros((2, 2, BINS)), np.zeros((2, 2, BINS))
+    known = np.isfinite(values)
+    squares = np.where(known, values, 0.0) ** 2
+    for kind in range(2):
+        own = slice(3 * kind, 3 * kind + 3)
+        sums = squares[:, own].sum(axis=1)
+        total[0, kind] = np.bincount(at, sums, BINS)
+        total[1, kind] = np.bincount(at, np.minimum(sums, CAPPED), BINS)
+        number[:, kind] = np.bincount(at, known[:, own].sum(axis=1), BINS)
+    return Squares(total, number)
+
+
+def _likelihood(total: FloatArray, number: FloatArray) -> FloatArray:
+    """Return the log-likelihood of squares with a fitted variance."""
+    mean = np.divide(total, number, out=np.ones_like(total), where=number > 0)
+    return np.asarray(-0.5 * number * (np.log(np.maximum(mean, FEW)) + 1))
+
+
+def stretch(squares: Squares, kind: int) -> Stretch | None:
+    """Return the stretch that is too large while the rest is right, or None.
+
+    Parameters
+    ----------
+    squares
+        As from `binned`.
+    kind
+        0 for position, 1 for velocity.
+    """
+    total = np.append(0.0, np.cumsum(squares.total[1, kind]))
+    number = np.append(0.0, np.cumsum(squares.number[1, kind]))
+    inside, count = total - total[:, None], number - number[:, None]
+    outside, others = total[-1] - inside, number[-1] - count
+    valid = (count >= FEWEST) & (others > 0) & (np.arange(BINS + 1) > np.arange(BINS + 1)[:, None])
+    gain = np.where(
+        valid,
+        _likelihood(np.where(valid, inside, 0), np.where(valid, count, 0))
+        + _likelihood(np.where(valid, outside, 0), np.where(valid, others, 0))
+        - _likelihood(total[-1:], number[-1:]),
+        -np.inf,
+    )
+    first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    best = float(gain[first, last])
+    size = inside[first, last] / max(count[first, last], 1)
+    rest = float(outside[first, last]), float(others[first, last])
+    # 800 stretches are tested, so the price is ln 800.
+    if best < RATIO + np.log(BINS**2 / 2) or size < MATTERS or not is_right(*rest):
+        return None
+    return Stretch(
+        int(first),
+        int(last),
+        Squares(np.array(squares.total[0, kind, first:last].sum()), np.array(count[first, last])),
+        best,
+    )
+
+
+def stretch_words(found: Stretch, span: Kept) -> str:
+    """Return the times of a stretch as text; `span` holds start and end of each run [s]."""
+    begin, end = span.values.mean(axis=0)
+    edges = begin + (end - begin) * np.array((found.first, found.last)) / BINS
+    return f"from {edges[0]:.0f} s to {edges[1]:.0f} s"
+
+
+def channel(squares: Squares) -> int | None:
+    """Return the one of three channels (3,) that is wrong while the other two are right, otherwise None."""
+    wrong = [
+        axis
+        for axis in range(3)
+        if squares.number[axis]
+        and not is_right(float(squares.total[axis]), float(squares.number[axis]), DOUBT / 6)
+    ]
+    return wrong[0] if len(wrong) == 1 and np.count_nonzero(squares.number) > 1 else None

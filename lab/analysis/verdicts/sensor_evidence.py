@@ -1,0 +1,485 @@
+"""Sensor evidence: the errors that a simulated IMU added to the true motion, relative to Q.
+
+Besides its bias, a sensor adds noise and errors that depend on the motion: scale factors, misalignments, a
+lag. The bias itself is a random process, or depends on time, temperature or specific force. The noise is
+tested with sums over windows of `WINDOW`, the bias process with the bias as visible through the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.verdicts.sums import Kept, Squares, Sum
+from lab.motion.frames import earth
+from lab.motion.frames.rotation import C_nb_from_euler
+from lab.motion.truth.trajectory import Truth
+from lab.navigation.solution import Belief, Imu
+
+FloatArray = NDArray[np.float64]
+
+AT_ONCE = 2**16
+"""Number of samples that are averaged in one block."""
+WINDOW = 1.0
+"""Summation time of the sensors' noise [s]."""
+MOTION = ("own axis", "second axis", "third axis", "lag", "more lag", "Earth rate")
+"""Regressors of the errors that depend on the motion: the rate or force of the axis itself and of the two
+axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer lag [s]; what
+a navigator without the rate of the Earth takes for an error, ω_ie of gyros and 2 ω_ie × v of accelerometers
+[1]."""
+DRIFT = ("constant", "time", "temperature", "specific force")
+"""Regressors of the bias: [1], [s], [K], and the specific force of the axis [m/s²]."""
+SHORT, LONG = 5e-3, 1.0
+"""Smallest lag with an effect beyond the slope, and longest lag: bandwidths of 32 and 0.16 Hz [s]."""
+LONGEST = 256
+"""Most windows for the test of a bias process; longer flights have longer windows."""
+FACTORS = np.logspace(-4, 4, 17)
+"""Tried bias drives, relative to the filter's."""
+ENDS = 20
+"""Samples of a window for each at either end by which its slope is taken: 5 % of it, so that their mean is
+calmer than one sample and still at the end."""
+LONGER = 1.3
+"""The longer lag over the one that fits: its difference is the slope of the effect. A plain choice."""
+TURNING = 0.5
+"""Time between the attitudes with which the rate of the Earth is averaged over a window [s]: at 20 °/s, a
+turn of 10°, whose chord is 0.1 % shorter than its arc."""
+UNSEEN = 0.01
+"""Fraction of the drive that noise would just hide; it replaces a drive of zero."""
+
+
+SLOW = 1e-6
+"""Fraction of the correlation time below which a flight cannot distinguish a first-order process from a
+random walk."""
+
+
+class Reference(NamedTuple):
+    """The truth of a simulated run.
+
+    Attributes
+    ----------
+    truth : Truth
+        Truth at all samples.
+    bias : (n + 1, 6) array
+        True gyro and accelerometer biases at all samples [rad/s], [m/s²].
+    dtheta, dvelocity : (n, 3) arrays
+        True increments [rad], [m/s].
+    scale : (n + 1, 6) array
+        True scale factor errors of gyros and accelerometers; needed for filters with 21 states only.
+    temperature : (n,) array
+        Temperature of the IMU in each interval [°C]; None if constant.
+    saturated : (2,) tuple
+        Numbers of saturated values of gyros and of accelerometers.
+    bias_drive : (6,) array
+        Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] in a filter matched to the sensors;
+        None if unknown.
+    hidden : (6,) array
+        Longest period of changes of the biases that a matched filter does not follow, because the fixes hide
+        them (`belief.hidden_by_fixes`) [s]; None if it follows all.
+    further : (n + 1, k) array
+        True values of the further states of the filter (`navigation.blocks`), if it has any.
+    of_states : (n, 6) array
+        What the errors of the IMU for which the filter has further states, such as misalignments, add to the
+        output of gyros and accelerometers [rad/s], [m/s²]; None if it has none.
+    flight : Truth
+        Truth at all samples, if `truth` has some of them only; None if it has all.
+    """
+
+    truth: Truth
+    bias: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    scale: FloatArray | None = None
+    temperature: FloatArray | None = None
+    saturated: tuple[int, int] = (0, 0)
+    bias_drive: FloatArray | None = None
+    further: FloatArray | None = None
+    of_states: FloatArray | None = None
+    flight: Truth | None = None
+    hidden: FloatArray | None = None
+
+    @property
+    def whole(self) -> Truth:
+        """The truth at all samples, between which it may be interpolated."""
+        return self.truth if self.flight is None else self.flight
+
+
+@dataclass(frozen=True)
+class SensorErrors(Sum):
+    """The errors that gyros x, y, z and accelerometers x, y, z added, each divided by its assumed σ.
+
+    Attributes
+    ----------
+    matrix : Kept
+        Normal equations of the noise on `MOTION`: matrix (runs, 6, 6, 6), vector (runs, 6, 6) and squares
+        (runs, 6).
+    vector, squares, number : Kept
+        See `matrix`; `number` is the number of windows (runs, 6), zero for axes that are assumed to be free
+        of noise.
+    clipped : Squares
+        Squares of the windows with saturation (2,); the other figures omit these windows.
+    drift_matrix : Kept
+        Normal equations of bias and noise, whitened under each drive, on `DRIFT`: (runs, 6, drives, 4, 4).
+        The first drive is that of the filter, the second that of a filter matched to the sensor (zero if
+        unknown), the others are `FACTORS` times the filter's.
+    drift_vector, drift_squares, log_determinant : Kept
+        See `drift_matrix`; (runs, 6, drives, 4) and twice (runs, 6, drives).
+    drive : Kept
+        Drives of the filter and of the matched one, relative to the one that `FACTORS` multiply (runs, 6, 2);
+        zero if there is none.
+    """
+
+    matrix: Kept
+    vector: Kept
+    squares: Kept
+    number: Kept
+    clipped: Squares
+    drift_matrix: Kept
+    drift_vector: Kept
+    drift_squares: Kept
+    log_determinant: Kept
+    drive: Kept
+
+
+class Exact(NamedTuple):
+    """The true motion, averaged over windows.
+
+    Attributes
+    ----------
+    dt : float
+        Time between samples [s].
+    width : int
+        Number of samples in a window.
+    moved : (windows, 6) array
+        Mean rates and specific forces [rad/s], [m/s²].
+    fall : (windows, 6) array
+        What they lose per second, by the samples at the ends of each window.
+    temperature : (windows,) array
+        Mean temperature [°C]; zero if it is constant.
+    earth : (windows, 6) array
+        Mean rate of the Earth [rad/s] and its Coriolis acceleration 2 ω_ie × v [m/s²], in b.
+    """
+
+    dt: float
+    width: int
+    moved: FloatArray
+    fall: FloatArray
+    temperature: FloatArray
+    earth: FloatArray
+
+
+class _Axis(NamedTuple):
+    """The errors of an axis of a sensor, summed over windows of a length [s]."""
+
+    window: float
+    noise: FloatArray  # (windows,) error besides the bias, divided by the time
+    bias: FloatArray
+    motion: FloatArray  # (windows, 6) MOTION
+    drift: FloatArray  # (windows, 4) DRIFT
+    clipped: NDArray[np.bool_]
+
+
+def sensor_errors(
+    belief: Belief,
+    imu: Imu,
+    reference: Reference,
+    true: tuple[Exact, Exact] | None = None,
+    measured: tuple[FloatArray, FloatArray] | None = None,
+) -> SensorErrors:
+    """Return the errors that the sensors of a run added.
+
+    Parameters
+    ----------
+    belief
+        The filter's assumptions about the sensors.
+    imu
+        Output of the sensors.
+    reference
+        True values.
+    true
+        The true motion as from `exacts`, which is that of all runs of a flight.
+    measured
+        The mean increments (windows, 6) in the windows of both, as from `window_means`; by default, from the
+        output of the sensors.
+    """
+    runs, drives = 1, FACTORS.size + 2
+    terms = len(MOTION)
+    matrix, vector = np.zeros((runs, 6, terms, terms)), np.zeros((runs, 6, terms))
+    squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6, 2))
+    matched = np.zeros(6) if reference.bias_drive is None else reference.bias_drive
+    hidden = np.zeros(6) if reference.hidden is None else reference.hidden
+    clipped = Squares(np.zeros(2), np.zeros(2))
+    drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
+    drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
+    short, long = true or exacts(reference, imu.time)
+
+    def means(at: int) -> FloatArray:
+        return _measured_means(imu, (short, long)[at]) if measured is None else measured[at]
+
+    sums = _sums(reference, short, means(0))
+    of_long = sums if long is short else _sums(reference, long, means(1))
+    for axis in np.flatnonzero(belief.noise[:6] > 0):
+        seen = _axis(imu, reference, int(axis), short, sums)
+        wide = seen if long is short else _axis(imu, reference, int(axis), long, of_long)
+        root = np.sqrt(belief.noise[axis] / seen.window)
+        noise, motion = seen.noise / root, seen.motion / root
+        kept = ~seen.clipped
+        clipped.total[axis // 3] += np.sum(noise[~kept] ** 2)
+        clipped.number[axis // 3] += np.count_nonzero(~kept)
+        noise, motion = noise[kept], motion[kept]
+        matrix[0, axis], vector[0, axis] = motion.T @ motion, motion.T @ noise
+        squares[0, axis], number[0, axis] = noise @ noise, noise.size
+        spread = np.linalg.lstsq(motion, noise, rcond=None)[0]
+        rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
+        found = _drift(wide, belief, int(axis), float(matched[axis]), float(hidden[axis]), rest, spread)
+        drive[0, axis] = found[0]
+        drift_matrix[0, axis], drift_vector[0, axis], drift_squares[0, axis], determinant[0, axis] = found[1:]
+    return SensorErrors(
+        Kept(matrix),
+        Kept(vector),
+        Kept(squares),
+        Kept(number),
+        clipped,
+        Kept(drift_matrix),
+        Kept(drift_vector),
+        Kept(drift_squares),
+        Kept(determinant),
+        Kept(drive),
+    )
+
+
+def exacts(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
+    """Return the true motion in the windows of the tests of the noise, and of the bias; see `exact`."""
+    window = max(WINDOW, float(time[-1] - time[0]) / LONGEST)
+    short = exact(reference, time)
+    return short, short if window == WINDOW else exact(reference, time, window)
+
+
+def exact(reference: Reference, time: FloatArray, window: float = 0.0) -> Exact:
+    """Return the true motion, averaged over windows.
+
+    Parameters
+    ----------
+    reference
+        The truth; its biases and scale factors have no effect.
+    time : (n + 1,) array
+        Times of the IMU samples [s].
+    window
+        Length of the windows [s]; 0 for that of the test of the noise.
+    """
+    dt, samples = float(time[-1] - time[0]) / (time.size - 1), reference.dtheta.shape[0]
+    width = min(max(1, round((window or WINDOW) / dt)), samples)
+    count, few = samples // width, max(1, width // ENDS)
+    moved, fall = np.empty((count, 6)), np.empty((count, 6))
+    for sensor, true in enumerate((reference.dtheta, reference.dvelocity)):
+        own = slice(3 * sensor, 3 * sensor + 3)
+        moved[:, own] = _means(partial(_taken, true), count, width) / dt
+        first, last = (
+            np.mean([true[at : count * width : width] for at in ends], axis=0, dtype=np.float64) / dt
+            for ends in (range(few), range(width - few, width))
+        )
+        fall[:, own] = (first - last) / (width * dt)
+    temperature = reference.temperature
+    warm = np.zeros(count) if temperature is None else _means(partial(_taken, temperature), count, width)
+    return Exact(dt, width, moved, fall, warm, _of_earth(reference.whole, count, width, dt))
+
+
+def _of_earth(truth: Truth, count: int, width: int, dt: float) -> FloatArray:
+    """Return rate and Coriolis acceleration of the Earth in b, averaged over windows (count, 6)."""
+    steps = max(1, round(width * dt / TURNING))
+    at = np.round(np.arange(count * steps + 1) * (width / steps)).astype(np.int64)
+    C_nb = C_nb_from_euler(truth.euler[at])
+    sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
+    omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    coriolis_n = 2 * np.cross(omega_ie_n, truth.velocity_n[at])
+    both = np.concatenate([np.einsum("kji,kj->ki", C_nb, one) for one in (omega_ie_n, coriolis_n)], axis=1)
+    return np.asarray((0.5 * (both[1:] + both[:-1])).reshape(count, steps, 6).mean(axis=1))
+
+
+def _taken(values: FloatArray, part: slice) -> FloatArray:
+    return values[part]
+
+
+def _means(values: Callable[[slice], FloatArray], count: int, width: int) -> FloatArray:
+    """Return the means over `count` windows of values, which are computed in blocks of samples."""
+    means, at_once = [], max(AT_ONCE // width, 1)
+    for first in range(0, count, at_once):
+        last = min(first + at_once, count)
+        part = values(slice(first * width, last * width))
+        means.append(_mean(part.reshape(last - first, width, *part.shape[1:])))
+    return np.concatenate(means)
+
+
+def _mean(windows: FloatArray) -> FloatArray:
+    """Return the means (count, …) of values (count, width, …); constant ones are not summed."""
+    if windows.strides[0] == windows.strides[1] == 0:
+        return np.asarray(windows[:, 0], dtype=np.float64)
+    return np.asarray(windows.mean(axis=1, dtype=np.float64))
+
+
+class _Sums(NamedTuple):
+    """What the sensors of a run added, averaged over windows: (windows, 6) each."""
+
+    noise: FloatArray  # besides the bias
+    bias: FloatArray
+
+
+def window_means(values: FloatArray, true: Exact) -> FloatArray:
+    """Return the means (windows, …) of values (n, …) in the windows of the true motion."""
+    return _means(partial(_taken, values), true.moved.shape[0], true.width)
+
+
+def _measured_means(imu: Imu, true: Exact) -> FloatArray:
+    return np.concatenate([window_means(values, true) for values in (imu.dtheta, imu.dvelocity)], axis=1)
+
+
+def _sums(reference: Reference, true: Exact, measured: FloatArray) -> _Sums:
+    """Return what the sensors of a run added, given the means (windows, 6) of their output."""
+    noise, biases = measured / true.dt, np.empty(true.moved.shape)
+    for sensor in range(2):
+        own = slice(3 * sensor, 3 * sensor + 3)
+        moved = true.moved[:, own]
+        biases[:, own] = window_means(reference.bias[1:, own], true)
+        noise[:, own] -= moved + biases[:, own]
+        if reference.of_states is not None:
+            noise[:, own] -= window_means(reference.of_states[:, own], true)
+        if reference.scale is not None:  # scale factors are states, with known true values
+            scale = reference.scale[1:, own]
+            if scale.strides[0] == 0:
+                noise[:, own] -= scale[:1] * moved
+                continue
+            exact = (reference.dtheta, reference.dvelocity)[sensor]
+
+            def by_scale(part: slice, scale: FloatArray = scale, exact: FloatArray = exact) -> FloatArray:
+                return np.asarray(scale[part] * (exact[part].astype(np.float64) / true.dt))
+
+            noise[:, own] -= _means(by_scale, true.moved.shape[0], true.width)
+    return _Sums(noise, biases)
+
+
+def _axis(imu: Imu, reference: Reference, axis: int, true: Exact, sums: _Sums) -> _Axis:
+    """Return the errors of an axis, averaged over windows."""
+    sensor, own = divmod(axis, 3)
+    count, width, dt = true.moved.shape[0], true.width, true.dt
+    added = sums.noise[:, axis]
+    motion = np.empty((count, len(MOTION)))
+    for column in range(3):
+        other = 3 * sensor + (own + column) % 3
+        motion[:, column] = true.moved[:, other]
+    increments = (reference.dtheta, reference.dvelocity)[sensor]
+    motion[:, 5] = true.earth[:, axis]
+    motion[:, 3:5] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
+    drift = np.empty((count, 4))
+    drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
+    drift[:, 2] = true.temperature
+    drift[:, 3] = 0.0 if sensor else true.moved[:, 3 + own]
+    clipped = np.zeros(count, dtype=np.bool_)
+    if reference.saturated[sensor]:
+        measured = (imu.dtheta, imu.dvelocity)[sensor]
+        size = np.abs(measured[: count * width, own])
+        at_end = size >= np.abs(measured).max() * (1 - 1e-9)
+        clipped = at_end.reshape(count, width).any(axis=1)
+    return _Axis(width * dt, added, sums.bias[:, axis], motion, drift, clipped)
+
+
+def _lag(moved: Callable[[], FloatArray], added: FloatArray, fall: FloatArray, dt: float) -> FloatArray:
+    """Return the effect of a first-order lag on values, per second of lag, and of a longer lag (windows, 2).
+
+    The lag that fits the `added` errors is determined first, because a long lag has effects beyond the slope.
+    `moved` returns the values, and `fall` is minus their mean slope in each window.
+    """
+    windows = fall.size
+    lag = _fitted(fall, added)
+    if lag < SHORT:
+        return np.stack((fall, np.zeros(windows)), axis=-1)
+
+    from scipy.signal import lfilter  # noqa: PLC0415 - takes long to import, and few sensors lag so much
+
+    values = moved()
+
+    def effect(lag: float) -> FloatArray:
+        forget = float(np.exp(-dt / lag))
+        slow = lfilter([1 - forget], [1, -forget], values, zi=values[:1] * forget)[0]
+        return np.asarray((slow - values).reshape(windows, -1).mean(axis=1) / lag)
+
+    for _ in range(3):
+        lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
+    return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
+
+
+def _fitted(effect: FloatArray, added: FloatArray) -> float:
+    """Return the fitted factor of an effect, next to a constant."""
+    centred = effect - effect.mean()
+    return float(centred @ added / max(centred @ centred, 1e-300))
+
+
+def _drift(
+    seen: _Axis,
+    belief: Belief,
+    axis: int,
+    matched: float,
+    period: float,
+    rest: float,
+    spread: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the first two drives, and the normal equations of a bias under all tried drives.
+
+    `matched` is the drive of a filter matched to the sensor, which does not follow changes with a period
+    below `period` [s]; `rest` the variance of the noise relative to the assumed one, `spread` the errors that
+    depend on the motion (6,).
+    """
+    duration = seen.window * seen.noise.size
+    density = belief.noise[axis] * rest
+    drive, decay = float(belief.noise[6 + axis]), float(belief.decay[axis])
+    hidden = 3 * density / duration**2
+    base = max(drive, UNSEEN * hidden)
+    power, basis = spectrum(seen.noise.size, seen.window, decay)
+    # A sine of the period T is integrated to (T / 2π)² of its variance.
+    slow = power * seen.window >= (period / (2 * np.pi)) ** 2
+    power, basis = power[slow], basis[:, slow]
+    # Saturated windows contain no information about the bias.
+    values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
+    values, causes = basis.T @ values, basis.T @ seen.drift
+    white = density / seen.window
+    own = np.array((drive, matched))
+    variance = white + np.append(own, base * FACTORS)[:, None] * power
+    weight = 1 / variance
+    return (
+        own / base,
+        (weight @ (causes[:, :, None] * causes[:, None, :]).reshape(len(causes), -1)).reshape(-1, 4, 4),
+        weight @ (causes * values[:, None]),
+        np.asarray(weight @ values**2),
+        np.asarray(np.log(variance / white).sum(axis=1)),
+    )
+
+
+@lru_cache(maxsize=32)
+def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues (m,) and eigenvectors (m, m) of the growth of a process of unit drive.
+
+    The process is stationary, of first order, and averaged over windows. The covariance of its growth until t
+    and until t' is (exp(−λ|t − t'|) + 1 − exp(−λt) − exp(−λt')) / 2λ; for a random walk, it is the smaller of
+    t and t'.
+
+    Parameters
+    ----------
+    count, window
+        Number and length [s] of the windows.
+    decay
+        Decay rate λ of the process [1/s].
+    """
+    t, turns = (np.arange(count) + 0.5) * window, decay * window
+    if decay * t[-1] < SLOW:
+        covariance = np.minimum(t[:, None], t) - window / 6 * np.eye(count)
+    else:
+        mean = np.sinh(turns / 2) / (turns / 2)
+        at_start = mean * np.exp(-decay * t)
+        apart = mean**2 * np.exp(-decay * np.abs(t[:, None] - t))
+        np.fill_diagonal(apart, 2 * (turns + np.expm1(-turns)) / turns**2)
+        covariance = (apart + 1 - at_start[:, None] - at_start) / (2 * decay)
+    power, basis = np.linalg.eigh(covariance)
+    return np.maximum(power, 0), basis

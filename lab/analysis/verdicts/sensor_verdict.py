@@ -1,0 +1,307 @@
+"""Sensor verdict: findings about Q and unmodelled errors, from the true errors of the inertial sensors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.verdicts.finding import (
+    RATIO,
+    Change,
+    Finding,
+    Weighed,
+    interval_words,
+    is_right,
+    judge_size,
+    mean_square,
+    rounded,
+    size_weight,
+    written,
+    wrong_by,
+)
+from lab.analysis.verdicts.likely_factor import likely_factor
+from lab.analysis.verdicts.selection import PRICE, Explained, estimates, gain_of, select
+from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
+from lab.analysis.verdicts.sums import Fit, Squares
+from lab.base.parameters.units import STANDARD_GRAVITY
+
+FloatArray = NDArray[np.float64]
+
+SENSORS = ("gyro", "accelerometer")
+EXPLAINS = 0.2
+"""Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
+depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
+LAG = 0.01
+"""Shortest lag of a sensor that is reported [s]: that of a latency. What a lag adds to the navigator is
+gone at the end of the manoeuvre; a bandwidth of 50 Hz lags by 3 ms, and NEES does not show it."""
+LEFT = 0.1
+"""Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
+remainder."""
+TOGETHER = 2.0
+"""Ratio of the variances of both kinds of sensors up to which one factor on Q serves both: it is within √2 of
+each, less than `finding.MATTERS`."""
+LEAST_FACTOR = float(FACTORS[0])
+"""Smallest factor on a bias drive that is stated: the smallest tried."""
+WANDERS = 3.0
+"""Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
+
+EARTH_RATE = "Earth rate"
+"""What a finding calls a rate of the Earth that the navigator leaves out."""
+ALL_OF_IT = 0.5
+"""Largest distance of its estimated part from 1: it is left out or it is not."""
+
+_CAUSES = {  # regressors of each cause
+    "scale factor": (0,),
+    "misalignment": (1, 2),
+    "bandwidth": (3, 4),
+    EARTH_RATE: (5,),
+}
+_WORDS = {
+    "scale factor": "The scale factors of the {kind}s are wrong by {size:.2g} %: their errors are "
+    "proportional to the measured quantity.",
+    "misalignment": "The {kind}s are misaligned by {size:.2g}°: each also measures the other axes.",
+    "bandwidth": "The {kind}s lag behind the motion by {size:.2g} ms: their bandwidth is limited.",
+    "temperature": "The biases of the {kind}s depend on the temperature, by {size:.2g} {unit} per K.",
+    "g-sensitivity": "The biases of the {kind}s depend on the specific force, by {size:.2g} °/s per g.",
+    "bias drift": "The biases of the {kind}s drift steadily, by {size:.2g} {unit} per minute.",
+}
+_ADVICE = {
+    "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
+    "filter then estimates the scale factors.",
+    "misalignment": "Calibrate the {kind}s, or set navigator.estimate_misalignments. More {kind} noise in "
+    "navigator.q covers a part of them.",
+    "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
+    "bandwidth (sensors.{kind}.bandwidth).",
+    "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
+    "in navigator.q.",
+    "g-sensitivity": "Compensate the {kind}s for the specific force, or set "
+    "navigator.estimate_g_sensitivity. More {kind} noise in navigator.q covers a part.",
+    "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
+}
+
+
+def judge_sensors(errors: SensorErrors) -> list[Weighed]:
+    """Return the wrong assumptions about the inertial sensors, from the errors that they added."""
+    found: list[Weighed] = []
+    noise: list[tuple[float, float]] = []
+    wanders: list[Weighed] = []
+    for sensor, kind in enumerate(SENSORS):
+        axes = slice(3 * sensor, 3 * sensor + 3)
+        motion, rest = _motion(errors, sensor, kind)
+        found += _clipped(errors, sensor, kind)
+        # The rate of the Earth shows in both kinds of sensors, and is one fault.
+        named = {entry.finding.quantity for entry in found}
+        found += [entry for entry in motion if entry.finding.quantity not in {EARTH_RATE} & named]
+        noise.append(rest)
+        wanders += _bias(errors, axes, kind)
+    white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
+    # A wrong scale of Q changes noise and drive equally: that is one fault.
+    accused = {entry.finding.quantity: entry.finding.direction for entry in white}
+    for entry in wanders:
+        kind = entry.finding.quantity.split()[1] if entry.finding.quantity.startswith("Q ") else ""
+        if accused.get("Q", accused.get(f"Q {kind}")) != entry.finding.direction:
+            found.append(entry)
+    return found + white
+
+
+def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed], tuple[float, float]]:
+    """Judge the errors that depend on the motion; also return squares and number of the remaining ones."""
+    axes = slice(3 * sensor, 3 * sensor + 3)
+    number = errors.number.values[:, axes]
+    count = float(number.sum())
+    if not count:
+        return [], (0.0, 0.0)
+    fit = _records(
+        errors.matrix.values[:, axes], errors.vector.values[:, axes], errors.squares.values[:, axes]
+    )
+    total = float(fit.squares)
+    scale = max((total - 2 * gain_of(fit, range(len(MOTION)))) / count, 1e-12)
+    chosen = select(Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale), _CAUSES, RATIO)
+    explained, found = 0.0, []
+    for entry in chosen:
+        explained += 2 * entry.gain * scale
+        if entry.gain < LEFT * chosen[0].gain:
+            continue
+        if entry.name == EARTH_RATE:
+            found += _earth_rate(entry)
+        elif entry.name == "bandwidth" and _lag(entry) < LAG:
+            continue
+        elif 2 * entry.gain / count > EXPLAINS:
+            found.append(_stated(entry, kind, sensor))
+    rest = total - explained
+    if found and count < rest < count + LEFT * explained:
+        rest = count
+    return found, (rest, count)
+
+
+def _earth_rate(entry: Explained) -> list[Weighed]:
+    """Judge errors like the rate of the Earth: they have a size, and last, so less of them matters."""
+    weight = 1 / np.maximum(entry.sigma, 1e-12) ** 2
+    part = float(np.sum(weight * entry.estimate) / weight.sum())
+    if abs(part - 1) > ALL_OF_IT:
+        return []
+    finding = Finding(
+        EARTH_RATE,
+        "not modelled",
+        part,
+        "The rate of the Earth is left out: the sensors seem to err by ω_ie in the axes of the body (gyros), "
+        f"and by 2 ω_ie × v (accelerometers), {part:.2g} × as much.",
+        "Subtract C_bn ω_ie from the gyros, and 2 ω_ie × v from the acceleration.",
+        f"logarithm of the likelihood ratio {entry.gain:.0f}",
+    )
+    return [Weighed(entry.gain, finding)]
+
+
+def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit:
+    """Return the fits of runs and axes, (runs, axes, p, p) and (runs, axes, p), one after the other."""
+    p = matrix.shape[-1]
+    return Fit(matrix.reshape(-1, p, p), vector.reshape(-1, p), np.array(squares.sum()))
+
+
+def _lag(entry: Explained) -> float:
+    """Return the lag of a sensor of limited bandwidth, root mean square of the axes [s]."""
+    return float(np.sqrt(np.mean(entry.estimate.sum(axis=1) ** 2)))
+
+
+def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
+    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / STANDARD_GRAVITY))[sensor]
+    is_lag = entry.name == "bandwidth"
+    factor = _lag(entry) if is_lag else float(np.sqrt(np.mean(entry.estimate**2)))
+    size = (
+        factor
+        * {
+            "scale factor": 100,
+            "misalignment": np.degrees(1.0),
+            "bandwidth": 1000,
+            "temperature": to_unit,
+            "g-sensitivity": to_unit * STANDARD_GRAVITY,
+            "bias drift": 60 * to_unit,
+        }[entry.name]
+    )
+    words = {"kind": kind, "size": size, "unit": unit}
+    finding = Finding(
+        f"{kind} {entry.name}",
+        "not modelled",
+        factor,
+        _WORDS[entry.name].format(**words),
+        _ADVICE[entry.name].format(**words),
+        f"logarithm of the likelihood ratio {entry.gain:.0f}",
+        (
+            Change("navigator.states", 21),
+            Change(f"sensors.{kind}.scale_factor_sigma", float(f"{size:.2g}")),
+        )
+        if entry.name == "scale factor"
+        else (),
+    )
+    return Weighed(entry.gain, finding)
+
+
+def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
+    """Judge the windows with saturation."""
+    total, count = (float(figure[sensor]) for figure in errors.clipped)
+    if not count or total < count or is_right(total, count):
+        return []
+    finding = Finding(
+        f"{kind} range",
+        "not modelled",
+        float(np.sqrt(total / count)),
+        f"The {kind}s saturated in {count:.0f} windows of 1 s: their errors there are "
+        f"{written(np.sqrt(total / count))} × as large as assumed.",
+        f"Use {kind}s with a larger range (sensors.{kind}.range).",
+        mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
+    )
+    return [Weighed(size_weight(total, count), finding)]
+
+
+def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
+    """Judge the changes of the biases: by the drive, or with time, temperature or specific force.
+
+    One state models turn-on bias, instability and flicker together. The sensor errors may then be likelier
+    with a smaller drive than the one that keeps the estimates consistent. So a drive is compared with smaller
+    ones only down to that of a filter matched to the sensor.
+    """
+    number = errors.number.values[:, axes]
+    used = number > 0
+    if not used.any():
+        return []
+    matrix = errors.drift_matrix.values[:, axes][used]
+    vector = errors.drift_vector.values[:, axes][used]
+    squares = errors.drift_squares.values[:, axes][used]
+    determinant = errors.log_determinant.values[:, axes][used]
+    drive, matched = errors.drive.values[:, axes][used].mean(axis=0).tolist()
+
+    def likelihood(at: int, columns: tuple[int, ...]) -> float:
+        fit = Fit(matrix[:, at], vector[:, at], np.zeros(()))
+        return gain_of(fit, columns) - 0.5 * float(squares[:, at].sum() + determinant[:, at].sum())
+
+    assumed = likelihood(0, (0,))
+    drives = np.array([likelihood(at + 2, (0,)) for at in range(FACTORS.size)])
+    likeliest, *ends, gain = likely_factor(FACTORS, drives - assumed)
+    if likeliest < min(drive, matched):
+        gain, likeliest = (likelihood(1, (0,)) - assumed, matched) if matched < drive else (0.0, drive)
+        ends = []
+    candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
+    price = PRICE * matrix.shape[0]
+    gains = {
+        name: likelihood(0, columns) - assumed - price
+        for name, columns in candidates.items()
+        if matrix[:, 0, columns[1], columns[1]].any()
+    }
+    top = max(gains, key=lambda name: gains[name])
+    factor = likeliest / drive if drive else np.inf
+    if gains[top] > max(gain - RATIO, RATIO) and gains[top] > RATIO:
+        column = candidates[top][1]
+        estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
+        return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
+    if gain < RATIO or 1 / WANDERS < factor < WANDERS:
+        return []
+    wrong = "small" if factor > 1 else "large"
+    times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
+    interval = wrong_by(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
+    how = f"about {written(times)} × too {wrong}" if np.isfinite(times) else "zero"
+    finding = Finding(
+        f"Q {kind} bias",
+        f"too {wrong}",
+        float(times),
+        f"The biases of the {kind}s wander {'more' if factor > 1 else 'less'} than assumed: their drive, and "
+        f"so Q, is {how}.",
+        f"Multiply the {kind} bias drive in navigator.q by {written(factor)}."
+        if np.isfinite(times)
+        else f"Give the {kind} biases a drive: sensors.{kind}.rate_random_walk, or navigator.q.",
+        f"logarithm of the likelihood ratio {gain:.0f}{interval_words(interval)}",
+        (Change("navigator.q", rounded(factor), True, (axes.start + 6, axes.stop + 6)),)
+        if np.isfinite(times)
+        else (),
+        interval,
+    )
+    return [Weighed(gain, finding)]
+
+
+def _noise(noise: Squares) -> list[Weighed]:
+    """Judge Q by the sensor errors besides the biases and the errors that depend on the motion."""
+    ratio = noise.mean
+    sentence = (
+        "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "
+        "{wrong}."
+    )
+    together = bool(noise.number.all()) and 1 / TOGETHER < ratio[0] / max(ratio[1], 1e-12) < TOGETHER
+    if together:
+        return judge_size(
+            Squares(noise.total.sum(), noise.number.sum()),
+            "Q",
+            "Errors grow {root} × as fast as σ states: Q is about {factor} × too {wrong}.",
+            "Multiply navigator.q_scale by {multiply}.",
+            "noise of the inertial sensors",
+            scales=("navigator.q_scale", None),
+        )
+    found = []
+    for index, kind in enumerate(SENSORS):
+        found += judge_size(
+            Squares(noise.total[index], noise.number[index]),
+            f"Q {kind}",
+            sentence.replace("{kind}", kind),
+            f"Multiply the {kind} noise in navigator.q by {{multiply}}.",
+            f"noise of the {kind}s",
+            scales=("navigator.q", (3 * index, 3 * index + 3)),
+        )
+    return found

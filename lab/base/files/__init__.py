@@ -1,0 +1,1 @@
+"""Files: how files are read within limits and written as a whole, whoever's they are."""

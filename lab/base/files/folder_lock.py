@@ -1,0 +1,68 @@
+"""Folder lock: only one process or thread at a time changes a folder; a crash releases the lock."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from lab.base.files.file_lock import locked
+
+LOCK_FILE = ".lock"
+"""The file that is locked; it stays."""
+
+PATIENCE = 10.0
+"""Longest wait for a lock [s]: a holder writes a few small files meanwhile."""
+
+_PAUSE = 0.02
+"""Time between two attempts [s]: too short for a person to notice."""
+
+
+@contextlib.contextmanager
+def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
+    """Wait until the lock of a folder is free, and hold it.
+
+    Raises
+    ------
+    TimeoutError
+        If another process holds the lock for longer than the patience [s].
+    OSError
+        If the folder cannot be written.
+    """
+    with (folder / LOCK_FILE).open("ab") as file:
+        until = time.monotonic() + patience
+        while not locked(file):
+            if time.monotonic() >= until:
+                raise TimeoutError(
+                    f"another program has been changing this folder for {patience:g} s; try again later"
+                )
+            time.sleep(_PAUSE)
+        yield
+
+
+def hold(folder: Path) -> BinaryIO | None:
+    """Lock a folder until the returned file is closed; return None if it is taken.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    return hold_file(folder / LOCK_FILE)
+
+
+def hold_file(path: Path) -> BinaryIO | None:
+    """Lock a file, made if absent, until the returned file is closed; return None if it is taken.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    file = path.open("ab")
+    if locked(file):
+        return file
+    file.close()
+    return None

@@ -1,0 +1,151 @@
+"""Result files: functions that write a result's datasets and tables to files."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lab.base.files.temporary_files import temporary_folder
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+def write_netcdf(
+    path: Path,
+    datasets: Callable[[], Mapping[str, xr.Dataset]],
+    title: str,
+    settings: str,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write datasets as groups of one netCDF file.
+
+    Parameters
+    ----------
+    path
+        The file, in a folder that exists.
+    datasets
+        Returns the datasets by name; called only if the file can be written.
+    title, settings
+        Attributes of the file: name of the run, and all settings as TOML.
+    overwrite
+        True replaces an existing file.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is not given.
+    FileNotFoundError
+        If the folder does not exist.
+    """
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    _refuse_existing([path], overwrite)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
+    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in datasets().items()})
+    tree.attrs = {"title": title, "settings": settings}
+    with temporary_folder(path.parent) as folder:
+        whole = folder / path.name
+        try:
+            tree.to_netcdf(whole, engine="netcdf4")
+        # The library reports any refusal by the system as its own error, or as a lack of permission.
+        except (RuntimeError, PermissionError) as error:
+            raise _refused(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
+        whole.replace(path)
+
+
+def _refused(path: Path, size: int, error: Exception) -> OSError:
+    """Return why a file of about a size [bytes] could not be written."""
+    if shutil.disk_usage(path.parent).free < size:
+        return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    return OSError(errno.EIO, f"the netCDF library could not write it ({error})", str(path))
+
+
+def write_csv(
+    folder: Path,
+    datasets: Mapping[str, xr.Dataset],
+    overview: tuple[str, pd.DataFrame],
+    settings: str,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write each dataset as a csv file in a folder, units in the column names.
+
+    Parameters
+    ----------
+    folder
+        Target folder; it is created if it does not exist.
+    datasets
+        The datasets by name.
+    overview
+        Name and content of one more table.
+    settings
+        All settings as TOML, written to the same folder.
+    overwrite
+        True replaces existing files.
+
+    Raises
+    ------
+    FileExistsError
+        If one of the files exists and `overwrite` is not given.
+    """
+    tables = {folder / f"{name}.csv": table(dataset) for name, dataset in datasets.items()}
+    name, overview_table = overview
+    summary, toml = folder / f"{name}.csv", folder / "settings.toml"
+    _refuse_existing([*tables, summary, toml], overwrite)
+    is_new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with temporary_folder(folder) as whole:
+            for path, frame in tables.items():
+                frame.to_csv(whole / path.name, float_format="%.12g")
+            overview_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
+            (whole / toml.name).write_text(settings, encoding="utf-8")
+            for path in (*tables, summary, toml):
+                (whole / path.name).replace(path)
+    except OSError as error:
+        if is_new:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        # If the disk is full, the system does not name the file.
+        error.filename = error.filename or str(folder)
+        raise
+
+
+def table(dataset: xr.Dataset) -> pd.DataFrame:
+    """Return a dataset as a table: a row per time (or lag), a column per component, with units."""
+    import pandas as pd  # noqa: PLC0415 - as above
+
+    rows = next(str(dim) for dim in dataset.dims if str(dim).startswith("time") or dim == "lag")
+    columns = {}
+    for name, array in dataset.data_vars.items():
+        others = [dim for dim in array.dims if dim != rows]
+        if not others:
+            columns[_heading(str(name), array.attrs["units"])] = array.values
+            continue
+        for component in array[others[0]].values:
+            part = array.sel({others[0]: component})
+            unit = str(part.unit.values) if "unit" in part.coords else array.attrs["units"]
+            columns[_heading(f"{name} {component}", unit)] = part.values
+    index = pd.Index(dataset[rows].values, name=_heading(rows, dataset[rows].attrs.get("units", "")))
+    return pd.DataFrame(columns, index=index)
+
+
+def _heading(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
+    existing = [str(path) for path in paths if path.exists()]
+    if existing and not overwrite:
+        raise FileExistsError(
+            f"{existing[0]} exists already; nothing was written. overwrite=True replaces it"
+        )

@@ -1,0 +1,96 @@
+"""Faults: the ten faults of the gallery, each made without another navigator.
+
+A fault changes what the sensors measure, without the filter being told, or what the filter assumes, without
+the page showing it. `lab.classroom.gallery.faulty_experiment` is the one place that uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.classroom.gallery import increments
+from lab.motion.truth.trajectory import Truth
+from lab.sensors.draws import unit_draws
+from lab.sensors.gps import GpsFixes
+
+FloatArray = NDArray[np.float64]
+Spoil = Callable[[FloatArray, Truth, float], FloatArray]
+Restamp = Callable[[FloatArray, int], FloatArray]
+
+LATE = 0.12
+"""Age of the fixes that come late [s]."""
+LEVER_ARM = (2.0, 0.5, -1.0)
+"""Antenna of the forgotten lever arm, forward, right, down of the IMU [m]."""
+R_FACTOR = 0.1
+"""Factor on R that is ten times too small."""
+COLOURED = 3.0
+"""σ of the correlated position error [m]; the white one has 0.7 m."""
+JITTER = 0.1
+"""σ of the time stamps of the fixes [s]: a message that waits for a busy computer."""
+SCALE = 1.0
+"""Scale factor error of the gyros [%]."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault.
+
+    Attributes
+    ----------
+    title : str
+        What is wrong, as the answer that a student chooses.
+    sensors : mapping of str to object
+        Settings of the sensors as they really are, by their path in `lab.sensors.suite.SensorSuite`.
+    gyro, accelerometer : callable
+        Change of the increments of a triad, from `lab.classroom.gallery.increments`.
+    stamps : callable
+        Change of the time stamps of the fixes, from the stamps (m,) [s] and the seed.
+    r_factor : float
+        Factor on the R that the filter assumes.
+    """
+
+    title: str
+    sensors: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    gyro: Spoil | None = None
+    accelerometer: Spoil | None = None
+    stamps: Restamp | None = None
+    r_factor: float = 1.0
+
+    def restamped(self, fixes: GpsFixes, seed: int) -> GpsFixes:
+        """Return fixes with changed time stamps, in the order of these."""
+        if self.stamps is None or not fixes.time.size:
+            return fixes
+        stamps = self.stamps(fixes.time, seed)
+        order = np.argsort(stamps, kind="stable")
+        return GpsFixes(stamps[order], *(array[order] for array in fixes[1:]))
+
+
+def jittered(stamps: FloatArray, seed: int) -> FloatArray:
+    """Return time stamps (m,) with independent errors of σ `JITTER`, none outside the span of the fixes."""
+    errors = JITTER * unit_draws(seed, "gallery.stamps", stamps.shape)
+    return np.clip(stamps + errors, stamps[0], stamps[-1])
+
+
+FAULTS: dict[str, Fault] = {
+    "gravity": Fault("the sign of gravity", accelerometer=increments.gravity_upwards),
+    "degrees": Fault("degrees for radians", gyro=increments.degrees_for_radians),
+    "axes": Fault("two axes swapped", gyro=increments.swapped, accelerometer=increments.swapped),
+    "lever_arm": Fault("a lever arm forgotten", sensors={"gps.lever_arm": LEVER_ARM}),
+    "latency": Fault("fixes that come late", sensors={"gps.latency": LATE}),
+    "r": Fault("R ten times too small", r_factor=R_FACTOR),
+    "coloured": Fault("coloured GPS noise", sensors={"gps.correlated_sigma": COLOURED}),
+    "jitter": Fault("jitter of the time stamps", stamps=jittered),
+    "earth_rate": Fault(
+        "the Earth's rate left out",
+        gyro=increments.without_earth_rate,
+        accelerometer=increments.without_coriolis,
+    ),
+    "scale": Fault("a scale factor of the gyros", sensors={"gyro.scale_factor": SCALE}),
+}
+"""The faults by name."""

@@ -1,0 +1,179 @@
+"""Lesson: a title and a few steps, each with a text, settings, a question, and a check of the result.
+
+`lab.classroom.lessons.lesson_file` makes one of a TOML file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lab.classroom.exercises.exercise import Outcome
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.lessons.check import Check
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+
+PAGES = (
+    "Missions",
+    "Errors",
+    "Covariance",
+    "Innovations",
+    "Consistency",
+    "Sensor errors",
+    "Allan",
+    "Models",
+    "Ground track",
+    "Height",
+    "3-D",
+    "Budget",
+    "Summary",
+    "Live",
+)
+"""Titles of the pages that a step may show."""
+NOT_YET = "The check does not accept your result yet."
+NO_ANSWER = "Give an answer first."
+NO_NUMBER = "The answer is a number without its unit, such as 0.5."
+NO_RESULT = "There is no result yet. Wait until it is computed."
+
+Answer = str | float | None
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a lesson.
+
+    Attributes
+    ----------
+    title : str
+        Its title.
+    text : str
+        Its text, as in `lab.classroom.lessons.text`.
+    settings : mapping or None
+        Settings besides those of the lesson, in nested tables. None leaves what the student has.
+    page : str
+        Title of the page to look at; empty if none is named.
+    time : float or None
+        Time to look at [s].
+    question : str
+        The question; empty if there is none.
+    choices : tuple of str
+        The answers to choose from; empty if the answer is a number.
+    answer : str, float or None
+        The right answer; None if there is no question.
+    tolerance : float
+        Largest accepted distance of a number from it.
+    check : Check or None
+        The condition on the student's result.
+    hint : str
+        What helps after a wrong answer or result.
+    because : str
+        Why the right one is right.
+    solution : mapping or None
+        Settings, besides those of the step, with which the check accepts a result; not shown.
+    wrong : tuple of mapping
+        Settings with which the check refuses it; not shown.
+    """
+
+    title: str
+    text: str
+    settings: Mapping[str, Any] | None = None
+    page: str = ""
+    time: float | None = None
+    question: str = ""
+    choices: tuple[str, ...] = ()
+    answer: Answer = None
+    tolerance: float = 0.0
+    check: Check | None = None
+    hint: str = ""
+    because: str = ""
+    solution: Mapping[str, Any] | None = None
+    wrong: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def asks(self) -> bool:
+        """Whether there is anything to solve."""
+        return self.answer is not None or self.check is not None
+
+    def judge(self, answer: Answer, result: Result | None) -> Outcome:
+        """Return what there is to say of an answer, and of a result.
+
+        Parameters
+        ----------
+        answer
+            The student's answer; None without one. A text where a number is asked is read as one.
+        result
+            The student's result; None without one.
+        """
+        if self.answer is not None:
+            if answer is None or answer == "":
+                return Outcome(None, NO_ANSWER)
+            if self._lacks_number(answer):
+                return Outcome(None, NO_NUMBER)
+            if not self._is_right(answer):
+                return Outcome(False, self.hint)
+        if self.check is not None:
+            if result is None:
+                return Outcome(None, NO_RESULT)
+            if not self.check.accepts(result):
+                return Outcome(False, f"{NOT_YET} {self.hint}".rstrip())
+        return Outcome(True, self.because)
+
+    def _lacks_number(self, answer: str | float) -> bool:
+        return not isinstance(self.answer, str) and not math.isfinite(number_typed(answer))
+
+    def _is_right(self, answer: str | float) -> bool:
+        if isinstance(self.answer, str):
+            return answer == self.answer
+        value = number_typed(answer)
+        return self.answer is not None and math.isfinite(value) and abs(value - self.answer) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A lesson.
+
+    Attributes
+    ----------
+    name : str
+        Its name, that of its file.
+    title : str
+        Its title.
+    summary : str
+        What it is about, in a sentence.
+    steps : tuple of Step
+        Its steps.
+    settings : mapping
+        Settings of all steps, in nested tables.
+    fault : str
+        Name of the fault of the gallery that is hidden in all its runs; empty without one.
+    """
+
+    name: str
+    title: str
+    summary: str
+    steps: tuple[Step, ...]
+    settings: Mapping[str, Any]
+    fault: str = ""
+
+    def experiment(self, step: Step) -> Experiment:
+        """Return the experiment with which a step begins.
+
+        Raises
+        ------
+        SettingError
+            If a setting is not accepted.
+        """
+        begun = FaultyExperiment(FAULTS[self.fault]) if self.fault else Experiment()
+        return begun.update(self.settings).update(step.settings or {})
+
+
+def number_typed(answer: str | float) -> float:
+    """Return a number that was typed, with a point or a comma; NaN if it is none."""
+    try:
+        return float(answer.replace(",", ".").replace("−", "-") if isinstance(answer, str) else answer)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,1 @@
+"""Checks: whether force, rates, course, velocity, heights and headings of a log contradict each other."""

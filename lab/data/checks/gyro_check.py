@@ -1,0 +1,197 @@
+"""Gyro check: whether the axes and signs of the gyros agree with the course and with the accelerometers.
+
+Neither needs to know the vehicle. One that turns changes its course by what its gyros turn about the
+vertical, up to a bias, unless it moves where it likes; then they have nothing in common. And whatever it
+does, the velocity changes by the specific force, resolved by the gyros (`lab.data.checks.velocity_matching`):
+with a wrong sign of one gyro this fails, and with the right sign it holds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, ImuAxes, about_down, others, remedy
+from lab.data.checks.window_matches import WindowMatches
+from lab.data.log.sensor_log import GnssLog, SensorLog
+from lab.motion.frames.displacement import metres_per_radian
+
+FloatArray = NDArray[np.float64]
+
+_MIN_SPEED = 1.0
+"""Speed from which fixes show a course [m/s]: a walker has 1.3."""
+_MIN_SPEED_SIGMA = 5.0
+"""The same in σ of the velocity: a course good to 11°."""
+_VELOCITY_SIGMA = 0.1
+"""σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
+_MAX_INTERVAL = 2.5
+"""Longest interval between two fixes of a stretch [s]: the course of a longer one is ambiguous."""
+_SHORTEST, _LONGEST = 15.0, 120.0
+"""Length of a stretch [s]: time for a turn, and up to which a bias is constant."""
+_MIN_FIXES = 10
+"""Fewest fixes of a stretch: four times its unknowns."""
+_MAX_BIAS = np.radians(5.0)
+"""Largest gyro bias [rad/s]: consumer parts are off by a few °/s."""
+_MIN_TURNING = np.radians(5.0)
+"""Rms change of the course from which gyros are judged by it [rad]: sideslip and noise change it by less. A
+drive along a highway has 0.4°, a walk 72°."""
+_EXPLAINED, _UNEXPLAINED = 0.5, 1.3
+"""Part of the change of the course that is left by gyros which turn with it, and against it. Measured: 0.31
+and 1.96 on a walk, 1.0 and 1.0 on a copter that flies where it likes."""
+_AXIS_UNEXPLAINED = 0.9
+"""The same, left by gyros that have nothing to do with it: below they are a part of it."""
+_MAX_WORSE = 1.5
+"""Factor by which the velocities may fit worse with gyros that explain the course: the noise of a fit."""
+_MISFIT = 0.8
+"""Mean square residual up to which the IMU as it is explains the velocities. Measured: up to 0.64, the mean
+over the windows, on real logs."""
+_MUCH_BETTER = 0.2
+"""Part of the misfit as it is that other axes may leave to be the right ones."""
+_BETTER = 0.5
+"""The same in each window."""
+_MIN_WINDOWS = 2
+"""Fewest windows that have to agree."""
+
+
+class GyroError(MissionError):
+    """Gyros contradict the course or the accelerometers; turning the whole IMU does not help."""
+
+
+class _Stretch(NamedTuple):
+    """Fixes in motion without a gap: their times in that of the IMU [s] and course [rad]."""
+
+    time: FloatArray
+    course: FloatArray
+
+
+def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
+    """Raise if other axes or signs of the gyros explain the motion, and those of the log do not.
+
+    Parameters
+    ----------
+    log
+        The log, without a break.
+    matches
+        Of the windows in which the velocity changes most.
+
+    Raises
+    ------
+    GyroError
+        Naming the axes.
+    """
+    _check_velocities(log.name, matches)  # first, because it tells all three axes
+    _check_course(log, matches)
+
+
+def are_explained(matches: WindowMatches) -> bool:
+    """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
+    return not matches.windows or float(_misfits(matches).mean()) < _MISFIT
+
+
+def _check_course(log: SensorLog, matches: WindowMatches) -> None:
+    """Compare the course with the gyros about the vertical and about each axis, of either sign."""
+    stretches = list(_stretches(log))
+    if not stretches:
+        return
+    turned = _left(log, stretches, np.zeros(3))
+    if turned < _MIN_TURNING:
+        return
+    _, force = log.rates
+    up = np.median(force, axis=0)
+    down = -up / np.linalg.norm(up)
+    right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
+    what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
+    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(matches, GYROS_REVERSED):
+        raise GyroError(
+            f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
+            f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
+            f"the gyros have swapped axes. {GYROS_REVERSED.remedy}"
+        )
+    if min(right, reversed_) < _AXIS_UNEXPLAINED:
+        return
+    for axis, sign in itertools.product((0, 1), (1, -1)):
+        left = _left(log, stretches, sign * np.eye(3)[axis]) / turned
+        if left < _EXPLAINED:
+            raise GyroError(
+                f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{NAMES[axis]}, not "
+                f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
+                f"the gyros are likely. {remedy(('rate', 'rad/s', about_down(axis, sign)))} The other two "
+                "columns are then wrong as well."
+            )
+
+
+def _stretches(log: SensorLog) -> Iterator[_Stretch]:
+    gnss = log.gnss
+    time = gnss.time - gnss.latency
+    velocity = _level_velocity(gnss)
+    speed = np.linalg.norm(velocity, axis=1)
+    sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
+    sigma = np.where(np.isfinite(sigma), sigma, _VELOCITY_SIGMA)
+    fast = (speed > np.maximum(_MIN_SPEED, _MIN_SPEED_SIGMA * sigma)) & (time >= 0) & (time <= log.duration)
+    rows = np.flatnonzero(fast)
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    for part in np.split(rows, np.flatnonzero(np.diff(time[rows]) > _MAX_INTERVAL) + 1):
+        if part.size < _MIN_FIXES:
+            continue
+        pieces = max(1, round((time[part[-1]] - time[part[0]]) / _LONGEST))
+        for piece in np.array_split(part, pieces):
+            if piece.size >= _MIN_FIXES and time[piece[-1]] - time[piece[0]] > _SHORTEST:
+                yield _Stretch(time[piece], course[piece])
+
+
+def _level_velocity(gnss: GnssLog) -> FloatArray:
+    """Return the horizontal velocity (m, 2); that of the positions where the receiver has none."""
+    velocity = gnss.velocity_n[:, :2]
+    if np.isfinite(velocity).all(axis=1).any() or gnss.time.size < 2:
+        return velocity
+    north, east = metres_per_radian(gnss.position[:, 0], 0.0)
+    return np.column_stack(
+        (
+            np.gradient(gnss.position[:, 0], gnss.time) * north,
+            np.gradient(np.unwrap(gnss.position[:, 1]), gnss.time) * east,
+        )
+    )
+
+
+def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
+    """Return the rms of the course minus the angle turned about an axis, without its drift [rad]."""
+    total = np.concatenate(([0.0], np.cumsum(log.dtheta @ axis)))
+    left = []
+    for one in stretches:
+        apart = np.unwrap(one.course - np.interp(one.time, log.time, total))
+        since = one.time - one.time.mean()
+        apart -= apart.mean()
+        drift = float(np.clip(since @ apart / (since @ since), -_MAX_BIAS, _MAX_BIAS))
+        left.append(apart - drift * since)
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+
+
+def _fits(matches: WindowMatches, axes: ImuAxes) -> bool:
+    """Return whether the velocities, where they change enough, do not contradict other axes."""
+    as_it_is, other = _misfits(matches), _misfits(matches, axes)
+    return bool(other.sum() <= _MAX_WORSE * as_it_is.sum())
+
+
+def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:
+    """Return the misfit of each window with some axes."""
+    return np.array([matches.misfit(number, *axes) for number in range(len(matches.windows))])
+
+
+def _check_velocities(name: str, matches: WindowMatches) -> None:
+    """Compare the velocities with the accelerometers, resolved by gyros of all axes and signs."""
+    misfits = _misfits(matches)
+    if misfits.size < _MIN_WINDOWS or misfits.mean() < _MISFIT:
+        return
+    best = min(others(), key=lambda axes: matches.misfit(0, *axes))
+    left = _misfits(matches, best)
+    if left.mean() < _MUCH_BETTER * misfits.mean() and (left < _BETTER * misfits).all():
+        raise GyroError(
+            f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
+            f"square residual {misfits.mean():.2g} σ², and {left.mean():.2g} σ² with {best.words}): "
+            f"swapped axes or signs are likely. {best.remedy}"
+        )

@@ -1,0 +1,395 @@
+"""Velocity matching: the attitude with which the increments of an IMU agree with the velocities of fixes.
+
+Over a short window the velocity is v(t) = v₀ + C_nb₀ ∫ C_b₀b (f − b_a) dt + g t with C_b₀b from the gyros,
+for any vehicle in any attitude. Attitude, gyro bias, initial velocity and the lag of the
+fixes' clock are fitted by least squares from several headings; their covariance shows how observable they
+are. M. Wu, X. Pan, *Velocity/Position Integration Formula*, IEEE Trans. AES 49 (2013), in its iterated form
+with biases. Left out: Earth rate and transport rate, 0.1° in a window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.base.parameters.units import STANDARD_GRAVITY
+
+FloatArray = NDArray[np.float64]
+Quaternions = NDArray[np.complex128]
+"""Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
+Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+WINDOW = 20.0
+"""Length of a window [s]: long enough for a manoeuvre, short enough for a bias to be constant."""
+GYRO_BIAS_SIGMA = np.radians(5.0)
+"""σ of an unknown gyro bias: consumer parts are off by a few °/s [rad/s]."""
+LAG_SIGMA = 2.0
+"""Prior σ of a fitted lag, large compared with real receivers [s]."""
+
+_STEP = 0.05
+"""Length of the steps to which samples are summed [s]."""
+_FORCE_BIAS_SIGMA = 0.3
+"""σ of the bias of a consumer accelerometer [m/s²]."""
+_MODEL_SIGMA = 0.1
+"""σ of unmodelled errors: scale factors, coning between steps, vibration [m/s]."""
+_HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
+"""Headings from which the fit starts [rad]: it converges from within 45°."""
+_ROUGH, _FINE = 3, 8
+"""Most rounds of the fit from each start, and from the best of them. A plain choice."""
+_VELOCITY = slice(9, 12)
+"""Place of the initial velocity among the unknowns."""
+_SETTLED = 1e-8
+"""Sum of squares by which a round moves the residuals, in σ, below which it is the last: no unknown has then
+moved by more than 1e-4 of its σ."""
+_MIN_FIXES = 8
+"""Fewest fixes of a window: with two velocities each they exceed its thirteen unknowns."""
+_MAX_CHANGE = 1e4
+"""Largest change of an unknown in a round: numbers of no physics stay numbers."""
+_MAX_FITTED_LAG = 4.0
+"""Largest lag of the fit [s]: beyond the searched offsets, so that the fit does not end at one of them."""
+_UNKNOWN_VARIANCE = 1e6
+"""Variance of unknowns that cannot be fitted."""
+_RIDGE = 1e-9
+"""Term added to the scaled normal matrix: an unobservable unknown has a σ of 3e4 times its scale."""
+_FITTED = 9
+"""Unknowns taken off the number of residuals: rotation, gyro bias and initial velocity. With σ of 0.1 m/s the
+windows of the shipped missions determine 10 to 13 of the thirteen, which makes a misfit over 60 residuals
+up to 8 % too small."""
+_MIN_LIVELINESS = 0.2
+"""σ of the velocity beside a straight line from which a window is fitted [m/s]: twice a receiver's noise."""
+_NOISE_FACTOR = 2
+"""The same over the σ of the receiver."""
+_G = np.array([0.0, 0.0, STANDARD_GRAVITY])
+"""Gravity in n [m/s²]: over a window its deviations are part of an accelerometer's bias."""
+
+
+class Window(NamedTuple):
+    """The data of an IMU and a receiver in a window.
+
+    Attributes
+    ----------
+    time : (k + 1,) array
+        Ends of the steps, the first from which attitude counts [s].
+    dtheta, dvelocity : (k, 3) arrays
+        Increments of the IMU [rad], [m/s], in b.
+    at : (m,) array
+        Times of the fixes [s].
+    velocity_n : (m, 3) array
+        Their velocities; NaN where not measured [m/s].
+    sigma : (m, 3) array
+        σ of these [m/s].
+    """
+
+    time: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    at: FloatArray
+    velocity_n: FloatArray
+    sigma: FloatArray
+
+
+class Match(NamedTuple):
+    """The result of a match.
+
+    Attributes
+    ----------
+    C_nb : Rotation
+        Attitude at the start of the window.
+    heading_sigma : float
+        σ of its rotation about the vertical [rad].
+    gyro_bias, gyro_bias_sigma : (3,) arrays
+        Gyro bias and its σ [rad/s].
+    lag, lag_sigma : float
+        How much later than the fixes' stamps the IMU measured the same; 0 where it was not fitted [s].
+    misfit : float
+        Mean square of the residuals in their σ: near 1, or less, if the fit explains the motion.
+    cost : float
+        Sum of squares that was made least.
+    """
+
+    C_nb: Rotation
+    heading_sigma: float
+    gyro_bias: FloatArray
+    gyro_bias_sigma: FloatArray
+    lag: float
+    lag_sigma: float
+    misfit: float
+    cost: float
+
+
+def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
+    """Return the window that starts at a time; None if too little is in it.
+
+    Parameters
+    ----------
+    log
+        Time, dtheta, dvelocity, at, velocity_n, sigma, as of `Window`, of the whole log.
+    start
+        Start of the window [s].
+    margin
+        How far from its ends fixes keep, so that their clock may be moved [s].
+    """
+    time, dtheta, dvelocity, at, velocity_n, sigma = log
+    ends = np.arange(start, min(start + WINDOW, time[-1]) + 1e-9, _STEP)
+    fixes = (at >= start + margin) & (at <= ends[-1] - margin) if ends.size > 1 else np.zeros(at.size, bool)
+    fixes &= np.isfinite(velocity_n[:, :2]).all(axis=1)
+    if fixes.sum() < _MIN_FIXES:
+        return None
+    first, last = np.searchsorted(time, (ends[0], ends[-1]))
+    part = slice(max(0, int(first) - 1), min(int(last) + 2, time.size))
+    stepped = [
+        np.diff(
+            [np.interp(ends, time[part], column) for column in _total(values[part.start : part.stop - 1]).T]
+        )
+        for values in (dtheta, dvelocity)
+    ]
+    return Window(ends, stepped[0].T, stepped[1].T, at[fixes], velocity_n[fixes], sigma[fixes])
+
+
+def liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
+    """Return the windows in which the velocity changes most, in falling order.
+
+    Parameters
+    ----------
+    log
+        Time, dtheta, dvelocity, at, velocity_n, sigma, as of `Window`, of the whole log.
+    count
+        Most windows that are returned.
+    margin
+        As of `window_of`.
+    """
+    found = sorted(lively(log, margin), key=lambda one: -one[0])
+    windows = [window_of(log, start, margin) for _, start in found[:count]]
+    return [window for window in windows if window is not None]
+
+
+def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
+    """Return liveliness and start [s] of the windows in which the velocity changes by more than its noise.
+
+    Parameters
+    ----------
+    log, margin
+        As of `liveliest`.
+    """
+    time, _, _, at, velocity_n, sigma = log
+    level = velocity_n[:, :2]
+    rows = np.isfinite(level).all(axis=1)
+    at, level, noise = at[rows], level[rows], sigma[rows, :2].max(axis=1)
+    found = []
+    for start in np.arange(time[0], max(time[-1] - WINDOW / 2, time[0] + 1e-9), WINDOW):
+        first, last = np.searchsorted(at, (start + margin, min(start + WINDOW, time[-1]) - margin))
+        if last - first >= _MIN_FIXES:
+            part = level[first:last] - level[first:last].mean(axis=0)
+            since = at[first:last] - at[first:last].mean()
+            slope = since @ part / max(float(since @ since), 1e-12)
+            spread = float(np.std(part - since[:, None] * slope))
+            if spread > max(_MIN_LIVELINESS, _NOISE_FACTOR * float(np.median(noise[first:last]))):
+                found.append((spread, float(start)))
+    return found
+
+
+def match(
+    window: Window,
+    gyro_bias: FloatArray | None = None,
+    gyro_bias_sigma: FloatArray | float = GYRO_BIAS_SIGMA,
+    lags: Sequence[float] = (),
+) -> Match:
+    """Return the match of a window.
+
+    Parameters
+    ----------
+    window
+        The window.
+    gyro_bias, gyro_bias_sigma : (3,) arrays
+        Prior gyro bias and its σ [rad/s].
+    lags
+        Lags from which the lag is fitted too [s]; without any it is 0.
+    """
+    bias = np.zeros(3) if gyro_bias is None else gyro_bias
+    prior = np.concatenate((bias, np.zeros(3)))
+    prior_sigma = np.concatenate((np.broadcast_to(gyro_bias_sigma, 3), np.full(3, _FORCE_BIAS_SIGMA)))
+    level = _levelled(window, bias)
+    starts = [
+        _fitted(
+            window, Rotation.from_euler("z", heading) * level, prior, prior_sigma, lag, _ROUGH, bool(lags)
+        )
+        for heading in _HEADINGS
+        for lag in (lags or (0.0,))
+    ]
+    best = min(starts, key=lambda one: one[0])
+    cost, C_nb, found, lag, covariance, misfit = _fitted(
+        window, best[1], prior, prior_sigma, best[3], _FINE, bool(lags), best[2]
+    )
+    sigma = np.sqrt(np.diagonal(covariance) * max(1.0, misfit))
+    return Match(C_nb, float(sigma[2]), found[:3], sigma[3:6], lag, float(sigma[12]), misfit, cost)
+
+
+def steps(time: FloatArray, increments: FloatArray, start: float, end: float) -> FloatArray:
+    """Return increments (n, 3) of the IMU brought together to steps (k, 3) from a start to an end [s]."""
+    ends = np.append(np.arange(start, end - 1e-9, _STEP), end)
+    return np.diff([np.interp(ends, time, column) for column in _total(increments).T]).T
+
+
+def turned(dtheta: FloatArray) -> Rotation:
+    """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
+    a, b = _attitudes(_quaternions(dtheta))
+    return Rotation.from_quat(np.stack((a.imag, b.real, b.imag, a.real), axis=-1))
+
+
+def _quaternions(rotation: FloatArray) -> Quaternions:
+    """Return the quaternions (2, k) of rotation vectors (k, 3) [rad]."""
+    half = 0.5 * np.sqrt((rotation * rotation).sum(axis=1))
+    x, y, z = rotation.T * (0.5 * np.sinc(half / np.pi))
+    made = np.empty((2, half.size), complex)
+    made.real = np.cos(half), y
+    made.imag = x, z
+    return made
+
+
+def _attitudes(increments: Quaternions) -> Quaternions:
+    """Return the products (2, k + 1) of all increments (2, k) until each, from that of none on."""
+    total = np.concatenate(([[1.0], [0.0]], increments), axis=1)
+    reach = 1
+    while reach < total.shape[1]:  # each pass doubles how many increments are in each product
+        total[:, reach:] = _product(total[:, :-reach], total[:, reach:])
+        reach *= 2
+    return total
+
+
+def _product(one: Quaternions, other: Quaternions) -> Quaternions:
+    """Return the products of quaternions (2, k): those of `Rotation` take thirty times as long."""
+    (a, b), (c, d) = one, other
+    made = np.empty_like(other)
+    made[0] = a * c - b * d.conj()
+    made[1] = a * d + b * c.conj()
+    return made
+
+
+def _matrices(quaternions: Quaternions) -> FloatArray:
+    """Return the rotation matrices (k, 3, 3) of unit quaternions (2, k)."""
+    (w, y), (x, z) = quaternions.real, quaternions.imag
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = 2.0 * np.stack(
+        (x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z)
+    )
+    rows = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
+    return np.stack(rows, axis=-1).reshape(-1, 3, 3)
+
+
+def _total(values: FloatArray) -> FloatArray:
+    """Return the sums (k + 1, ...) of values (k, ...) until each, from that of none on."""
+    made = np.zeros((len(values) + 1, *values.shape[1:]))
+    np.cumsum(values, axis=0, out=made[1:])
+    return made
+
+
+def _levelled(window: Window, bias: FloatArray) -> Rotation:
+    """Return a rotation that takes the mean force over the window upwards; its heading is arbitrary."""
+    steps = np.diff(window.time)[:, None]
+    mean = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity).sum(axis=0)
+    size = float(np.linalg.norm(mean))
+    if not size > 0:
+        return Rotation.identity()
+    return Rotation.align_vectors([[0.0, 0.0, -1.0]], [mean / size])[0]
+
+
+def _fitted(
+    window: Window,
+    C_nb: Rotation,
+    prior: FloatArray,
+    prior_sigma: FloatArray,
+    lag: float,
+    rounds: int,
+    fit_lag: bool,
+    found: FloatArray | None = None,
+) -> tuple[float, Rotation, FloatArray, float, FloatArray, float]:
+    """Return cost, attitude, biases (6,), lag, covariance (13, 13) and misfit after some rounds.
+
+    Unknowns: rotation in n, gyro bias, accelerometer bias, initial velocity, lag.
+    """
+    found = prior.copy() if found is None else found
+    known = np.isfinite(window.velocity_n)
+    weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _MODEL_SIGMA**2)
+    seen = np.where(known, window.velocity_n, 0.0)
+    loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
+    for _ in range(rounds + 1):
+        gained, by_rotation, by_gyro, by_force, by_lag = _model(window, C_nb, found, lag)
+        design = np.concatenate(
+            (
+                by_rotation,
+                by_gyro,
+                by_force,
+                np.broadcast_to(np.eye(3), (len(seen), 3, 3)),
+                fit_lag * by_lag[:, :, None],
+            ),
+            axis=2,
+        )
+        design = (design * weight[:, :, None])[known]
+        residual = ((seen - gained) * weight)[known]
+        rows = np.diag(1 / loose)
+        off = np.concatenate((np.zeros(3), prior - found, np.zeros(3), [-lag]))
+        design = np.concatenate((design, rows))
+        residual = np.concatenate((residual, rows @ off))
+        if not (np.isfinite(design).all() and np.isfinite(residual).all()):
+            return np.inf, C_nb, prior, 0.0, np.eye(13) * _UNKNOWN_VARIANCE, np.inf
+        # Impossible numbers of a damaged file may lead anywhere, but must stay finite.
+        change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_MAX_CHANGE, _MAX_CHANGE)
+        left = residual - design @ change
+        C_nb = Rotation.from_rotvec(change[:3]) * C_nb
+        found = found + change[3:9]
+        lag = float(np.clip(lag + change[12], -_MAX_FITTED_LAG, _MAX_FITTED_LAG))
+        change[_VELOCITY] = 0.0  # found anew in each round
+        moved = design @ change
+        if moved @ moved < _SETTLED:
+            break
+    count = int(known.sum())
+    # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
+    scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
+    scaled = design * scale
+    ridge = np.eye(13) * _RIDGE
+    covariance = np.linalg.inv(scaled.T @ scaled + ridge) * np.outer(scale, scale)
+    cost = float(left @ left)
+    return cost, C_nb, found, lag, covariance, cost / max(1, count - _FITTED)
+
+
+def _model(
+    window: Window, C_nb: Rotation, bias: FloatArray, lag: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
+    dt = np.diff(window.time)[:, None]
+    half = _quaternions(0.5 * (window.dtheta - bias[:3] * dt))
+    middle = _product(_attitudes(_product(half, half))[:, :-1], half)
+    C = C_nb.as_matrix() @ _matrices(middle)
+    force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
+    cross = _cross(force)
+    C_dt = C * dt[:, :, None]
+    swing = _total(C_dt)  # ∫ C dt
+    columns = np.concatenate(
+        (
+            force + _G * dt,
+            cross.reshape(-1, 9),
+            (cross @ (swing[1:] - 0.5 * C_dt)).reshape(-1, 9),
+        ),
+        axis=1,
+    )
+    at = window.at + lag
+    place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(dt) - 1)
+    part = ((at - window.time[place]) / dt[place, 0])[:, None]
+    here = _total(columns)[place] + part * columns[place]
+    by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
+    by_gyro = here[:, 12:].reshape(-1, 3, 3)
+    by_force = -(swing[place] + part[:, :, None] * C_dt[place])
+    by_lag = columns[place, :3] / dt[place]
+    return here[:, :3], by_rotation, by_gyro, by_force, by_lag
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Return the matrices (k, 3, 3) of cross products from the left."""
+    made = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -z, y, -x
+    made[:, 1, 0], made[:, 2, 0], made[:, 2, 1] = z, -y, x
+    return made

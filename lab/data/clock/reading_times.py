@@ -1,0 +1,94 @@
+"""Reading times: headings and speeds of a stream with times of the host's clock."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.timed_samples import TIMED_READING
+
+Rows = NDArray[np.void]
+
+NO_READINGS: Final = np.empty(0, TIMED_READING)
+"""No readings."""
+NO_READINGS.setflags(write=False)
+LATENCY: Final = 0.1
+"""How much earlier than they arrive fixes and readings are taken to be valid, if their device has not the
+clock of the IMU [s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
+STALE: Final = 5.0
+"""Largest difference between the times of a fix or a reading and of a sample by the same clock [s]."""
+_QUANTITIES: Final = ("heading", "speed")
+_SIGMAS: Final = (np.radians(0.01), np.radians(60.0))
+"""σ of a heading that are believed [rad]: the best receivers reach 0.03° over 10 m between their antennas;
+above 60°, a heading shows little more than which way is not ahead."""
+
+
+class ReadingTimes:
+    """Times the readings of one stream; of each quantity, those not later than all before are dropped.
+
+    A reading in the frame of a sample has the time of that sample. Otherwise, its time is that of the clock
+    of the IMU, or of the receiver, or of its arrival less `LATENCY`.
+    """
+
+    def __init__(self) -> None:
+        self._latest = dict.fromkeys(_QUANTITIES, -np.inf)
+
+    def timed(
+        self,
+        rows: Rows,
+        arrival: float,
+        imu: Rows,
+        clock: DeviceClock,
+        fix_clock: DeviceClock,
+        last: float,
+    ) -> Rows:
+        """Return readings with their times.
+
+        Parameters
+        ----------
+        rows : (n,) array of `lab.data.protocols.samples.READING`
+            Readings in the order of their frames.
+        arrival
+            When they were there [s].
+        imu : (m,) array of `lab.data.clock.timed_samples.TIMED_IMU`
+            Samples that came with them.
+        clock, fix_clock
+            Clocks of the IMU and of the receiver.
+        last
+            Time of the last sample by the clock of the IMU [s]; NaN if there is none.
+        """
+        made = np.empty(len(rows), TIMED_READING)
+        for number, row in enumerate(rows):
+            inside = np.flatnonzero(imu["end"] == row["end"])
+            made["time"][number] = (
+                imu["time"][inside[0]] if inside.size else _time(row, arrival, clock, fix_clock, last)
+            )
+        made["arrival"] = arrival
+        for name in (*_QUANTITIES, "end"):
+            made[name] = rows[name]
+        sigma = rows["heading_sigma"]
+        believed = (sigma > _SIGMAS[0]) & (sigma < _SIGMAS[1])
+        made["heading_sigma"] = np.where(believed & np.isfinite(rows["heading"]), sigma, np.nan)
+        for name in _QUANTITIES:
+            there = np.flatnonzero(np.isfinite(made[name]))
+            for at in there.tolist():
+                if made["time"][at] > self._latest[name]:
+                    self._latest[name] = float(made["time"][at])
+                else:
+                    made[name][at] = np.nan
+        return np.asarray(made[np.isfinite(made["heading"]) | np.isfinite(made["speed"])])
+
+
+def _time(row: np.void, arrival: float, clock: DeviceClock, fix_clock: DeviceClock, last: float) -> float:
+    """Return the time of a reading that is in no frame of a sample [s]."""
+    own, week = float(row["time"]), float(row["week_time"])
+    if np.isfinite(own) and np.isfinite(clock.offset) and abs(own - last) < STALE:
+        return clock.offset + own
+    by_receiver = fix_clock.predicted(week if np.isfinite(week) else float(row["utc"]))
+    said = np.isfinite(week) or np.isfinite(row["utc"])
+    if said and abs(by_receiver - arrival) < STALE:  # NaN is not
+        return by_receiver - LATENCY
+    return arrival - LATENCY

@@ -1,0 +1,253 @@
+"""FIT: activities of the watches, bicycle computers and cameras of Garmin and others, with their positions.
+
+Points are the messages ``record`` or, of cameras, ``gps_metadata``, which has a course too. The messages are
+decoded by fitdecode, which is an extra. What comes before a place at which the file is broken is read.
+
+References
+----------
+Garmin, *FIT Protocol*, https://developer.garmin.com/fit/protocol/
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab.base.files.decompression import whole
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import DAY
+from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fixes import UNKNOWN, Fixes
+from lab.data.files.streams import MAX_LOG_BYTES
+from lab.data.files.track import refuse_units
+from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+
+NAME = "FIT"
+
+_MAGIC = b".FIT"
+_HEADER_SIZES = (12, 14)
+"""Lengths of the header of a file, without and with its checksum [bytes]."""
+_FILE, _RECORD, _GPS, _SESSION, _SPORT = 0, 20, 160, 18, 12
+"""Numbers of the messages that are read (FIT profile)."""
+_SEMICIRCLE = 180 / 2**31
+"""[°]: the unit of positions (FIT protocol)."""
+_SHORTEST = 6
+"""Length of the shortest message that has a position [bytes]."""
+_MAX_EMPTY_MESSAGES = 10_000
+"""Messages accepted beyond those that could have positions. A plain choice: so many are decoded at once."""
+_EPOCH = datetime(1989, 12, 31, tzinfo=UTC)
+"""Time from which time stamps count (FIT protocol)."""
+_MIN_SINCE_EPOCH = 2**28
+"""Time stamp from which it counts from the epoch and not from switching on [s] (FIT protocol, date_time)."""
+_VEHICLES = {"driving": "car", "motorcycling": "car", "boating": "boat", "sailing": "boat", "rowing": "boat"}
+_NO_SPORTS = {"transition", "generic"}
+"""What is between the parts of a triathlon, and what was not chosen."""
+_MISSING = "is a FIT file. Reading it needs fitdecode, which is not installed: pip install 'ins-lab[fit]'"
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file starts like FIT."""
+    return len(head) >= _HEADER_SIZES[0] and head[0] in _HEADER_SIZES and head[8:12] == _MAGIC
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the positions in a FIT file.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, holds too few positions, or fitdecode is not installed.
+    """
+    path = one_file(paths, NAME)
+    refuse_units(path, NAME, units)
+    data = whole(path, MAX_LOG_BYTES)
+    if not recognises(data):
+        raise MissionError(f"{path}: is no {NAME} file")
+    points = _Points()
+    for number, values in _messages(path, data, points):
+        points.take(number, values)
+    kind = max(points.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
+    if not len(kind.fixes.line):
+        raise MissionError(f"{path}: {_without_positions(points, kind.fixes.count)}")
+    began = kind.from_midnight()
+    directed = bool(np.isfinite(kind.heading).any())
+    return kind.fixes.track(
+        path,
+        NAME,
+        _columns("position_lat", "°", "position_long", "°", "altitude", "m"),
+        over_ground=(*_columns("speed", "m/s", "heading", "°", "", "")[:2], kind.speed, kind.heading)
+        if directed
+        else None,
+        remarks=_remarks(points, kind, began),
+        vehicle=points.vehicle,
+    ).flight()
+
+
+def _without_positions(points: _Points, count: int) -> str:
+    said = (
+        f"none of its {count} points has a position, as of what is recorded indoors."
+        if count
+        else "has no positions (messages record or gps_metadata)."
+    )
+    broken = f" It is broken: {points.broken}." if points.broken else ""
+    return f"{said}{broken} Accepted is an activity that was recorded with positions"
+
+
+def _columns(*names: str) -> tuple[ColumnUnit, ColumnUnit, ColumnUnit]:
+    first, second, third = (
+        ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in zip(names[::2], names[1::2], strict=True)
+    )
+    return first, second, third
+
+
+class _Kind:
+    """The points of one kind of message."""
+
+    def __init__(self) -> None:
+        self.fixes = Fixes()
+        self.speed, self.heading = array("d"), array("d")
+
+    def add(self, values: Mapping[str, Any]) -> None:
+        """Take a message."""
+        time = _first(values, "timestamp")
+        if "timestamp_ms" in values:
+            time += 1e-3 * _first(values, "timestamp_ms")
+        fixed = self.fixes.add(
+            time,
+            _SEMICIRCLE * _first(values, "position_lat"),
+            _SEMICIRCLE * _first(values, "position_long"),
+            _first(values, "enhanced_altitude", "altitude"),
+            self.fixes.count + 1,
+        )
+        if fixed:
+            self.speed.append(_first(values, "enhanced_speed", "speed"))
+            self.heading.append(_first(values, "heading"))
+
+    def from_midnight(self) -> datetime | None:
+        """Count time from the midnight before the first point; return that, or None if no date is known."""
+        time = np.array(self.fixes.time)
+        first = time[np.isfinite(time)][:1]
+        # Cameras count from when they were switched on.
+        if not first.size or first[0] < _MIN_SINCE_EPOCH:
+            return None
+        began = DAY * float(first[0] // DAY)
+        self.fixes.time[:] = array("d", (time - began).tobytes())
+        return _EPOCH + timedelta(seconds=began)
+
+
+class _Points:
+    """What is read of a file.
+
+    Attributes
+    ----------
+    kinds : tuple of _Kind
+        Points of ``record``, and of ``gps_metadata``.
+    sports : list of str
+        What the activity was: several of a triathlon.
+    planned : bool
+        Whether the file is a course to follow.
+    broken : str
+        Where and how the file is broken; empty if it is whole.
+    """
+
+    def __init__(self) -> None:
+        self.kinds = (_Kind(), _Kind())
+        self.sports: list[str] = []
+        self.planned = False
+        self.broken = ""
+
+    def take(self, number: int, values: Mapping[str, Any]) -> None:
+        """Take a message of a number."""
+        if number == _RECORD:
+            self.kinds[0].add(values)
+        elif number == _GPS:
+            self.kinds[1].add(values)
+        elif number == _FILE:
+            self.planned = values.get("type") == "course"
+        elif isinstance(sport := values.get("sport"), str) and sport not in {*self.sports, *_NO_SPORTS}:
+            self.sports.append(sport)
+
+    @property
+    def vehicle(self) -> str:
+        """The vehicle of all sports; empty if they differ."""
+        vehicles = {_VEHICLES.get(sport, sport) for sport in self.sports}
+        return vehicles.pop() if len(vehicles) == 1 else ""
+
+
+def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Iterate over the messages that are read, each with its number and its fields by name."""
+    try:
+        import fitdecode  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise MissionError(f"{path}: {_MISSING}") from None
+    wanted = {_FILE, _RECORD, _GPS, _SESSION, _SPORT}
+    how = {
+        "processor": None,
+        "check_crc": fitdecode.CrcCheck.DISABLED,
+        "error_handling": fitdecode.ErrorHandling.IGNORE,
+    }
+    try:
+        with fitdecode.FitReader(data, **how) as frames:
+            for count, frame in enumerate(frames):
+                _refuse_emptiness(path, count, len(data))
+                if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.global_mesg_num in wanted:
+                    yield frame.global_mesg_num, _fields(frame.fields)
+    except MissionError:
+        raise
+    except (
+        # Errors of a decoder that trusts the lengths and types in a damaged file.
+        fitdecode.FitError, ArithmeticError, AssertionError, LookupError, TypeError, ValueError, struct.error,
+    ) as error:  # fmt: skip
+        points.broken = str(error) or "a message is longer than the file says"
+        return
+    size = data[0] + int.from_bytes(data[4:8], "little")
+    if fitdecode.utils.compute_crc(data[:size]) != int.from_bytes(data[size : size + 2], "little"):
+        points.broken = "its checksum is wrong, so some of its numbers may be"
+
+
+def _fields(fields: Sequence[Any]) -> dict[str, Any]:
+    """Return values by name, without fields of apps: these have any name and unit."""
+    return {one.name: one.value for one in fields if one.field_type != "devfield"}
+
+
+def _refuse_emptiness(path: Path, count: int, size: int) -> None:
+    """Raise if there are more messages than those with positions could be: they would take long to decode."""
+    if count > _MAX_EMPTY_MESSAGES + size / _SHORTEST:
+        raise MissionError(
+            f"{path}: more than {count} messages in {size} bytes; accepted are messages with positions, of "
+            f"{_SHORTEST} bytes and more"
+        )
+
+
+def _first(values: Mapping[str, Any], *names: str) -> float:
+    """Return the first of several fields that is a number; NaN if none is."""
+    for name in names:
+        value = values.get(name)
+        if isinstance(value, int | float):
+            return float(value)
+    return UNKNOWN
+
+
+def _remarks(points: _Points, kind: _Kind, began: datetime | None) -> tuple[str, ...]:
+    remarks = [
+        "Time counts from when the device was switched on."
+        if began is None
+        else f"Time counts from {began:%Y-%m-%d} 00:00 UTC."
+    ]
+    if np.isfinite(kind.fixes.height).any():
+        remarks.append(SEA_LEVEL)
+    if np.isfinite(kind.speed).any() and not np.isfinite(kind.heading).any():
+        remarks.append("The speed in the file is not used: it has no direction.")
+    if points.planned:
+        remarks.append("This is a course, not an activity: its times may be planned and not recorded.")
+    if len(points.sports) > 1:
+        remarks.append(f"The activity has several sports: {', '.join(points.sports)}.")
+    if points.broken:
+        remarks.append(f"The file is broken: {points.broken}.")
+    return tuple(remarks)

@@ -1,0 +1,67 @@
+"""Own csv: the lab's flight csv as one of the formats, read as strictly as elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from lab.base.files.mission_error import MissionError
+from lab.data.files.fields import NAMED, one_file
+from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+from lab.motion.recordings.flight_csv import COLUMNS, read_flight_csv
+
+NAME = "INS Lab flight csv"
+
+_NAMES = frozenset(column.name for column in COLUMNS)
+_MIN_COLUMNS = 3
+"""Fewest of our columns that a header must have: other programs use one or two of the names."""
+_UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins with remarks and a header with at least three of our columns."""
+    lines = (part for line in head.split(b"\n") for part in line.decode("utf-8", "replace").splitlines())
+    for line in lines:
+        if line.strip() and not line.lstrip("\ufeff").startswith("#"):
+            cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
+            return "time_s" in cells and len(cells & _NAMES) >= _MIN_COLUMNS
+    return False
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read a flight csv.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with the file, or if units are given: the columns name theirs.
+    """
+    path = one_file(paths, NAME)
+    if units:
+        raise MissionError(
+            f"{path}: a unit is given for {next(iter(units))}; the columns of {NAME} have the units in their "
+            "names, and no others are accepted"
+        )
+    recording = read_flight_csv(path)
+    return RawFlight(
+        format=NAME,
+        time=recording.time,
+        latitude=recording.latitude,
+        longitude=recording.longitude,
+        height=recording.height,
+        velocity_n=recording.velocity_n,
+        euler=recording.euler,
+        airspeed=recording.airspeed,
+        alpha=recording.alpha,
+        beta=recording.beta,
+        rows_read=len(recording.time),
+        units=tuple(
+            ColumnUnit(column.name, _unit(column.name), NAMED)
+            for column in COLUMNS
+            if column.required or getattr(recording, column.name.split("_")[0]) is not None
+        ),
+    )
+
+
+def _unit(column: str) -> str:
+    return _UNITS["m_s" if column.endswith("_m_s") else column.rpartition("_")[2]]

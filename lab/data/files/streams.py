@@ -1,0 +1,346 @@
+"""Streams: quantities that an autopilot logs at different rates, interpolated to the times of one of them.
+
+Between its messages a quantity follows a cubic spline, an attitude a rotation spline. Times within long
+gaps or across resets are left out, not interpolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from lab.base.files.bounds import LATITUDES, MIN_SAMPLES
+from lab.base.files.mission_error import MissionError
+from lab.data.files import estimator_resets
+from lab.data.log.sensor_log import MAX_LEVER_ARM
+from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
+from lab.motion.frames.rotation import euler_from_quaternion
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MAX_LOG_BYTES = 512 * 2**20
+"""Largest binary log accepted, as stored and as decompressed [bytes]."""
+
+FIX_3D = 3
+"""Kind of a three-dimensional fix: MAVLink's GPS_FIX_TYPE, which ArduPilot's and PX4's logs share."""
+MAX_GPS_DELAY = 1.0
+"""Longest delay of a GPS that a parameter is believed to give [s]; PX4 itself accepts up to 0.3 s."""
+MAX_GEOID_HEIGHT = 200.0
+"""Largest height of the geoid over the ellipsoid that is believed [m]: EGM2008 has -107 to 86 m."""
+_MAX_NORM_ERROR = 0.1
+"""Largest error of a quaternion's norm: rounded ones are off by less than 1e-3, damaged ones by anything."""
+
+_RECEIVER = "GPS"
+_MAX_VALUE = 1e12
+"""Largest number that a message may hold, in its SI unit: damaged ones hold any."""
+_SLOWER = 0.7
+"""Rate relative to the samples' below which a quantity counts as interpolated: rates that are meant to be
+equal differ by less."""
+_MAX_GAP = 1.0
+"""Longest time between messages over which a quantity is interpolated [s]; slow ones have
+`_MAX_GAP_STEPS`."""
+_MAX_GAP_STEPS = 5.0
+"""The same in usual steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Messages of one kind.
+
+    Attributes
+    ----------
+    what : str
+        Name of the quantity, for messages.
+    time : (n,) array
+        Time of each, increasing [s].
+    values : (n, k) array
+        Their values, finite.
+    read : int
+        How many messages the log has.
+    first_lost : int
+        Number of the first of them that cannot be used, counted from 1; 0 if all can be.
+    counter : (n,) array or None
+        The counter of resets, if the log has one.
+    resets : (m,) array
+        Indices of the first messages after each reset.
+    """
+
+    what: str
+    time: FloatArray
+    values: FloatArray
+    read: int
+    first_lost: int
+    counter: FloatArray | None = None
+    resets: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+
+    @classmethod
+    def of(
+        cls,
+        what: str,
+        time: FloatArray,
+        values: FloatArray,
+        valid: BoolArray | None = None,
+        counter: FloatArray | None = None,
+    ) -> Stream:
+        """Return the messages that are finite, marked valid, and later than all before.
+
+        Parameters
+        ----------
+        what
+            In words.
+        time : (n,) array
+            Time of each [s].
+        values : (n, k) array
+            What each says.
+        valid : (n,) array, optional
+            Which are valid.
+        counter : (n,) array, optional
+            The counter of resets.
+        """
+        values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
+        kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < _MAX_VALUE).all(axis=1)
+        if valid is not None:
+            kept &= valid
+        at = np.flatnonzero(kept)
+        later = time[at] > np.concatenate(([-np.inf], np.maximum.accumulate(time[at])[:-1]))
+        kept[at[~later]] = False
+        lost = 0 if kept.all() else int(np.argmin(kept)) + 1
+        counted = None if counter is None else counter[kept]
+        return cls(what, time[kept], values[kept], len(time), lost, counted)
+
+    def watched(self, kind: estimator_resets.Kind) -> Stream:
+        """Return the stream with its resets."""
+        return replace(self, resets=estimator_resets.resets(kind, self.time, self.values, self.counter))
+
+    @property
+    def usable(self) -> bool:
+        """Whether there are enough messages."""
+        return len(self.time) >= MIN_SAMPLES
+
+    @property
+    def rate(self) -> float:
+        """Messages per second, as a rule [Hz]."""
+        return 1 / float(np.median(np.diff(self.time)))
+
+    @property
+    def lost(self) -> tuple[Dropped, ...]:
+        """The report on the messages that cannot be used."""
+        count = self.read - len(self.time)
+        reason = f"{self.what} not valid, no number or not in order of time"
+        return (Dropped(reason, count, self.first_lost),) if count else ()
+
+    def known(self, time: FloatArray) -> BoolArray:
+        """Return at which times the quantity is known."""
+        after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
+        step = np.diff(self.time)[after - 1]
+        inside = (time >= self.time[0]) & (time <= self.time[-1])
+        known = inside & (step <= max(_MAX_GAP, _MAX_GAP_STEPS / self.rate))
+        # Between the last message before a reset and the first after it nothing is known.
+        known &= ~np.isin(after, self.resets) | (time == self.time[after])
+        piece, lengths = self._pieces(time), np.diff(self._edges)
+        return np.asarray(known & (lengths[piece] >= MIN_SAMPLES))
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return values (m, k) at times at which they are known."""
+        return self._by_pieces(time, lambda t, values, at: CubicSpline(t, values)(at))
+
+    def attitude_at(self, time: FloatArray) -> FloatArray:
+        """Return quaternions (m, 4) at times at which they are known, of a stream of quaternions."""
+
+        def between(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+            spline = RotationSpline(t, Rotation.from_quat(values, scalar_first=True))
+            return np.asarray(spline(at).as_quat(scalar_first=True))
+
+        return self._by_pieces(time, between)
+
+    @property
+    def _edges(self) -> NDArray[np.int64]:
+        """Where the pieces between resets begin, and the end of the last."""
+        return np.concatenate(([0], self.resets, [len(self.time)])).astype(np.int64)
+
+    def _pieces(self, time: FloatArray) -> NDArray[np.int64]:
+        return np.searchsorted(self.time[self.resets], time, side="right")
+
+    def _by_pieces(
+        self, time: FloatArray, between: Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+    ) -> FloatArray:
+        piece, edges = self._pieces(time), self._edges
+        found = np.empty((len(time), self.values.shape[1]))
+        for number in np.unique(piece):
+            rows, part = piece == number, slice(edges[number], edges[number + 1])
+            found[rows] = between(self.time[part], self.values[part], time[rows])
+        return found
+
+
+def is_position(place: FloatArray) -> BoolArray:
+    """Return which latitudes, longitudes [rad] (n, 2 or more) are known and on the Earth.
+
+    Autopilots log zeros before their first fix.
+    """
+    return np.asarray((np.abs(place[:, 0]) <= np.radians(LATITUDES[1])) & (place[:, :2] != 0).any(axis=1))
+
+
+def is_attitude(quaternions: FloatArray) -> BoolArray:
+    """Return which quaternions (n, 4) have a norm near 1."""
+    return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < _MAX_NORM_ERROR)
+
+
+def geoid_height(heights: FloatArray) -> float | None:
+    """Return the height of the geoid over the ellipsoid [m], of those a receiver gives; None without any."""
+    known = heights[np.abs(heights) < MAX_GEOID_HEIGHT]
+    return float(np.median(known)) if known.size and known.any() else None
+
+
+def gps_delay(seconds: float) -> float:
+    """Return the delay of a GPS that a parameter gives [s]; 0 for one that is not believed."""
+    return seconds if 0 <= seconds <= MAX_GPS_DELAY else 0.0
+
+
+def believed_lever_arm(lever_arm: Sequence[float]) -> FloatArray:
+    """Return the lever arm (3,) that parameters give [m]; zero for one that is not believed."""
+    arm = np.array(lever_arm)
+    return arm if bool((np.abs(arm) <= MAX_LEVER_ARM).all()) else np.zeros(3)
+
+
+def first_usable(streams: Sequence[Stream | None]) -> Stream | None:
+    """Return the first stream that can be used; None if none can be."""
+    return next((stream for stream in streams if stream is not None and stream.usable), None)
+
+
+def flight_of(
+    path: Path,
+    reader: str,
+    velocity: Stream | None,
+    position: Stream | None,
+    attitude: Stream | None,
+    *,
+    units: tuple[ColumnUnit, ...],
+    remarks: tuple[str, ...],
+    vehicle: str,
+) -> RawFlight:
+    """Return the flight of a log, at the times of velocity or attitude, whichever is logged more often.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    reader
+        Name of the format.
+    velocity
+        North, east, down [m/s].
+    position
+        Latitude, longitude [rad], height [m].
+    attitude
+        Quaternions, scalar first; None if the log has none.
+    units, remarks, vehicle
+        As of `RawFlight`.
+
+    Raises
+    ------
+    MissionError
+        If there is no velocity or no position, or they have no time in common.
+    """
+    if velocity is None or position is None:
+        missing = "velocity" if velocity is None else "position"
+        raise MissionError(
+            f"{path}: the log has no {missing} that can be used; accepted are logs of a navigation solution "
+            "or of a GPS receiver with its velocity"
+        )
+    velocity, position, attitude = _watched(velocity, position, attitude)
+    base = attitude if attitude is not None and attitude.rate > velocity.rate else velocity
+    used = [stream for stream in (velocity, position, attitude) if stream is not None]
+    others = [stream for stream in used if stream is not base]
+    kept, unknown = _known_together(base, others)
+    time = base.time[kept]
+    if len(time) < MIN_SAMPLES:
+        raise MissionError(
+            f"{path}: {' and '.join(stream.what for stream in used)} have {len(time)} times in common; "
+            f"accepted are at least {MIN_SAMPLES}"
+        )
+    place = _position_at(position, time)
+    euler = None
+    if attitude is not None:
+        euler = euler_from_quaternion(
+            attitude.values[kept] if attitude is base else attitude.attitude_at(time)
+        )
+    return RawFlight(
+        format=reader,
+        time=time,
+        latitude=place[:, 0],
+        longitude=place[:, 1],
+        height=place[:, 2],
+        velocity_n=velocity.values[kept] if velocity is base else velocity.at(time),
+        euler=euler,
+        # Each message counts once: those of the base, and those of the others that are lost.
+        rows_read=base.read + sum(other.read - len(other.time) for other in others),
+        dropped=(*(drop for stream in used for drop in stream.lost), *unknown),
+        units=units,
+        remarks=remarks,
+        vehicle=vehicle,
+        rates=_slower(base, velocity, position, attitude),
+        resets=_resets(velocity, position, attitude),
+    )
+
+
+def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[BoolArray, list[Dropped]]:
+    """Return at which times of a stream all others are known, and the report on the other times."""
+    kept, dropped = np.ones(len(base.time), dtype=bool), []
+    for other in others:
+        known = other.known(base.time)
+        lost = kept & ~known
+        if lost.any():
+            reason = f"{base.what} while the {other.what} was not logged"
+            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
+            kept &= known
+    return kept, dropped
+
+
+def _position_at(position: Stream, time: FloatArray) -> FloatArray:
+    """Return latitude, continuous longitude [rad] and height [m] (m, 3) at some times."""
+    longitude = np.unwrap(position.values[:, 1])
+    places = np.column_stack((position.values[:, 0], longitude, position.values[:, 2]))
+    return replace(position, values=places).at(time)
+
+
+def _watched(
+    velocity: Stream, position: Stream, attitude: Stream | None
+) -> tuple[Stream, Stream, Stream | None]:
+    """Return the streams with their resets; a receiver has no estimator, and is noisy."""
+    if _RECEIVER not in velocity.what:
+        velocity = velocity.watched(estimator_resets.VELOCITY)
+    if _RECEIVER not in position.what:
+        position = position.watched(estimator_resets.POSITION)
+    return velocity, position, None if attitude is None else attitude.watched(estimator_resets.ATTITUDE)
+
+
+def _resets(velocity: Stream, position: Stream, attitude: Stream | None) -> tuple[Reset, ...]:
+    found = []
+    for stream, kind in (
+        (attitude, estimator_resets.ATTITUDE), (velocity, estimator_resets.VELOCITY),
+        (position, estimator_resets.POSITION),
+    ):  # fmt: skip
+        if stream is not None:
+            found += [
+                Reset(float(stream.time[at]), estimator_resets.reported_step(kind, stream.values, int(at)))
+                for at in stream.resets
+            ]
+    return tuple(sorted(found, key=lambda one: one.time))
+
+
+def _slower(
+    base: Stream, velocity: Stream, position: Stream, attitude: Stream | None
+) -> tuple[tuple[str, float], ...]:
+    """Return which quantities are logged less often than the samples, and how often [Hz]."""
+    named = (("velocity", velocity), ("position", position), ("attitude", attitude))
+    return tuple(
+        (name, stream.rate)
+        for name, stream in named
+        if stream is not None and stream is not base and stream.rate < _SLOWER * base.rate
+    )

@@ -1,0 +1,303 @@
+"""Formats: the format of a file is detected by its content, and the module of `lab.data.files` reads it."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lab.base.files.mission_error import MissionError
+from lab.base.files.text_blocks import check_file
+from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
+from lab.data.files import (
+    ardupilot,
+    fit,
+    flight_recorder,
+    flightgear,
+    flightgear_csv,
+    fslogger,
+    garmin_csv,
+    gpx,
+    igc,
+    jsbsim_csv,
+    kml,
+    mavlink,
+    nmea,
+    own_csv,
+    sdlog2,
+    tcx,
+    ubx,
+    ulog,
+    xplane_data,
+)
+from lab.data.files.device_frames import advice_on_frames
+from lab.data.log.sensor_log import SensorLog
+from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.sheets import sensor_csv
+from lab.data.sheets.sheet_fixes import LatitudeError
+
+HEAD_BYTES = 2**16
+"""Bytes at the start of a file, decompressed, from which the readers detect its format."""
+MAX_FILES = 4
+"""Most files one flight may be spread over."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A format the lab can read.
+
+    Attributes
+    ----------
+    name : str
+        Name for people, such as "X-Plane Data.txt".
+    recognises : callable
+        Returns from the first `HEAD_BYTES` of a file whether it has this format; never raises.
+    read : callable
+        Reads the files of one flight, with units (column to unit name) that overrule what the file says.
+        Raises `MissionError` for whatever is wrong, and nothing else.
+    read_log : callable or None
+        Reads the recorded IMU and GPS of a log that has both.
+    read_logs : callable or None
+        The same of several files, with corrections by a person: units or quantities by column, the axes of
+        the IMU that point forward, right and down, and the vehicle.
+    """
+
+    name: str
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Sequence[Path], Mapping[str, str]], RawFlight]
+    read_log: Callable[[Path], SensorLog] | None = None
+    read_logs: Callable[[Sequence[Path], Mapping[str, str], Sequence[str], str], SensorLog] | None = None
+
+
+def _is_other_table(head: bytes) -> bool:
+    """Return whether a file is a table with named columns, and of no format with a reader of its own."""
+    return sensor_csv.recognises(head) and not any(one.recognises(head) for one in READERS[:-1])
+
+
+READERS: tuple[Reader, ...] = (
+    Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
+    Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
+    Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
+    Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
+    Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
+    Reader(flightgear_csv.NAME, flightgear_csv.recognises, flightgear_csv.read),
+    Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
+    Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
+    Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(kml.NAME, kml.recognises, kml.read),
+    Reader(tcx.NAME, tcx.recognises, tcx.read),
+    Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(ubx.NAME, ubx.recognises, ubx.read),
+    Reader(igc.NAME, igc.recognises, igc.read),
+    Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
+    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
+    Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
+    Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
+)
+"""All readers; at most one recognises a file."""
+
+
+_COPIED_BYTES = 2**20
+"""Bytes by which it is judged whether a file was copied as text: logs of PX4 begin with 64 kB of few line
+feeds."""
+_UNMISTAKABLE = re.compile(rb"[{}]|[a-z]/[a-z]+-[a-z]")
+"""What headings have that are JSBSim's alone: V_{North} (ft/s), or the path of a property."""
+_TABLE = (
+    "It looks like a table whose headings do not say what its columns are: --column HEADING=QUANTITY[UNIT] "
+    "does, with the number of a column where there is no header."
+)
+_EXPORT = "It is a {} file: export its topics or tables as csv with named columns."
+_NOT_READ = (
+    (
+        re.compile(rb"PK\x03\x04"),
+        "It is a zip archive: unpack it first. Zip files of csv files are read as they are.",
+    ),
+    (
+        re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
+        "It looks like UBX messages of a u-blox receiver, and has none with a position (NAV-PVT, NAV-POSLLH, "
+        "NAV-SOL, NAV-POSECEF, or GGA of NMEA) in its first 64 kB: let the receiver send NAV-PVT too.",
+    ),
+    (
+        re.compile(
+            rb"(?i)[^\n]{0,200}?(?:p_RS_R_x|\btx,? ty,? tz\b|pos(?:ition)?[._]x\b[^\n]*pos(?:ition)?[._]y\b)"
+        ),
+        "It holds positions in metres from an origin, as of EuRoC or TUM, whose latitude, longitude and "
+        "azimuth it does not give; a flight needs positions on the Earth.",
+    ),
+    (
+        re.compile(rb"(?s).{0,2000}?\$(?:G[A-Z]|B[DQ])(?:GGA|RMC|GLL|GNS|VTG),|(?s:.{0,2000}?)\$P[A-Z]{3},"),
+        "It looks like NMEA 0183, but has no GGA, GNS or RMC with a position and a right checksum (*hh "
+        "at the end) in its first 64 kB.",
+    ),
+    (
+        re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
+        "It looks like ASCII logs of a NovAtel receiver: convert them to NMEA (GGA and RMC) or to a csv with "
+        "named columns.",
+    ),
+    (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
+    (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
+    (
+        re.compile(rb"(?s).{4}ftyp"),
+        "It is a video: extract its telemetry as csv or GPX, for GoPro with gpmf tools.",
+    ),
+    (re.compile(rb"\s*[\[{]\s*[\"{\[]"), _EXPORT.format("JSON")),
+    (
+        re.compile(rb"[^\n]{40,70}RINEX VERSION"),
+        "It holds raw observations of satellites (RINEX) and no positions.",
+    ),
+    (re.compile(rb"[^\0]{0,2000}?\n[^\0A-Za-z]*\d[^\0A-Za-z]*[,;\t ][^\0A-Za-z]*\d"), _TABLE),
+)
+"""How files of known formats that are not read begin, and the advice that is reported."""
+
+
+def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
+    """Return the reader of a file, by its content.
+
+    Parameters
+    ----------
+    path
+        The file.
+    units
+        What a person says of columns; quantities among them make any table one with named columns.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or its format is unknown, listing the known ones.
+    """
+    head = _head(path)
+    for reader in READERS:
+        if reader.recognises(head):
+            return reader
+    if units and any(sensor_csv.names_quantity(text) for text in units.values()):
+        return READERS[-1]
+    if not head:
+        raise MissionError(f"{path}: the file is empty")
+    advice = next((advice for mark, advice in _NOT_READ if mark.match(head)), "")
+    if (plain := as_plain_text(head)) and (found := [one.name for one in READERS if one.recognises(plain)]):
+        advice = f"It is {found[0]} in UTF-16, as Windows PowerShell writes it: save it as UTF-8 or ASCII."
+    advice = (
+        what_is_damaged(path, head)
+        or advice_on_frames(head)
+        or (sensor_csv.lacks_time(head) if advice == _TABLE else "")
+        or advice
+    )
+    hint = f" {advice}" if advice else ""
+    raise MissionError(
+        f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"
+    )
+
+
+def log_reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
+    """Return the reader of the log in a file: a table of a simulator's headings may be one of a log's files.
+
+    Parameters
+    ----------
+    path
+        The file.
+    units
+        What a person says of columns.
+
+    Raises
+    ------
+    MissionError
+        As `reader_of`.
+    """
+    reader = reader_of(path, units)
+    is_table = reader.read_log is None and sensor_csv.recognises(_head(path))
+    return READERS[-1] if is_table else reader
+
+
+def read_raw(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str], units: Mapping[str, str] | None = None
+) -> RawFlight:
+    """Read a flight recording of any format.
+
+    Parameters
+    ----------
+    paths
+        The file, or the files where a format spreads a flight over several, in any order.
+    units
+        Units that overrule what the file says or the reader guesses, by name of the column.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with a file.
+    """
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    if not 1 <= len(files) <= MAX_FILES:
+        raise MissionError(f"{len(files)} files given; accepted are 1 to {MAX_FILES} of one flight")
+    readers = [reader_of(path, units) for path in files]
+    if READERS[-1] in readers and len(set(readers)) > 1:
+        readers = [log_reader_of(path, units) for path in files]
+    for path, reader in zip(files, readers, strict=True):
+        if reader is not readers[0]:
+            raise MissionError(
+                f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
+                "flight in one format"
+            )
+    copied = copied_as_text(_head(files[0], _COPIED_BYTES))
+    try:
+        raw = readers[0].read(files, units or {})
+        return replace(raw, remarks=(*raw.remarks, copied)) if copied else raw
+    except MissionError as refusal:
+        if copied:
+            raise MissionError(f"{refusal}. {copied}") from refusal
+        if readers[0].name != jsbsim_csv.NAME or any(_UNMISTAKABLE.search(_head(path)) for path in files):
+            raise
+        # JSBSim's headings time, latitude and vn are those of any receiver, too.
+        try:
+            return READERS[-1].read(files, units or {})
+        except LatitudeError as error:
+            raise error from None
+        except MissionError:
+            pass
+        raise
+
+
+def read_log_of(reader: Reader, path: Path) -> SensorLog:
+    """Return the log of an autopilot's file.
+
+    Parameters
+    ----------
+    reader, path
+        The reader, with `read_log`, and its file.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with the file.
+    """
+    if reader.read_log is None:
+        logs = ", ".join(other.name for other in READERS if other.read_log is not None)
+        raise MissionError(f"{path}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
+    copied = copied_as_text(_head(path, _COPIED_BYTES))
+    try:
+        log = reader.read_log(path)
+    except MissionError as refusal:
+        if copied:
+            raise MissionError(f"{refusal}. {copied}") from refusal
+        raise
+    return replace(log, repairs=(*log.repairs, copied)) if copied else log
+
+
+def _head(path: Path, size: int = HEAD_BYTES) -> bytes:
+    try:
+        check_file(path, 2**40)
+        with path.open("rb") as file:
+            head = file.read(size)
+        if head.startswith(b"\x1f\x8b"):
+            with gzip.open(path, "rb") as stream:
+                return stream.read(size)
+    except MissionError:
+        raise
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return head

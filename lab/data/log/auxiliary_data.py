@@ -1,0 +1,171 @@
+"""Auxiliary data: vehicle, magnetometer, headings and other solutions in a log of IMU and GPS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference:
+    """The solution of a better system, used as reference.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    position : (k, 3) array
+        Latitude, longitude [rad], height [m]; NaN where unknown.
+    velocity_n : (k, 3) array
+        Velocity north, east, down [m/s]; NaN where unknown.
+    euler : (k, 3) array
+        Roll, pitch, yaw [rad]; NaN where unknown.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity_n: FloatArray
+    euler: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Reference):
+    """The solution of another estimator, such as the autopilot's, from the same sensors: it is no truth.
+
+    Attributes
+    ----------
+    name : str
+        Name, such as "PX4 EKF2".
+    """
+
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Magnetometer:
+    """The measured magnetic field, hard iron removed as far as it is known.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    field : (k, 3) array
+        Field in b: forward, right, down [µT].
+    declination : float
+        Magnetic declination, positive east [rad]; NaN where the log does not state it.
+    """
+
+    time: FloatArray
+    field: FloatArray
+    declination: float = np.nan
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Headings:
+    """Measured headings, such as those of a receiver with two antennas.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    heading : (k,) array
+        True heading [rad].
+    sigma : (k,) array
+        σ [rad]; NaN where unknown.
+    """
+
+    time: FloatArray
+    heading: FloatArray
+    sigma: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Series:
+    """What a sensor with one number measured: such as a barometer's heights [m].
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    value : (k,) array
+        Readings.
+    """
+
+    time: FloatArray
+    value: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AuxiliaryData:
+    """Data of a log in addition to IMU and GPS.
+
+    Attributes
+    ----------
+    vehicle : str
+        Name of the vehicle, one of `lab.data.log.vehicle.VEHICLES`, or an autopilot's word for it; empty
+        where nobody named it.
+    forward_assumed : bool
+        Whether it is only assumed which axis of the IMU points forward. The course is then no safe heading.
+    magnetometer : Magnetometer or None
+        The magnetometer.
+    headings : Headings or None
+        Headings as measured.
+    barometer, odometer, airspeed : Series or None
+        Heights by pressure [m], speeds forward, and true airspeeds [m/s].
+    comparisons : tuple of Comparison
+        Other solutions.
+    """
+
+    vehicle: str = ""
+    magnetometer: Magnetometer | None = None
+    headings: Headings | None = None
+    barometer: Series | None = None
+    odometer: Series | None = None
+    airspeed: Series | None = None
+    comparisons: tuple[Comparison, ...] = ()
+    forward_assumed: bool = False
+
+    def later(self, seconds: float) -> AuxiliaryData:
+        """Return the same with later times."""
+        moved = {
+            name: None if part is None else part.later(seconds)
+            for name, part in (
+                ("magnetometer", self.magnetometer),
+                ("headings", self.headings),
+                ("barometer", self.barometer),
+                ("odometer", self.odometer),
+                ("airspeed", self.airspeed),
+            )
+        }
+        others = tuple(one.later(seconds) for one in self.comparisons)
+        return replace(self, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
+
+    def named(self, vehicle: str) -> AuxiliaryData:
+        """Return the same with another vehicle."""
+        return replace(self, vehicle=vehicle)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is held."""
+        return all(getattr(self, field.name) in (None, "", ()) for field in fields(self))

@@ -1,0 +1,1 @@
+"""Protocols: the bytes of sensors and receivers become samples, and samples become such bytes."""

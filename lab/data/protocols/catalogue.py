@@ -1,0 +1,81 @@
+"""Catalogue: the decoders and encoders by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from lab.data.protocols.decoder import Decoder, Encoder
+from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder_file import FORM, load_decoder
+from lab.data.protocols.mavlink import Mavlink
+from lab.data.protocols.mavlink_encoder import MavlinkEncoder
+from lab.data.protocols.memsense import Memsense, MemsenseEncoder
+from lab.data.protocols.mip import Mip
+from lab.data.protocols.mip_encoder import MipEncoder
+from lab.data.protocols.nmea import Nmea
+from lab.data.protocols.nmea_encoder import NmeaEncoder
+from lab.data.protocols.phone import PhoneDecoder
+from lab.data.protocols.phone_encoder import PhoneEncoder
+from lab.data.protocols.stream_decoder import StreamDecoder
+from lab.data.protocols.text_lines import TextEncoder, TextLines
+from lab.data.protocols.ublox import Ublox
+from lab.data.protocols.ublox_encoder import UbloxEncoder
+from lab.data.protocols.vectornav_ascii import VectorNavAscii
+from lab.data.protocols.vectornav_binary import VectorNavBinary
+from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.xsens import Xsens
+from lab.data.protocols.xsens_encoder import XsensEncoder
+
+
+def _ublox() -> Decoder:
+    messages = Ublox()
+    return StreamDecoder("ublox", (messages,), beside=(Nmea(lambda: messages.has_fixes),))
+
+
+DECODERS: Mapping[str, Callable[[], Decoder]] = {
+    "vectornav": lambda: StreamDecoder("vectornav", (VectorNavBinary(), VectorNavAscii()), beside=(Nmea(),)),
+    "xsens": lambda: StreamDecoder("xsens", (Xsens(),), beside=(Nmea(),)),
+    "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
+    "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
+    "ublox": _ublox,
+    "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
+    "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
+    "phone": PhoneDecoder,
+    "text": TextLines,
+}
+"""Makes a decoder with its usual settings, by the name of the protocol."""
+ENCODERS: Mapping[str, Callable[[], Encoder]] = {
+    "vectornav": VectorNavEncoder,
+    "xsens": XsensEncoder,
+    "mip": MipEncoder,
+    "memsense": MemsenseEncoder,
+    "ublox": UbloxEncoder,
+    "nmea": NmeaEncoder,
+    "mavlink": MavlinkEncoder,
+    "phone": PhoneEncoder,
+    "text": TextEncoder,
+}
+"""Makes an encoder with its usual settings, by the name of the protocol."""
+
+
+def decoder_of(name: str) -> Decoder:
+    """Return a new decoder.
+
+    Parameters
+    ----------
+    name
+        A key of `DECODERS`, or ``FILE.py:Name`` of one's own. Whoever serves names it: the file is executed.
+
+    Raises
+    ------
+    DecoderError
+        If there is none of this name, it cannot be loaded, or a library for it is not installed.
+    """
+    if ":" in name:
+        return load_decoder(name)
+    if name not in DECODERS:
+        raise DecoderError(f"{name!r} is no protocol; accepted are {', '.join(DECODERS)}, and {FORM}")
+    try:
+        return DECODERS[name]()
+    except ImportError as error:
+        raise DecoderError(str(error)) from error

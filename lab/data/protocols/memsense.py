@@ -1,0 +1,162 @@
+"""MEMSense nIMU: frames of 38 bytes at 150 Hz over RS-422, 115 200 baud.
+
+Four sync bytes, size, device, message, a timer of 16 bits, four bytes, twelve numbers of 16 bits (gyros,
+accelerometers, magnetometers, their temperatures), and a sum of 8 bits. Sources disagree whether the sum is
+over the frame or over the numbers: either is accepted until one was seen, then that one. A number counts
+1.5 ranges / 32768. The timer starts again after 0.142 s, so after a longer silence times are wrong by
+multiples of it.
+
+References
+----------
+MEMSense, *nIMU Data Sheet*; public drivers for it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
+from lab.data.protocols.checks import sum8
+from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.merging import merged
+from lab.data.protocols.rows import Rows
+from lab.data.protocols.sending import vector
+from lab.data.protocols.wrapping import WrappingCounter
+
+SIZE = 38  # bytes of a frame
+MESSAGE = 0x14  # kind of message with the samples
+TICK = 2.1701e-6
+"""Of the timer [s]."""
+
+_SYNC = b"\xff" * 4  # four bytes begin a frame
+_START = _SYNC + bytes((SIZE,))
+_HEAD = 7  # bytes up to the kind of message
+_TIMER = struct.Struct(">H")
+_NUMBERS = struct.Struct(">12h")
+_AT = 13
+"""Where the numbers begin."""
+_MARGIN = 1.5  # full scale over the range on the data sheet
+_FULL = 32768  # counts at full scale
+_DEGREES_PER_COUNT, _MIDDLE = 1.8165e-2, 25.0
+"""Temperature: per count, and at zero [°C]."""
+_SWAP = 3
+"""Frames in a row with only the other sum, after which that one counts: the first was chance, one in 256."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Ranges of a model, which its name states.
+
+    Attributes
+    ----------
+    rate, force, magnetic : float
+        Of the gyros [rad/s], accelerometers [m/s²] and magnetometers [T].
+    """
+
+    rate: float = math.radians(300)
+    force: float = 2 * STANDARD_GRAVITY
+    magnetic: float = 1.9 * GAUSS
+
+    @property
+    def scales(self) -> tuple[float, float, float]:
+        """Value of one count of each."""
+        rate, force, magnetic = (_MARGIN * one / _FULL for one in (self.rate, self.force, self.magnetic))
+        return rate, force, magnetic
+
+
+class Memsense(Framing):
+    """Framing of the nIMU.
+
+    Parameters
+    ----------
+    ranges
+        Of the model; the default is the classic work's.
+    """
+
+    first = _SYNC[:1]
+    longest = SIZE
+    wrap_period = 2**16 * TICK
+
+    def __init__(self, ranges: Ranges | None = None) -> None:
+        self._scales = (ranges or Ranges()).scales
+        self._whole: bool | None = None
+        self._others = 0
+        self._timer = WrappingCounter(2**16)
+
+    def size(self, data: bytearray, at: int) -> int:
+        """Return the bytes of the frame that begins at a place, `MORE` or `NONE`."""
+        head = data[at : at + _HEAD]
+        if not head.startswith(_START):
+            return MORE if _START.startswith(head) else NONE
+        if len(head) < _HEAD:
+            return MORE
+        return SIZE if head[-1] == MESSAGE else NONE
+
+    def passes(self, frame: bytes) -> bool:
+        """Return whether the last byte is the sum of those before, or of the numbers."""
+        over_frame, over_numbers = sum8(frame[:-1]) == frame[-1], sum8(frame[_AT:-1]) == frame[-1]
+        if self._whole is None:
+            if over_frame != over_numbers:
+                self._whole = over_frame
+            return over_frame or over_numbers
+        fine, other = (over_frame, over_numbers) if self._whole else (over_numbers, over_frame)
+        self._others = self._others + 1 if other and not fine else 0
+        if self._others == _SWAP:
+            self._whole, self._others = not self._whole, 0
+            return True
+        return fine
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Add the sample of a frame."""
+        counts = _NUMBERS.unpack_from(frame, _AT)
+        rate, force, magnetic = self._scales
+        gx, gy, gz, ax, ay, az, mx, my, mz, *temperatures = counts
+        rows.add_imu(
+            end,
+            self._timer.continued(_TIMER.unpack_from(frame, _HEAD)[0]) * TICK,
+            -1,
+            (gx * rate, gy * rate, gz * rate),
+            (ax * force, ay * force, az * force),
+            (mx * magnetic, my * magnetic, mz * magnetic),
+            _MIDDLE + _DEGREES_PER_COUNT * sum(temperatures) / 3,
+        )
+        return True
+
+
+class MemsenseEncoder:
+    """Writes samples; an `Encoder`. The protocol has no fixes.
+
+    Parameters
+    ----------
+    ranges
+        Of the model.
+    over_frame
+        Whether the sum is over the whole frame, or over the numbers.
+    """
+
+    name = "memsense"
+
+    def __init__(self, ranges: Ranges | None = None, over_frame: bool = True) -> None:
+        self._scales = (ranges or Ranges()).scales
+        self._begin = 0 if over_frame else _AT
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of samples, which are rounded to counts and end at their range."""
+        return merged(imu, fix[:0], self._frame, lambda _: b"")
+
+    def _frame(self, row: np.void) -> bytes:
+        counts = []
+        for name, scale in zip(("rate", "force", "magnetic"), self._scales, strict=True):
+            counts += vector(row, name, scale)
+        temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else _MIDDLE
+        counts += [(temperature - _MIDDLE) / _DEGREES_PER_COUNT] * 3
+        time = float(row["time"])
+        timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
+        frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
+        frame += _NUMBERS.pack(*(round(min(max(count, -_FULL), _FULL - 1)) for count in counts))
+        return frame + bytes((sum8(frame[self._begin :]),))

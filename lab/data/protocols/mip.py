@@ -1,0 +1,184 @@
+"""MicroStrain MIP: packets of fields, of which those of the IMU and of the receiver are read.
+
+Specific force comes in g, which is 9.80665 m/s². A packet with delta angle and delta velocity alone is
+divided by the interval since the one before, by its reference time or its delta time.
+
+References ---------- MicroStrain by HBK, *MIP Data Communications Protocol*, descriptor sets 0x80 (sensor)
+and 0x81, 0x91, 0x92 (GNSS).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+
+from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
+from lab.data.protocols.checks import passes_fletcher16
+from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.rows import Rows
+from lab.data.protocols.samples import (
+    FIX_2D,
+    FIX_3D,
+    FIX_DIFFERENTIAL,
+    FIX_RTK,
+    FIX_RTK_FLOAT,
+    NAN,
+    NO_FIX,
+    UNKNOWN,
+    Vector,
+)
+
+SYNC = b"\x75\x65"
+SENSOR = 0x80  # set of the inertial data
+GNSS = (0x81, 0x91, 0x92)
+"""Sets of the receivers: of the only one, and of the first and second."""
+FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x08  # fields of `SENSOR`
+GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17  # fields of `SENSOR`
+REFERENCE_TIME, DELTA_TIME, SHARED_GPS_TIME = 0xD5, 0xD6, 0xD3  # times, of any set
+PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B  # fields of `GNSS`
+MILLIBAR = 100.0
+"""[Pa]."""
+NANOSECOND = 1e-9
+"""[s]."""
+
+_HEADER, _CHECK = 4, 2  # bytes before and after the fields
+_THREE = struct.Struct(">3f")
+_NANOSECONDS = struct.Struct(">Q")
+_PLACE = struct.Struct(">4d2fH")
+_VELOCITY = struct.Struct(">8fH")
+_GPS_TIME = struct.Struct(">dHH")
+_FIX_INFO = struct.Struct(">BBHH")
+_FIX_TYPES = {0: FIX_3D, 1: FIX_2D, 5: FIX_RTK_FLOAT, 6: FIX_RTK, 7: FIX_DIFFERENTIAL}
+"""Kinds of fixes of the device; 2 is time only, 3 none, 4 invalid."""
+_LONGEST_INTERVAL = 1.0
+"""Longest interval that an increment is divided by [s]: after a longer one, packets are missing."""
+
+Fields = Mapping[int, bytes]
+
+
+class Mip(Framing):
+    """Framing of packets: sync, set, length, fields, sums of 16 bits."""
+
+    first = SYNC[:1]
+    longest = 255 + _HEADER + _CHECK
+
+    def __init__(self) -> None:
+        self._before = NAN
+
+    def size(self, data: bytearray, at: int) -> int:
+        """Return the bytes of the packet that begins at a place, `MORE` or `NONE`."""
+        head = data[at : at + _HEADER]
+        if not head.startswith(SYNC):
+            return MORE if SYNC.startswith(head) else NONE
+        return MORE if len(head) < _HEADER else _HEADER + head[3] + _CHECK
+
+    def passes(self, frame: bytes) -> bool:
+        """Return whether the sums are those said, and the fields fill the packet."""
+        return passes_fletcher16(frame[:-_CHECK], frame[-_CHECK:]) and _fields(frame) is not None
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Add the sample or the fix of a packet; return whether it has one."""
+        fields = _fields(frame) or {}
+        if frame[2] == SENSOR:
+            return self._read_sample(fields, end, rows)
+        return frame[2] in GNSS and _read_fix(fields, end, rows)
+
+    def _read_sample(self, fields: Fields, end: int, rows: Rows) -> bool:
+        time = _time(fields)
+        rate, force = _three(fields, RATE), _three(fields, FORCE)
+        angle, velocity = _three(fields, DELTA_ANGLE), _three(fields, DELTA_VELOCITY)
+        if angle is not UNKNOWN or velocity is not UNKNOWN:
+            interval, self._before = time - self._before, time
+            if DELTA_TIME in fields:
+                interval = _whole(fields, DELTA_TIME) * NANOSECOND
+            if rate is UNKNOWN and force is UNKNOWN and 0 < interval <= _LONGEST_INTERVAL:
+                rate, force = [one / interval for one in angle], [one / interval for one in velocity]
+        if rate is UNKNOWN and force is UNKNOWN:
+            return False
+        x, y, z = force
+        mx, my, mz = _three(fields, MAGNETIC)
+        rows.add_imu(
+            end,
+            time,
+            -1,
+            rate,
+            (x * STANDARD_GRAVITY, y * STANDARD_GRAVITY, z * STANDARD_GRAVITY),
+            (mx * GAUSS, my * GAUSS, mz * GAUSS),
+            _three(fields, TEMPERATURE)[2],
+            _number(fields, PRESSURE) * MILLIBAR,
+        )
+        return True
+
+
+def _fields(frame: bytes) -> Fields | None:
+    """Return what is in each field of a packet, by its descriptor; None if they do not fill it."""
+    at, last = _HEADER, len(frame) - _CHECK
+    fields = {}
+    while at < last:
+        size = frame[at]
+        if size < 2 or at + size > last:
+            return None
+        fields[frame[at + 1]] = frame[at + 2 : at + size]
+        at += size
+    return fields
+
+
+def _three(fields: Fields, kind: int) -> Vector:
+    data = fields.get(kind, b"")
+    return _THREE.unpack(data) if len(data) == _THREE.size else UNKNOWN
+
+
+def _number(fields: Fields, kind: int) -> float:
+    data = fields.get(kind, b"")
+    return float(struct.unpack(">f", data)[0]) if len(data) == 4 else NAN
+
+
+def _whole(fields: Fields, kind: int) -> float:
+    data = fields.get(kind, b"")
+    return float(_NANOSECONDS.unpack(data)[0]) if len(data) == _NANOSECONDS.size else NAN
+
+
+def _read_fix(fields: Fields, end: int, rows: Rows) -> bool:
+    place, velocity = fields.get(PLACE, b""), fields.get(VELOCITY, b"")
+    if len(place) != _PLACE.size:
+        return False
+    latitude, longitude, height, _, level, vertical, valid = _PLACE.unpack(place)
+    fix_type, satellites = FIX_3D if valid & 1 else NO_FIX, -1
+    if len(fields.get(FIX_INFO, b"")) == _FIX_INFO.size:
+        kind, satellites, _, _ = _FIX_INFO.unpack(fields[FIX_INFO])
+        fix_type = _FIX_TYPES.get(kind, NO_FIX) if valid & 1 else NO_FIX
+    north = east = down = speed_sigma = NAN
+    if len(velocity) == _VELOCITY.size:
+        north, east, down, _, _, _, speed_sigma, _, known = _VELOCITY.unpack(velocity)
+        if not known & 1:
+            north = east = down = NAN
+    rows.add_fix(
+        end,
+        _time(fields),
+        _week_time(fields),
+        NAN,
+        math.radians(latitude),
+        math.radians(longitude),
+        height if valid & 2 else NAN,
+        (north, east, down),
+        level if valid & 8 else NAN,
+        vertical if valid & 16 else NAN,
+        speed_sigma,
+        satellites,
+        fix_type,
+    )
+    return True
+
+
+def _time(fields: Fields) -> float:
+    """Return the time of the device's clock [s]; devices without one of their own stamp by that of GPS."""
+    return _whole(fields, REFERENCE_TIME) * NANOSECOND if REFERENCE_TIME in fields else _week_time(fields)
+
+
+def _week_time(fields: Fields) -> float:
+    for kind in (GNSS_TIME, SHARED_GPS_TIME, GPS_TIMESTAMP):
+        data = fields.get(kind, b"")
+        if len(data) == _GPS_TIME.size:
+            return float(_GPS_TIME.unpack(data)[0])
+    return NAN

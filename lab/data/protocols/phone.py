@@ -1,0 +1,209 @@
+"""Phone: lines of JSON with the batches of a phone; see `lab.data.protocols.phone_line`.
+
+Axes are those of the device: x to the right of the screen, y up the screen, z out of it. Browsers on Apple's
+phones negate the acceleration including gravity. The sign is found by gravity: the phone also sends which
+direction its own attitude calls up, and at rest the specific force points up.
+
+References
+----------
+W3C, *Device Orientation and Motion*, Working Draft.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.protocols import phone_line
+from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.limits import Limits
+from lab.data.protocols.pairing import Pairing
+from lab.data.protocols.phone_line import DEGREES, HEAD, LONGEST, PhoneLine, Row
+from lab.data.protocols.rows import Rows
+from lab.data.protocols.samples import FIX_2D, FIX_3D, UNKNOWN, Vector
+from lab.data.protocols.stream_decoder import StreamDecoder
+from lab.data.protocols.turning import Turning
+
+_CLEAR = 0.5 * STANDARD_GRAVITY
+"""Force along the direction up from which a batch shows the sign [m/s²]: at rest it is 1 g, in a hand that
+shakes the phone hard less than 0.5 g for single batches."""
+
+
+class PhoneLines(Framing):
+    """Framing of the lines.
+
+    Parameters
+    ----------
+    negated
+        Whether the phone negates the specific force; None to find out.
+    unit
+        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
+    """
+
+    first = HEAD[:1]
+    longest = LONGEST
+
+    def __init__(self, negated: bool | None = None, unit: str | None = None) -> None:
+        self.negated = negated
+        self.unit = unit
+        self._turning = Turning()
+        self._found: bool | None = None
+        self._apple = False
+        self._seen = 0
+        self._along = 0.0
+        self._origin: float | None = None
+        self._pairing = Pairing()
+        self._end = 0
+
+    @property
+    def negates(self) -> bool:
+        """Whether the forces of the phone are negated: as corrected, as found, or as its maker does."""
+        if self.negated is not None:
+            return self.negated
+        return self._apple if self._found is None else self._found
+
+    @property
+    def evidence(self) -> str:
+        """What shows the sign and the unit, in sentences."""
+        done = "the lab negates it" if self.negates else "the lab uses it unchanged"
+        if not self._seen:
+            maker = (
+                "one of Apple's, which negate" if self._apple else "not one of Apple's, which alone negate"
+            )
+            why = f"The phone did not send its attitude. It is {maker} the acceleration"
+        else:
+            along = self._along / self._seen
+            why = f"Gravity reads {along:+.1f} m/s² along the direction that the phone's attitude calls up"
+        if self.negated is not None and self.negated != self._found:
+            done += ", as you asked"
+        return f"{why}: {done}.{self._turning.evidence}"
+
+    @property
+    def rate_factor(self) -> float:
+        """As of `PhoneDecoder`."""
+        return self._turning.factor
+
+    def size(self, data: bytearray, at: int) -> int:
+        """Return the bytes of the line that begins at a place, with its end; `MORE` or `NONE`."""
+        head = data[at : at + len(HEAD)]
+        if not HEAD.startswith(head):
+            return NONE
+        if len(head) < len(HEAD):
+            return MORE
+        end = data.find(b"\n", at, at + self.longest)
+        if end >= 0:
+            return end + 1 - at
+        return NONE if len(data) - at >= self.longest else MORE
+
+    def passes(self, frame: bytes) -> bool:
+        """Return whether the line has the checksum that it states."""
+        return phone_line.passes(frame)
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Add the samples and fixes of a line; return whether it is one that is read."""
+        line = phone_line.line_of(frame)
+        if line is None or not (line.samples or line.force or line.fix):
+            return False
+        self._end = end
+        self._apple = line.apple
+        if self._origin is None:
+            self._origin = line.origin
+        later = line.origin - self._origin
+        self._weigh(line)
+        sign = -1.0 if self.negates else 1.0
+        unit = math.pi / 180 if (self.unit or line.unit) == DEGREES else 1.0
+        self._turning.add(line, unit)
+        for number, (time, rx, ry, rz, fx, fy, fz) in enumerate(line.imu):
+            count = line.first + number if line.first >= 0 else -1
+            rate = (unit * rx, unit * ry, unit * rz)
+            rows.add_imu(end, time + later, count, rate, (sign * fx, sign * fy, sign * fz))
+        for time, *force in line.force:
+            self._pairing.add_force(time + later, [sign * one for one in force])
+        for time, *rate_there in line.rate:
+            self._pairing.add_rate(time + later, [unit * one for one in rate_there])
+        self._pair(rows)
+        for fix in line.fix:
+            _add_fix(fix, later, end, rows)
+        return True
+
+    def finish(self, rows: Rows) -> None:
+        """Add what waited for further lines."""
+        self._pair(rows, last=True)
+
+    def _pair(self, rows: Rows, last: bool = False) -> None:
+        for time, rate, force in self._pairing.samples(last):
+            rows.add_imu(self._end, time, -1, rate, force)
+
+    def _weigh(self, line: PhoneLine) -> None:
+        """Take the evidence of a batch; the first clear one decides: no sign changes in mid-stream."""
+        forces: list[Row] = [row[4:] for row in line.imu] or [row[1:] for row in line.force]
+        if line.up is None or not forces:
+            return
+        along = sum(_dot(force, line.up) for force in forces) / len(forces)
+        if not abs(along) >= _CLEAR:
+            return
+        self._seen += 1
+        self._along += along
+        if self._found is None:
+            self._found = along < 0
+
+
+class PhoneDecoder(StreamDecoder):
+    """Decodes the lines of a phone; a `Decoder`.
+
+    Parameters
+    ----------
+    negated
+        Whether the phone negates the specific force; None to find out.
+    unit
+        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
+    limits
+        What samples are accepted.
+    """
+
+    def __init__(
+        self, negated: bool | None = None, unit: str | None = None, limits: Limits | None = None
+    ) -> None:
+        self._lines = PhoneLines(negated, unit)
+        super().__init__("phone", (self._lines,), limits)
+
+    @property
+    def negated(self) -> bool | None:
+        """The correction: whether the phone negates the specific force; None to find out."""
+        return self._lines.negated
+
+    @negated.setter
+    def negated(self, negated: bool | None) -> None:
+        self._lines.negated = negated
+
+    @property
+    def evidence(self) -> str:
+        """What shows the sign of the specific force, and the unit of angular rates, in sentences."""
+        return self._lines.evidence
+
+    @property
+    def rate_factor(self) -> float:
+        """Turns of the phone's attitude by those of its angular rates; NaN before it turned. 1 is right."""
+        return self._lines.rate_factor
+
+
+def _dot(force: Vector, up: Vector) -> float:
+    return sum(one * other for one, other in zip(force, up, strict=True))
+
+
+def _add_fix(fix: Row, later: float, end: int, rows: Rows) -> None:
+    time, utc, latitude, longitude, height, level, vertical, north, east, down, speed, sea = fix
+    rows.add_fix(
+        end,
+        time + later,
+        utc=utc,
+        latitude=math.radians(latitude),
+        longitude=math.radians(longitude),
+        height=height,
+        velocity_n=(north, east, down) if not math.isnan(north) else UNKNOWN,
+        horizontal_sigma=level,
+        vertical_sigma=vertical,
+        speed_sigma=speed,
+        fix_type=FIX_2D if math.isnan(height) else FIX_3D,
+        sea_level=sea == 1,
+    )

@@ -1,0 +1,101 @@
+"""Recognition: which decoders fit the first bytes of a stream, and what they found in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lab.base.parameters.counted import counted
+from lab.data.protocols.catalogue import DECODERS
+from lab.data.protocols.column_map import ColumnMap
+from lab.data.protocols.stream_decoder import StreamDecoder
+from lab.data.protocols.text_lines import TextLines
+
+_STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink", "phone"))
+"""Protocols with a check of 16 bits or more: two frames that pass by chance would be one in 2**32."""
+_FEWEST = {True: 2, False: 4}
+"""Fewest frames by which a protocol counts as recognised: with a check of 16 bits, and of 8 or none."""
+_LARGEST = 2**16
+"""Bytes that are looked at: at 115 200 baud they come in 6 s."""
+_TEXT_PART = 0.9
+"""Part of the bytes that must be in lines of the columns for text."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A decoder that fits.
+
+    Attributes
+    ----------
+    name : str
+        A key of `DECODERS`.
+    frames, failed : int
+        Frames that passed their check, and checks that failed.
+    samples, fixes : int
+        Rows that were found in them.
+    part : float
+        Part of the bytes that is in frames that passed.
+    bytes : int
+        Bytes that were looked at.
+    columns : ColumnMap or None
+        Of text: what its columns seem to be.
+    """
+
+    name: str
+    frames: int
+    failed: int
+    samples: int
+    fixes: int
+    part: float
+    bytes: int
+    columns: ColumnMap | None = None
+
+    @property
+    def evidence(self) -> str:
+        """What speaks for it, in a sentence."""
+        its = "its" if self.frames == 1 else "their"
+        found = f"{counted(self.frames, 'frame')} that passed {its} check"
+        if self.columns:
+            found = f"{counted(self.frames, 'line')} with all columns"
+        return (
+            f"{self.name}: {found} in {counted(self.bytes, 'byte')} ({self.part:.0%} of them), "
+            f"{self.failed} failed; {counted(self.samples, 'sample')} and {counted(self.fixes, 'fix')}."
+        )
+
+
+def recognise(data: bytes) -> list[Candidate]:
+    """Return the decoders that fit the bytes of a stream, best first.
+
+    Protocols whose library is not installed are left out.
+
+    Parameters
+    ----------
+    data
+        The first bytes, from anywhere in the stream; one or two seconds of it are enough.
+    """
+    data = data[:_LARGEST]
+    found = [candidate for name in DECODERS if (candidate := _tried(name, data)) is not None]
+    return sorted(found, key=_rank, reverse=True)
+
+
+def _tried(name: str, data: bytes) -> Candidate | None:
+    try:
+        decoder = DECODERS[name]()
+    except ImportError:
+        return None
+    parts = (decoder.feed(data), decoder.finish())
+    seen = decoder.statistics
+    samples, fixes, readings = (sum(map(len, rows)) for rows in zip(*parts, strict=True))
+    columns = decoder.columns if isinstance(decoder, TextLines) else None
+    part = 1 - seen.skipped / max(len(data), 1)
+    own = decoder.own_frames if isinstance(decoder, StreamDecoder) else seen.frames
+    if own < _FEWEST[name in _STRONG] or not samples + fixes + readings:
+        return None
+    if isinstance(decoder, TextLines) and part < _TEXT_PART:
+        return None
+    return Candidate(name, seen.frames, seen.failed, samples, fixes, part, len(data), columns)
+
+
+def _rank(candidate: Candidate) -> tuple[int, float]:
+    """Return what candidates are ordered by: rows from frames with a check go before those from text."""
+    rows = candidate.samples + candidate.fixes
+    return (0 if candidate.columns else 1) * rows, candidate.part

@@ -1,0 +1,128 @@
+"""Rows: samples as a decoder finds them, held within limits, handed over as arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lab.data.protocols.decoder import Statistics
+from lab.data.protocols.limits import LimitCheck, Limits
+from lab.data.protocols.samples import (
+    FIX,
+    IMU,
+    NAN,
+    NO_FIX,
+    READING,
+    UNKNOWN,
+    Samples,
+    Vector,
+    packed_fix,
+    packed_imu,
+    packed_reading,
+)
+
+_LARGEST_TIME = 1e12
+"""Largest time that is believed [s]: 30 000 years. Damaged floats hold any number."""
+_LARGEST_HEIGHT = 1e6
+"""Largest height of a fix that is believed [m]: the space station orbits at 4e5 m. Damaged floats hold any
+number."""
+_LARGEST_SPEED = 1e4
+"""Largest speed of a fix that is believed [m/s]: an orbit has 7800 m/s."""
+
+_LARGEST_WHEEL_SPEED = 400.0
+"""Largest speed of an odometer that is believed [m/s]: the fastest car on wheels reached 341 m/s."""
+
+
+class Rows:
+    """Collects the samples of one stream.
+
+    Parameters
+    ----------
+    statistics
+        Counts what is refused.
+    limits
+        What is accepted.
+    """
+
+    def __init__(self, statistics: Statistics, limits: Limits) -> None:
+        self._statistics = statistics
+        self._check = LimitCheck(limits)
+        self._imu = bytearray()
+        self._fix = bytearray()
+        self._reading = bytearray()
+
+    def add_imu(
+        self,
+        end: int,
+        time: float = NAN,
+        count: int = -1,
+        rate: Vector = UNKNOWN,
+        force: Vector = UNKNOWN,
+        magnetic: Vector = UNKNOWN,
+        temperature: float = NAN,
+        pressure: float = NAN,
+        clipped: int = 0,
+    ) -> None:
+        """Take a sample of the IMU, or count it as refused; fields as of `IMU`."""
+        if abs(time) > _LARGEST_TIME or not self._check.accepts(rate, force):
+            self._statistics.refused += 1
+            return
+        self._imu += packed_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
+
+    def add_fix(
+        self,
+        end: int,
+        time: float = NAN,
+        week_time: float = NAN,
+        utc: float = NAN,
+        latitude: float = NAN,
+        longitude: float = NAN,
+        height: float = NAN,
+        velocity_n: Vector = UNKNOWN,
+        horizontal_sigma: float = NAN,
+        vertical_sigma: float = NAN,
+        speed_sigma: float = NAN,
+        satellites: int = -1,
+        fix_type: int = NO_FIX,
+        sea_level: bool = False,
+    ) -> None:
+        """Take a fix, or count it as refused; fields as of `FIX`. Without a fix, its position is unknown."""
+        if fix_type <= NO_FIX:
+            latitude = longitude = height = NAN
+            velocity_n = UNKNOWN
+        elif (
+            not (-np.pi / 2 <= latitude <= np.pi / 2 and abs(longitude) <= 2 * np.pi)
+            or abs(height) > _LARGEST_HEIGHT
+            or any(abs(speed) > _LARGEST_SPEED for speed in velocity_n)
+        ):
+            self._statistics.refused += 1
+            return
+        self._fix += packed_fix(
+            end, time, week_time, utc, latitude, longitude, height, velocity_n, horizontal_sigma,
+            vertical_sigma, speed_sigma, satellites, fix_type, sea_level,
+        )  # fmt: skip
+
+    def add_reading(
+        self,
+        end: int,
+        time: float = NAN,
+        week_time: float = NAN,
+        utc: float = NAN,
+        heading: float = NAN,
+        speed: float = NAN,
+        heading_sigma: float = NAN,
+    ) -> None:
+        """Take a heading or a speed, or count it as refused; fields as of `READING`."""
+        if abs(time) > _LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
+            self._statistics.refused += 1
+            return
+        self._reading += packed_reading(end, time, week_time, utc, heading, speed, heading_sigma)
+
+    def taken(self) -> Samples:
+        """Return what was collected, and begin anew."""
+        found = Samples(
+            np.frombuffer(self._imu, IMU),
+            np.frombuffer(self._fix, FIX),
+            np.frombuffer(self._reading, READING),
+        )
+        self._imu, self._fix, self._reading = bytearray(), bytearray(), bytearray()
+        return found

@@ -1,0 +1,89 @@
+"""Sending: numbers of rows in the forms that devices send."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+MOST_SATELLITES = 254
+"""Largest number of satellites that is sent: MAVLink has 255 for an unknown one."""
+
+
+class SentFix(NamedTuple):
+    """A fix to be sent: 0 for what is not known, but for the time of day.
+
+    Attributes
+    ----------
+    latitude, longitude : float
+        [°].
+    height, horizontal_sigma, vertical_sigma : float
+        [m].
+    velocity_n : list of three floats
+        North, east, down [m/s].
+    speed, speed_sigma : float
+        Horizontal speed, and σ of the speed [m/s].
+    course : float
+        0 to 360 [°].
+    week_time, utc : float
+        As of `lab.data.protocols.samples.FIX` [s].
+    satellites, kind : int
+        Satellites, and a key of `lab.data.protocols.samples.FIX_TYPES`.
+    """
+
+    latitude: float
+    longitude: float
+    height: float
+    velocity_n: list[float]
+    speed: float
+    course: float
+    horizontal_sigma: float
+    vertical_sigma: float
+    speed_sigma: float
+    week_time: float
+    utc: float
+    satellites: int
+    kind: int
+
+
+def sent_fix(row: np.void) -> SentFix:
+    """Return a row of `lab.data.protocols.samples.FIX` as it is sent."""
+    latitude, longitude, height = known(row, "latitude", "longitude", "height")
+    level, vertical, speed = known(row, "horizontal_sigma", "vertical_sigma", "speed_sigma")
+    north, east, down = vector(row, "velocity_n")
+    return SentFix(
+        latitude=math.degrees(latitude),
+        longitude=math.degrees(longitude),
+        height=height,
+        velocity_n=[north, east, down],
+        speed=math.hypot(north, east),
+        course=math.degrees(math.atan2(east, north)) % 360,
+        horizontal_sigma=level,
+        vertical_sigma=vertical,
+        speed_sigma=speed,
+        week_time=known(row, "week_time")[0],
+        utc=float(row["utc"]),
+        satellites=min(max(int(row["satellites"]), 0), MOST_SATELLITES),
+        kind=int(row["fix_type"]),
+    )
+
+
+def known(row: np.void, *names: str) -> list[float]:
+    """Return fields of a row; 0 for what is not known."""
+    return [float(row[name]) if math.isfinite(row[name]) else 0.0 for name in names]
+
+
+def vector(row: np.void, name: str, unit: float = 1.0) -> list[float]:
+    """Return a field (3,) of a row in a unit; 0 for what is not known."""
+    return [float(value) / unit if math.isfinite(value) else 0.0 for value in row[name]]
+
+
+def microseconds(seconds: float) -> int:
+    """Return a time as a whole number [µs]; 0 if it is not known or negative."""
+    return round(1e6 * max(float(seconds), 0.0)) if math.isfinite(seconds) else 0
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time as a whole number [ns]; 0 if it is not known or negative."""
+    return round(1e9 * max(float(seconds), 0.0)) if math.isfinite(seconds) else 0

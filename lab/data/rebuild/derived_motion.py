@@ -1,0 +1,102 @@
+"""Derived motion: specific forces and body rates derived from recorded samples, and their noise.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eq. 5.53
+(velocity over the Earth in n, solved for the specific force).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from lab.data.rebuild.smooth_axes import SmoothAxes
+from lab.motion.frames import earth, rotation
+from lab.motion.recordings.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+_WINDOW = 5
+"""Samples in a row through which the parabola goes."""
+_REST = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35
+"""Weights that give the middle of five samples minus the parabola through them by least squares."""
+_POLE = np.radians(89.0)
+"""Latitude from which on the turning of north is left out [rad]."""
+
+
+def specific_force(position: FloatArray, velocity_n: FloatArray, acceleration_n: FloatArray) -> FloatArray:
+    """Return the specific force, north, east, down (n, 3) [m/s²] (Groves 5.53).
+
+    Its magnitude is what an accelerometer measures; within a degree of a pole the turning of north is left
+    out.
+
+    Parameters
+    ----------
+    position : (n, 3) array
+        Latitude, longitude [rad] and height [m].
+    velocity_n, acceleration_n : (n, 3) arrays
+        Velocity over the Earth and the derivatives of its components [m/s], [m/s²].
+    """
+    latitude, _, height = position.T
+    s, c = np.sin(latitude), np.maximum(np.cos(latitude), np.cos(_POLE))
+    meridian, transverse = earth.radii(s)
+    east_rate = velocity_n[:, 1] / (transverse + height)
+    omega_en_n = np.stack((east_rate, -velocity_n[:, 0] / (meridian + height), -east_rate * s / c), axis=-1)
+    omega_ie_n = earth.RATE * np.stack((c, np.zeros_like(c), -s), axis=-1)
+    f_n = acceleration_n + np.cross(2 * omega_ie_n + omega_en_n, velocity_n)
+    f_n[:, 2] -= earth.gravity(s, height)
+    return np.asarray(f_n)
+
+
+def body_rates(time: FloatArray, euler: FloatArray, stride: int = 1) -> FloatArray:
+    """Return the mean ω_nb,b from each sample to the one `stride` later, (n − stride, 3) [rad/s].
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    euler : (n, 3) array
+        Roll, pitch, yaw [rad].
+    stride
+        How many samples later.
+    """
+    C_nb = Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
+    turn = (C_nb[:-stride].inv() * C_nb[stride:]).as_rotvec()
+    return np.asarray(turn / (time[stride:] - time[:-stride])[:, None])
+
+
+def spline_rates(time: FloatArray, values: FloatArray, order: int) -> FloatArray:
+    """Return a derivative of the spline through samples, on an even grid of as many times, (n, m).
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    values : (n, m) array
+        Samples.
+    order
+        Which derivative, 1 or 2.
+    """
+    return np.asarray(CubicSpline(time, values)(np.linspace(time[0], time[-1], len(time)), order))
+
+
+def roughness(values: FloatArray) -> float:
+    """Return the rms residual of evenly spaced vectors (n, 3) against the parabola through five in a row.
+
+    It is 1.2 for white noise of σ = 1 on each axis, 2.4 for noise that alternates from sample to sample,
+    and near 0 for motion that is slow against the samples.
+    """
+    if len(values) <= _WINDOW:
+        return 0.0
+    rest = sum(weight * values[start : len(values) - 4 + start] for start, weight in enumerate(_REST))
+    return float(np.sqrt(np.mean(np.sum(np.asarray(rest) ** 2, axis=1))))
+
+
+def euler_at(recording: Recording, times: FloatArray) -> FloatArray:
+    """Return roll, pitch, yaw (n, 3) [rad] of a recording at times within it."""
+    q_nb = SmoothAxes(np.zeros(1)).attitudes(recording.euler, np.zeros((len(recording.time), 3)))
+    between = CubicSpline(recording.time, q_nb)(times)
+    return rotation.euler_from_quaternion(between / np.linalg.norm(between, axis=1, keepdims=True))

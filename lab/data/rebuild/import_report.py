@@ -1,0 +1,441 @@
+"""Import report: the content of a file, how it was rebuilt, and whether the result is plausible."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from lab.base.notebook_card import NotebookCard
+from lab.data.rebuild.derived_motion import body_rates, euler_at, roughness
+from lab.data.rebuild.plausibility import (
+    IMPLAUSIBLE,
+    QUESTIONABLE,
+    FlightFinding,
+    RebuiltMotion,
+    findings,
+    motion,
+    rate_agreement,
+)
+from lab.data.rebuild.quantisation import value_steps
+from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight, Reset
+from lab.data.rebuild.reconstruction import Reconstruction
+from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
+from lab.motion.recordings.recording import Recording
+from lab.sensors.sensor_noise import SensorNoise
+
+FloatArray = NDArray[np.float64]
+
+PLAUSIBLE = "plausible"
+
+_REPAIRS = {
+    "as recorded": "as recorded",
+    "spread": "repeated stamps spread evenly",
+    "even": "rounded or jittering stamps put on an even spacing",
+    "by motion": "estimated from the displacements between the samples",
+}
+_MAX_LOST = 0.2
+"""Part of the rows that may be left out of a plausible flight. A plain choice: less calls recordings with
+some damaged rows questionable, more passes flights of which a large part is missing."""
+_QUESTIONABLE_NOISE, _IMPLAUSIBLE_NOISE = 5.0, 50.0
+"""Noise of the specific force [m/s², rms] from which a flight is questionable, and implausible: half of
+gravity drowns every manoeuvre but aerobatics, and five times gravity all."""
+_MAX_REPORTED_SAMPLES = 100_000
+"""Samples by which a longer flight is reported: a million rows are then judged in the time of these."""
+_STRETCHES = 10
+"""Stretches of a long flight by which its noise is judged."""
+_LEAST_WIND = 0.005
+"""Smallest wind that is shown [m/s]: less is 0.00 in the digits shown."""
+_MAX_CUTS_SHOWN, _MAX_RESETS_SHOWN = 3, 5
+"""Most cuts and resets that the report lists one by one."""
+_MIN_TEXT = 20
+"""Fewest characters of a line beside its indent: a narrower terminal breaks them itself."""
+_MAX_WIDTH = 110
+"""Widest report [characters]."""
+
+
+@dataclass(frozen=True)
+class ReportRow:
+    """A line of the report.
+
+    Attributes
+    ----------
+    group : str
+        Its subject: "File", "Time", "Resolution", "Curve", "Noise", "Motion", "Units" or "Remarks".
+    name : str
+        Name of the quantity.
+    value : str
+        Its value, with its unit.
+    """
+
+    group: str
+    name: str
+    value: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImportReport(NotebookCard):
+    """The content of a file, how it was rebuilt, and whether the result is plausible.
+
+    Attributes
+    ----------
+    verdict : str
+        "plausible", "questionable" or "implausible".
+    findings : tuple of FlightFinding
+        The reasons, worst first; none if plausible.
+    rows : tuple of ReportRow
+        Everything else, in groups.
+    specific_force_noise : float
+        Rms of the fast part of the specific force of the rebuilt flight [m/s²].
+    body_rate_noise : float
+        Rms of the fast part of its body rates [rad/s].
+    """
+
+    CARD = "import report"
+
+    verdict: str
+    findings: tuple[FlightFinding, ...]
+    rows: tuple[ReportRow, ...]
+    specific_force_noise: float
+    body_rate_noise: float
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the verdict is not "plausible", in sentences."""
+        return tuple(finding.sentence for finding in self.findings)
+
+    def __str__(self) -> str:
+        width = min(shutil.get_terminal_size(fallback=(_MAX_WIDTH, 24)).columns, _MAX_WIDTH)
+        names = max(len(row.name) for row in self.rows)
+        lines: list[str] = []
+        group = ""
+        for row in self.rows:
+            lines += [f"{row.group}"] if row.group != group else []
+            group = row.group
+            lines += _hanging(row.name.ljust(names), row.value, width)
+        lines.append(f"Verdict: {self.verdict}")
+        for sentence in self.reasons:
+            lines += textwrap.wrap(sentence, width, initial_indent="  - ", subsequent_indent="    ")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<ImportReport: {self.verdict}, {len(self.findings)} findings>"
+
+
+def report(
+    raw: RawFlight, flight: RepairedFlight, rebuilt: Reconstruction, sensor: SensorNoise | None = None
+) -> ImportReport:
+    """Return the report on a flight that was read, repaired and rebuilt.
+
+    Parameters
+    ----------
+    raw
+        The data of the file.
+    flight
+        Its longest unbroken stretch, with repaired time stamps.
+    rebuilt
+        The flight rebuilt from that.
+    sensor
+        An IMU to compare the noise of the recording with.
+    """
+    force, rate = _fast_force(flight, rebuilt), _fast_rate(flight, rebuilt)
+    seen, in_fewer = _thinned(flight, rebuilt)
+    moves = motion(in_fewer)
+    found = (*findings(seen, in_fewer, moves), *_losses(raw, flight), *_loudness(force))
+    levels = {finding.level for finding in found}
+    verdict = next((level for level in (IMPLAUSIBLE, QUESTIONABLE) if level in levels), PLAUSIBLE)
+    rows = [
+        *_file(raw, flight),
+        *_time(flight),
+        *_resolution(flight),
+        *_curve(rebuilt),
+        *_noise(flight, force, rate, sensor),
+        *_motion(seen, in_fewer, moves),
+        *_units(raw.units),
+        *(ReportRow("Remarks", "", text) for text in (*raw.remarks, *rebuilt.remarks)),
+    ]
+    return ImportReport(verdict, found, tuple(rows), force, rate)
+
+
+def _file(raw: RawFlight, flight: RepairedFlight) -> list[ReportRow]:
+    rows = [
+        ReportRow("File", "Format", raw.format),
+        ReportRow(
+            "File", "Samples", f"{raw.rows_read or len(raw.time)} rows read, {len(flight.raw.time)} used"
+        ),
+        ReportRow("File", "Quantities", _listed(raw)),
+    ]
+    rows += [_left_out(f"{one.count} × {one.reason} (first: row {one.first_row})") for one in raw.dropped]
+    rows += [_left_out(f"{one.count} × {one.reason}") for one in flight.dropped]
+    return rows
+
+
+def _listed(raw: RawFlight) -> str:
+    words = {"velocity_n": "velocity", "euler": "attitude", "body_rate": "body rates"} | {
+        "acceleration_b": "acceleration", "alpha": "angle of attack", "beta": "sideslip",
+    }  # fmt: skip
+    return ", ".join(words.get(name, name) for name in raw.quantities)
+
+
+def _left_out(text: str) -> ReportRow:
+    return ReportRow("File", "Left out", text)
+
+
+def _time(flight: RepairedFlight) -> list[ReportRow]:
+    steps = np.diff(flight.raw.time)
+    usual = float(np.median(steps))
+    rows = [
+        ReportRow(
+            "Time",
+            "Rate",
+            f"{1 / usual:.4g} Hz, steps of {1000 * steps.min():.4g} to {1000 * steps.max():.4g} ms, usually "
+            f"{1000 * usual:.4g} ms{_interpolated(flight.raw)}",
+        ),
+        ReportRow(
+            "Time", "Duration", f"{flight.raw.time[-1]:.2f} s, from {flight.started:.12g} s of its clock"
+        ),
+    ]
+    if flight.tick:
+        rows.append(ReportRow("Time", "Resolution", f"stamps lie on a grid of {1000 * flight.tick:.4g} ms"))
+    text = _REPAIRS[flight.method]
+    if flight.step:
+        text += f" of {1000 * flight.step:.6g} ms"
+    if flight.method != AS_RECORDED:
+        text += f", moved by {1000 * flight.moved_rms:.3g} ms rms, {1000 * flight.moved_max:.3g} ms at most"
+        if flight.calmed < 1:
+            text += f"; the roughness of the motion falls to {100 * flight.calmed:.2g} %"
+    rows.append(ReportRow("Time", "Stamps", text))
+    rows.append(ReportRow("Time", "Gaps", _gaps(flight)))
+    if flight.raw.resets:
+        rows.append(ReportRow("Time", "Resets", _resets(flight.raw.resets)))
+    return rows
+
+
+def _interpolated(raw: RawFlight) -> str:
+    """Return the quantities that are recorded less often than the samples."""
+    each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in raw.rates)
+    return f"; interpolated to them: {each}" if each else ""
+
+
+def _gaps(flight: RepairedFlight) -> str:
+    bridged = f"{flight.gaps} of more than three usual steps bridged" if flight.gaps else "none bridged"
+    if not flight.cuts:
+        return bridged
+    where = ", ".join(f"{_stamp(start)} to {_stamp(end)} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
+    more = ", ..." if len(flight.cuts) > _MAX_CUTS_SHOWN else ""
+    kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
+    return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
+
+
+def _stamp(time: float) -> str:
+    """Return a time of the file's clock, to the millisecond: it may count from 1970."""
+    return f"{round(time, 3):.15g}"
+
+
+def _resets(resets: Sequence[Reset]) -> str:
+    where = "; ".join(f"{reset.change} at {_stamp(reset.time)} s" for reset in resets[:_MAX_RESETS_SHOWN])
+    more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
+    return (
+        "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
+        f"{where}{more}"
+    )
+
+
+def _what_keeps_more(flight: RepairedFlight) -> str:
+    kept = " and ".join(
+        f"--set longest_gap={more.gap:g} keeps {100 * more.share:.0f} % of the samples"
+        for more in flight.bridging
+    )
+    return f"The recording is cut at pauses longer than {flight.longest_gap:.4g} s: {kept}"
+
+
+def _resolution(flight: RepairedFlight) -> list[ReportRow]:
+    return [
+        ReportRow(
+            "Resolution",
+            name.capitalize(),
+            f"steps of {step:.3g} {unit}" if step else "finer than the samples show",
+        )
+        for name, (step, unit) in value_steps(flight.raw).items()
+    ]
+
+
+def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
+    recording = rebuilt.recording
+    how = "the samples as they are" if rebuilt.unchanged else f"rebuilt from {rebuilt.curve}"
+    rate = (len(recording.time) - 1) / recording.duration
+    rows = [ReportRow("Curve", "Mission", f"{how}, {len(recording.time)} samples at {rate:.4g} Hz")]
+    rows += [
+        ReportRow("Curve", f"From {name}", f"noise of the acceleration {noise:.3g} m/s² before smoothing")
+        for name, noise in rebuilt.offered.items()
+    ]
+    if rebuilt.smoothing:
+        text = ", ".join(f"{name} λ = {value:.2g} s³" for name, value in rebuilt.smoothing.items())
+        rows.append(ReportRow("Curve", "Smoothed", text))
+    if rebuilt.position_residual is not None:
+        rows.append(ReportRow("Curve", "Position residual", f"{_ned(rebuilt.position_residual)} m rms"))
+    if rebuilt.velocity_residual is not None:
+        rows.append(ReportRow("Curve", "Velocity residual", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
+    if rebuilt.attitude_residual is not None:
+        rows.append(
+            ReportRow("Curve", "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
+        )
+    if rebuilt.attitude_reconstructed:
+        text = f"reconstructed from the velocity, as for {_article(rebuilt.vehicle)}: the file has none"
+        rows.append(ReportRow("Curve", "Attitude", text))
+    if rebuilt.wind is not None:
+        rows.append(ReportRow("Curve", "Wind", _wind(rebuilt.wind)))
+    return rows
+
+
+def _article(vehicle: str) -> str:
+    return "an aircraft in coordinated turns" if vehicle == "aircraft" else f"a {vehicle}"
+
+
+def _ned(values: FloatArray) -> str:
+    return f"north {values[0]:.2g}, east {values[1]:.2g}, down {values[2]:.2g}"
+
+
+def _wind(wind: FloatArray) -> str:
+    speed = float(np.hypot(wind[0], wind[1]))
+    origin = np.degrees(np.arctan2(-wind[1], -wind[0])) % 360
+    vertical = (
+        f", {abs(wind[2]):.2g} m/s {'down' if wind[2] > 0 else 'up'}" if abs(wind[2]) >= _LEAST_WIND else ""
+    )
+    return f"{speed:.2f} m/s from {origin:.0f}°{vertical}" if speed >= _LEAST_WIND else "none"
+
+
+def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNoise | None) -> list[ReportRow]:
+    usual = float(np.median(np.diff(flight.raw.time)))
+    bands = [0.5 / (usual * flight.raw.every(name)) for name in ("velocity", "attitude")]
+    texts = [f"{force:.3g} m/s² rms in the fast part", f"{np.degrees(rate):.3g} °/s rms in the fast part"]
+    if sensor is not None:
+        own = np.sqrt(3 * np.array(bands)) * (sensor.accelerometer, np.degrees(sensor.gyro))
+        texts[0] += f"; {sensor.name} itself up to {bands[0]:.3g} Hz: {own[0]:.3g} m/s²"
+        texts[1] += f"; {sensor.name} itself up to {bands[1]:.3g} Hz: {own[1]:.3g} °/s"
+    return [
+        ReportRow("Noise", name, text)
+        for name, text in zip(("Specific force", "Body rates"), texts, strict=True)
+    ]
+
+
+def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
+    """Return a long flight thinned out: fewer samples show the same motion."""
+    raw, recording = flight.raw, rebuilt.recording
+    of_raw, of_recording = (
+        slice(None, None, -(-len(x.time) // _MAX_REPORTED_SAMPLES)) for x in (raw, recording)
+    )
+    if of_raw.step > 1:
+        flight = replace(flight, raw=raw.rows(np.arange(len(raw.time))[of_raw]))
+    if of_recording.step > 1:
+        rebuilt = replace(rebuilt, recording=_part(recording, of_recording))
+    return flight, rebuilt
+
+
+def _part(recording: Recording, samples: slice) -> Recording:
+    arrays = {field.name: getattr(recording, field.name) for field in fields(recording)}
+    return replace(recording, **{name: each[samples] for name, each in arrays.items() if each is not None})
+
+
+def _stretches(recording: Recording) -> Iterator[Recording]:
+    """Yield a flight, or ten stretches of a long one."""
+    count = len(recording.time)
+    if count <= _MAX_REPORTED_SAMPLES:
+        yield recording
+        return
+    for start in np.linspace(0, count - _MAX_REPORTED_SAMPLES // _STRETCHES, _STRETCHES).astype(int):
+        yield _part(recording, slice(start, start + _MAX_REPORTED_SAMPLES // _STRETCHES))
+
+
+def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
+    """Return times in a stretch at the rate of a quantity, or that of the recording if lower."""
+    share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
+    return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
+
+
+def _fast_force(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
+    """Return the rms of the fast part of the specific force, at the rate of the samples."""
+    return _rms(
+        roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1))
+        for part in _stretches(rebuilt.recording)
+    )
+
+
+def _fast_rate(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
+    loudness = []
+    for part in _stretches(rebuilt.recording):
+        if rebuilt.unchanged:
+            loudness.append(roughness(body_rates(part.time, part.euler)))
+        else:
+            at = _evenly(part, flight, rebuilt, "attitude")
+            loudness.append(roughness(body_rates(at, euler_at(part, at))))
+    return _rms(loudness)
+
+
+def _rms(values: Iterable[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(list(values)))))
+
+
+def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion) -> list[ReportRow]:
+    force, rate = moves.specific_force, np.degrees(moves.body_rate)
+    rows = [
+        ReportRow(
+            "Motion", "Specific force", f"usually {np.median(force):.3g}, at most {force.max():.3g} m/s²"
+        ),
+        ReportRow("Motion", "Acceleration", f"usually {moves.acceleration:.3g} m/s²"),
+        ReportRow("Motion", "Body rates", f"usually {np.median(rate):.2g}, at most {rate.max():.3g} °/s"),
+        ReportRow("Motion", "Climb or descent", f"at most {moves.climb.max():.3g} m/s"),
+        ReportRow(
+            "Motion", "Speed", f"usually {np.median(moves.speed):.3g}, at most {moves.speed.max():.3g} m/s"
+        ),
+    ]
+    agreements = rate_agreement(flight, rebuilt)
+    if agreements is not None:
+        text = "; ".join(
+            f"{axis} slope {like.slope:.3f}, correlation {like.correlation:.4f}"
+            for axis, like in zip("xyz", agreements, strict=True)
+        )
+        rows.append(ReportRow("Motion", "Against recorded rates", text))
+    return rows
+
+
+def _units(units: Sequence[ColumnUnit]) -> list[ReportRow]:
+    rows = [ReportRow("Units", one.column, f"{one.unit} ({one.source})") for one in units]
+    if rows:
+        rows.append(ReportRow("Units", "", "another unit is given with --unit COLUMN=UNIT"))
+    return rows
+
+
+def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
+    """Report when much of the file was left out."""
+    rows = raw.rows_read or len(raw.time)
+    used = len(flight.raw.time) / max(rows, 1)
+    if used < 1 - _MAX_LOST:
+        yield FlightFinding(
+            QUESTIONABLE,
+            f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
+            f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
+            f"{' It is cut where the estimator of the autopilot was reset.' if flight.raw.resets else ''}",
+        )
+
+
+def _loudness(force: float) -> Iterable[FlightFinding]:
+    if force > _QUESTIONABLE_NOISE:
+        yield FlightFinding(
+            IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE,
+            f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
+            "Likely: coarse numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) "
+            "reduce it.",
+        )
+
+
+def _hanging(name: str, value: str, width: int) -> list[str]:
+    indent = f"  {name}  "
+    return textwrap.wrap(
+        value, max(width, len(indent) + _MIN_TEXT), initial_indent=indent, subsequent_indent=" " * len(indent)
+    ) or [indent.rstrip()]

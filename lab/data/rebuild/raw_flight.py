@@ -1,0 +1,189 @@
+"""RawFlight: a flight as recorded, in SI units and the lab's axes, before any repair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+JUDGED_SAMPLES = 20_000
+"""Samples by which a longer recording is judged: enough for every statistic taken, quick whatever its
+length."""
+_MIN_OWN_SAMPLES = 8
+"""Fewest samples that a quantity recorded at a lower rate has of its own: a spline and its roughness need
+some beyond the four of `lab.base.files.bounds.MIN_SAMPLES`."""
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Rows of a file that were left out.
+
+    Attributes
+    ----------
+    reason : str
+        Why, in words that follow a number of rows: "cells missing", "a second recording".
+    count : int
+        How many rows.
+    first_row : int
+        The first of them: the line number an editor shows, or the number of the message in a binary log.
+    """
+
+    reason: str
+    count: int
+    first_row: int
+
+
+@dataclass(frozen=True)
+class ColumnUnit:
+    """The unit a column of a file was read in.
+
+    Attributes
+    ----------
+    column : str
+        Name of the column as in the file.
+    unit : str
+        Its unit, as `lab.data.files.unit_names` spells it.
+    source : str
+        How it is known: "named in the file", "of the format", "guessed", "given by you".
+    """
+
+    column: str
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Reset:
+    """An instant at which the estimator of an autopilot jumped to another solution.
+
+    Attributes
+    ----------
+    time : float
+        The source's clock at the first sample after it [s].
+    change : str
+        What jumped and how far: "the heading by 47°".
+    """
+
+    time: float
+    change: str
+
+
+VERTICAL_VELOCITY = "vertical velocity"
+"""What `RawFlight.made` says where the vertical velocity is the slope of the heights."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RawFlight:
+    """A flight as read, with the time stamps of its source. Arrays are read-only and finite.
+
+    Time stamps may repeat, run backwards or lie on a coarse grid: `lab.data.rebuild` repairs them.
+
+    Attributes
+    ----------
+    format : str
+        Name of the format, as its reader has it.
+    time : (n,) array
+        The source's own clock [s].
+    latitude, longitude : (n,) arrays or None
+        Geodetic position on WGS-84 [rad].
+    height : (n,) array or None
+        Height above the ellipsoid, or above the sea where the file has no other [m].
+    velocity_n : (n, 3) array or None
+        Velocity over the Earth, north, east, down [m/s].
+    euler : (n, 3) array or None
+        Roll, pitch, yaw (true heading) [rad].
+    body_rate : (n, 3) array or None
+        Recorded angular rate of the body over the Earth, forward, right, down [rad/s]: to check with.
+    acceleration_b : (n, 3) array or None
+        Recorded acceleration over the Earth (no gravity in it), forward, right, down [m/s²]: to check with.
+    airspeed, alpha, beta : (n,) arrays or None
+        True airspeed [m/s], angle of attack, sideslip [rad].
+    rows_read : int
+        Rows of samples in the file.
+    dropped : tuple of Dropped
+        Which of them were left out, and why.
+    units : tuple of ColumnUnit
+        The unit of every column that was used.
+    remarks : tuple of str
+        Further remarks, as whole sentences.
+    vehicle : str
+        The vehicle, if the file states it.
+    rates : tuple of (str, float)
+        What the file has less often than its samples, such as "velocity", and how often [Hz]: it is
+        interpolated.
+    made : tuple of str
+        What the reader made of other quantities: "vertical velocity", the slope of the heights.
+    resets : tuple of Reset
+        Where the solution jumps though nothing moved like that.
+    """
+
+    format: str
+    time: FloatArray
+    latitude: FloatArray | None = None
+    longitude: FloatArray | None = None
+    height: FloatArray | None = None
+    velocity_n: FloatArray | None = None
+    euler: FloatArray | None = None
+    body_rate: FloatArray | None = None
+    acceleration_b: FloatArray | None = None
+    airspeed: FloatArray | None = None
+    alpha: FloatArray | None = None
+    beta: FloatArray | None = None
+    rows_read: int = 0
+    dropped: tuple[Dropped, ...] = ()
+    units: tuple[ColumnUnit, ...] = ()
+    remarks: tuple[str, ...] = ()
+    vehicle: str = ""
+    rates: tuple[tuple[str, float], ...] = ()
+    made: tuple[str, ...] = ()
+    resets: tuple[Reset, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.quantities:
+            value = getattr(self, name)
+            # Another flight's arrays need no copy, because they are read-only.
+            own = value.dtype == np.float64 and value.flags.c_contiguous and value.base is None
+            if value.flags.writeable or not own:
+                value = np.array(value, dtype=np.float64, order="C")
+            if len(value) != len(self.time) or not np.isfinite(value).all():
+                raise ValueError(f"{name}: {len(value)} values, not all finite or not {len(self.time)}")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the arrays the file has."""
+        return tuple(
+            name for name in self.__dataclass_fields__ if isinstance(getattr(self, name), np.ndarray)
+        )
+
+    def every(self, name: str) -> int:
+        """Return every how many samples the file has a quantity, 1 unless `rates` names it."""
+        if len(self.time) < _MIN_OWN_SAMPLES or name not in dict(self.rates):
+            return 1
+        own = float(np.median(np.diff(self.time))) * dict(self.rates)[name]
+        return int(max(1, min(round(1 / own) if own > 0 else 1, len(self.time) // _MIN_OWN_SAMPLES)))
+
+    def __repr__(self) -> str:
+        return f"<RawFlight {self.format}: {len(self.time)} samples of {', '.join(self.quantities)}>"
+
+    def rows(
+        self, kept: NDArray[np.bool_] | NDArray[np.intp], dropped: tuple[Dropped, ...] = ()
+    ) -> RawFlight:
+        """Return the flight with some of its rows only.
+
+        Parameters
+        ----------
+        kept
+            Which rows, as a mask or as indices in order.
+        dropped
+            The reasons for leaving out the others, added to the earlier ones.
+        """
+        arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in self.quantities}
+        for array in arrays.values():
+            array.setflags(write=False)
+        return replace(self, **arrays, dropped=(*self.dropped, *dropped))

@@ -1,0 +1,267 @@
+"""Reconstruction: from the samples of a raw flight to a recording of one motion on a regular grid.
+
+A recorded velocity is integrated and anchored to the positions; positions alone get a smoothing spline;
+airspeed, attitude and the angles of the air flow alone give the path through the air, to which the wind is
+added. The differences of samples and curve are kept as residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from lab.base.files.mission_error import MissionError
+from lab.data.clock.time_grid import regular_grid
+from lab.data.rebuild.flight_curves import (
+    NOISE_THAT_MATTERS,
+    FlightCurves,
+    middle,
+    offered,
+    worthwhile_smoothing,
+)
+from lab.data.rebuild.import_settings import AUTO, ImportSettings
+from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.rebuild.smooth_axes import SmoothAxes
+from lab.data.rebuild.smoothing import smoothed
+from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
+from lab.flying import coordinated_turn
+from lab.motion.frames import ecef, rotation
+from lab.motion.recordings.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+ATTITUDE_NOISE_THAT_MATTERS = float(np.radians(0.5))
+"""Roughness of the body rates from which an attitude is smoothed [rad/s]."""
+
+_MAX_OFF_SAMPLES = 0.05
+"""Largest distance of the curve from the recorded positions at which the samples are kept unchanged [m]."""
+_EXACT = 1e-9
+"""Largest difference of times that are equal except for rounding [s]."""
+_MIN_RATE = 10.0
+"""Least rate of a flight without a recorded attitude [Hz]: so that a bank that builds up within a second
+is followed."""
+_CLEARLY_WORSE = 2
+"""Roughness of the recorded velocity over that of the positions from which the positions make the curve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """A flight rebuilt, and how.
+
+    Attributes
+    ----------
+    recording : Recording
+        The flight on a regular grid, its time from 0.
+    curve : str
+        Source of the reconstruction: "velocity", "position" or "air data".
+    offered : mapping of float
+        The roughness of the acceleration that each possible curve has before it is smoothed [m/s²].
+    unchanged : bool
+        True if the samples were good and are the recording, unchanged.
+    smoothing : mapping of float
+        λ by what was smoothed: "velocity", "position", "height", "attitude" [s³].
+    position_residual : (3,) array or None
+        Curve minus recorded positions, rms, north, east, down [m].
+    velocity_residual : (3,) array or None
+        Curve minus recorded velocity, rms, north, east, down [m/s].
+    attitude_residual : float or None
+        Angle between curve and recorded attitude, rms [rad].
+    wind : (3,) array or None
+        Velocity of the air that was added, north, east, down [m/s].
+    attitude_reconstructed : bool
+        True if the file has no attitude, and the attitude is that of a coordinated turn.
+    vehicle : str
+        The vehicle that is assumed.
+    remarks : tuple of str
+        Assumptions.
+    """
+
+    recording: Recording
+    curve: str
+    offered: Mapping[str, float]
+    unchanged: bool
+    smoothing: Mapping[str, float]
+    position_residual: FloatArray | None
+    velocity_residual: FloatArray | None
+    attitude_residual: float | None
+    wind: FloatArray | None
+    attitude_reconstructed: bool
+    vehicle: str
+    remarks: tuple[str, ...]
+
+
+def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruction:
+    """Return the flight rebuilt from the samples of a repaired raw flight.
+
+    Parameters
+    ----------
+    flight
+        One unbroken flight, as `lab.data.rebuild.time_repair.repair` returns it.
+    settings
+        How to rebuild it.
+
+    Raises
+    ------
+    MissionError
+        If the file lacks the quantities of the curve asked for, or the grid would be too large.
+    """
+    raw = flight.raw
+    curves = offered(raw)
+    curve = _chosen(str(settings.curve), curves, raw)
+    grid = regular_grid(raw.time, float(settings.rate), 0.0 if raw.euler is not None else _MIN_RATE)
+    made = FlightCurves(raw, settings, grid)
+    vehicle = _vehicle(raw, settings)
+    recording = _as_recorded(flight, grid, settings) if curve == "velocity" else None
+    unchanged = recording is not None
+    if recording is None:
+        methods = {"velocity": made.of_velocity, "position": made.of_positions, "air data": made.of_air_data}
+        position, velocity_n = methods[curve]()
+        euler = _attitude(made, position, velocity_n, vehicle)
+        recording = _recording(raw, grid, position, velocity_n, euler)
+    residuals = (np.zeros(3), np.zeros(3), 0.0) if unchanged else _residuals(made, recording)
+    return Reconstruction(
+        recording=recording,
+        curve=curve,
+        offered=curves,
+        unchanged=unchanged,
+        smoothing=made.smoothing,
+        position_residual=residuals[0],
+        velocity_residual=residuals[1],
+        attitude_residual=residuals[2],
+        wind=made.wind,
+        attitude_reconstructed=raw.euler is None,
+        vehicle=vehicle,
+        remarks=tuple(made.remarks),
+    )
+
+
+def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
+    """Return the curve asked for, or the one of less noise: velocity unless there is much in it."""
+    if not curves:
+        raise MissionError(
+            f"no flight can be made of {', '.join(raw.quantities)}; accepted are files with positions, with "
+            "velocities, or with airspeed and attitude"
+        )
+    if wanted != AUTO:
+        if wanted not in curves:
+            raise MissionError(
+                f"curve = {wanted}: the file lacks the required data; accepted here: "
+                f"{', '.join((AUTO, *curves))}"
+            )
+        return wanted
+    if "velocity" in curves and "position" in curves:
+        clearly_worse = max(curves["velocity"], NOISE_THAT_MATTERS) > _CLEARLY_WORSE * max(
+            curves["position"], NOISE_THAT_MATTERS
+        )
+        return "position" if clearly_worse else "velocity"
+    return next(iter(curves))
+
+
+def _vehicle(raw: RawFlight, settings: ImportSettings) -> str:
+    """Return the vehicle: that of the settings, or of the file, or an aircraft."""
+    if settings.vehicle != AUTO:
+        return str(settings.vehicle)
+    stated = raw.vehicle.casefold()
+    words = {"car": ("car", "rover", "truck", "vehicle"), "boat": ("boat", "ship", "vessel")}
+    return next((kind for kind, names in words.items() if any(name in stated for name in names)), "aircraft")
+
+
+def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, vehicle: str) -> FloatArray:
+    """Return roll, pitch, yaw on the grid: those recorded, or those of a coordinated turn."""
+    raw, grid = made.raw, made.grid
+    if raw.euler is None:
+        # A vehicle slower than the noise of its positions stands still, and keeps its heading.
+        moves = np.hypot(velocity_n[:, 0], velocity_n[:, 1]) > made.slowest
+        seen = velocity_n * np.stack((moves, moves, np.ones_like(moves)), axis=-1)
+        return coordinated_turn.attitude(grid, seen, cast(coordinated_turn.Vehicle, vehicle))
+    axes = SmoothAxes(position[:, 0])
+    q_fb = axes.attitudes(raw.euler, _interpolated(grid, position, raw.time))
+    if made.settings.smoothing == AUTO:
+        # Half the rotation is in a quaternion.
+        parameter = worthwhile_smoothing(raw.time, 2 * q_fb, ATTITUDE_NOISE_THAT_MATTERS)
+        if parameter:
+            made.smoothing["attitude"] = parameter
+            q_fb = smoothed(raw.time, q_fb, parameter)
+    q_fb = CubicSpline(raw.time, q_fb)(grid)
+    return axes.euler(q_fb / np.linalg.norm(q_fb, axis=1, keepdims=True), position)
+
+
+def _interpolated(grid: FloatArray, position: FloatArray, time: FloatArray) -> FloatArray:
+    """Return positions on a grid (m, 3) at other times, by the cubic through them in Earth-fixed axes."""
+    r_e = ecef.position(position)
+    return ecef.geodetic(CubicSpline(grid, r_e - r_e[0])(time) + r_e[0])
+
+
+def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
+    """Return the samples themselves if they need no change; long flights are judged by their middle."""
+    raw, time = flight.raw, flight.raw.time
+    if raw.latitude is None or raw.longitude is None or raw.height is None:
+        return None
+    if raw.euler is None or raw.velocity_n is None:
+        return None
+    same_times = len(grid) == len(time) and np.abs(grid - time).max() < _EXACT
+    if flight.method != AS_RECORDED or not same_times or settings.smoothing == "given":
+        return None
+    part = middle(len(time))
+    some = raw.rows(np.arange(part.start, min(part.stop, len(time))))
+    some = replace(some, time=some.time - some.time[0])
+    assert some.latitude is not None
+    assert some.euler is not None
+    made = FlightCurves(some, settings, some.time)
+    position, _ = made.of_velocity()
+    q_fb = SmoothAxes(some.latitude).attitudes(some.euler, position)
+    noisy = settings.smoothing == AUTO and worthwhile_smoothing(
+        some.time, 2 * q_fb, ATTITUDE_NOISE_THAT_MATTERS
+    )
+    if (
+        made.smoothing
+        or noisy
+        or np.abs(ecef.displacement(made.recorded_positions(), position)).max() > _MAX_OFF_SAMPLES
+    ):
+        return None
+    return Recording(
+        time, raw.latitude, raw.longitude, raw.height, raw.velocity_n, raw.euler, raw.airspeed, raw.alpha,
+        raw.beta,
+    )  # fmt: skip
+
+
+def _recording(
+    raw: RawFlight, grid: FloatArray, position: FloatArray, velocity_n: FloatArray, euler: FloatArray
+) -> Recording:
+    extras = {
+        name: np.interp(grid, raw.time, values)
+        for name in ("airspeed", "alpha", "beta")
+        if (values := getattr(raw, name)) is not None
+    }
+    longitude = rotation.wrap(position[:, 1])
+    return Recording(grid, position[:, 0], longitude, position[:, 2], velocity_n, euler, **extras)
+
+
+def _residuals(
+    made: FlightCurves, recording: Recording
+) -> tuple[FloatArray | None, FloatArray | None, float | None]:
+    """Return the residuals of the curve: position, velocity and attitude, where recorded."""
+    raw, time = made.raw, recording.time
+    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    axes = SmoothAxes(recording.latitude)
+    at = _interpolated(time, position, raw.time)
+    off_position = off_velocity = off_attitude = None
+    if raw.latitude is not None:
+        off_position = _rms(ecef.displacement(made.recorded_positions(), at))
+    if raw.velocity_n is not None:
+        velocity_f = CubicSpline(time, axes.vectors(recording.velocity_n, position))(raw.time)
+        off_velocity = _rms(axes.vectors_n(velocity_f, at) - raw.velocity_n)
+    if raw.euler is not None:
+        q_fb = CubicSpline(time, axes.attitudes(recording.euler, position))(raw.time)
+        alike = np.abs(np.sum(q_fb * axes.attitudes(raw.euler, at), axis=1)) / np.linalg.norm(q_fb, axis=1)
+        off_attitude = float(np.sqrt(np.mean((2 * np.arccos(np.minimum(alike, 1))) ** 2)))
+    return off_position, off_velocity, off_attitude
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

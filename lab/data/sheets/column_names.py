@@ -1,0 +1,435 @@
+"""Column names: what the columns of a stranger's csv are, by their headings: quantity, axis and unit.
+
+A heading such as ``linear_acceleration.x``, ``AccX``, ``accel_x_g`` or ``Gyroscope y (rad/s)`` is cut into
+words, an axis and a unit; the words name the quantity. A column that a heading does not name is not read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lab.base.files.mission_error import MissionError
+from lab.data.files.unit_names import UNITS
+from lab.data.sheets.column_field import FIELD_WORDS, GLUED_FIELD, names_field
+from lab.data.sheets.column_translations import in_english
+from lab.data.sheets.column_units import UNIT, unit_of
+
+VECTORS = {
+    "rate": "angular rate", "force": "acceleration", "gravity": "acceleration", "field": "magnetic field",
+}  # fmt: skip
+"""Quantities with three axes, and the kind of their unit."""
+SCALARS = {
+    "time": "time", "seconds": "time", "fraction": "time", "date": "", "clock": "",
+    "year": "", "month": "", "day": "", "hour": "", "minute": "", "second": "",
+    "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
+    "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
+    "instance": "",
+    "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
+    "pressure": "pressure",
+}  # fmt: skip
+"""Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
+their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
+a side is N, S, E or W, an instance is the number of one of several sensors."""
+QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
+"""What a column may be."""
+GIVEN = "given"
+"""Sensor of the columns that a person names."""
+IGNORED = "-"
+"""Stands for a column that is not read."""
+
+_CALIBRATED = re.compile(r"(?i)_cal$")
+_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
+_CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
+_INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
+_GLUED = re.compile(
+    r"(?i)^(?:.*[\s_.:/-])?(a|acc|accel|g|gyr|gyro|w|omega|gf|f|angvel|linacc|rate|accelerometer|gyroscope)"
+    r"([xyz])$"
+)
+_LEADING = re.compile(
+    r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate|mag|magnetometer)(?![a-z])"
+)
+_QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate", "magnetic field": "field"}
+_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_WORD = re.compile(r"[a-zµμ]+|%|\d+")
+
+_NOT_SENSORS = {
+    "bias", "covariance", "cov", "variance", "var", "std", "stddev", "sigma", "noise", "temp", "temperature",
+    "accuracy", "orientation", "quaternion", "quat", "vector", "delta", "magnitude", "norm", "clip",
+    "clipping", "offset", "scale", "magnetic", "mag", "magnetometer", "time", "timestamp", "count", "rotvec",
+    "attitude", "euler", "error", "jerk", "abs", "mean",
+}  # fmt: skip
+_GYRO = {"gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "omega", "angvel", "angularvelocity",
+         "rotationrate", "pqr"}  # fmt: skip
+_ACCEL = {"accelerometer", "accelerometers", "accel", "acc", "acceleration", "accelerations", "accelero",
+          "linacc", "acce"}  # fmt: skip
+_SHORT_RATE = {"w", "g", "imug", "imuw", "rate", "rates", "wrss"}
+_SHORT_FORCE = {"a", "f", "gf", "imua", "arss", "force", "forces"}
+"""Short names; those with rs and s are of EuRoC: w_RS_S_x."""
+_WORSE = {
+    "total": -1, "uncalibrated": 4, "uncal": 4, "raw": 1, "filtered": 2, "lpf": 2, "linear": 2, "lin": 2,
+    "user": 3, "free": 3, "est": 8, "estimate": 8, "estimated": 8, "estimator": 8, "ekf": 8, "kf": 8,
+    "truth": 9,
+    "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
+    "setpoint": 9, "sp": 9, "max": 9, "min": 9, "sea": -1,
+    "ellipsoid": -2, "ellipsoidal": -2, "hae": -2, "amsl": -1,
+    "baroaltitude": 6, "baroalt": 6,
+    "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
+    "pressure": 6, "last": 9, "local": 6,
+}  # fmt: skip
+"""How much worse a column is for words in its heading: what is estimated, relative or of another origin."""
+_ALONG_GRAVITY = {"accelerometeracceleration", "motionuseracceleration", "motiongravity"}
+"""Names of Apple's Core Motion, whose accelerations at rest point down: minus the specific force."""
+_RECEIVER = {"gps", "gnss", "location", "fix", "navsatfix"}
+_TIMES = {"time", "timestamp", "timestamps", "stamp", "t", "millis", "micros", "utc", "epoch", "elapsed",
+          "unixtime", "timems", "timeus", "timens", "timesec", "datetime", "gmt", "msec", "usec"}  # fmt: skip
+_NOT_TIMES = {"rate", "accuracy", "zone", "relative", "dt", "delta", "offset", "error", "since", "local",
+              "week", "fix", "diff", "latency", "duration", "day"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a column is.
+
+    Attributes
+    ----------
+    text : str
+        Its heading, as in the file.
+    quantity : str
+        One of `SCALARS` or `VECTORS`.
+    axis : str
+        "x", "y" or "z" of a vector.
+    sensor : str
+        The words that columns of one sensor have in common.
+    unit : str
+        The unit that the heading names; empty if it names none.
+    rank : int
+        The lowest is the best of several columns of one quantity.
+    sign : int
+        -1 for a column that is to be negated.
+    """
+
+    text: str
+    quantity: str
+    axis: str = ""
+    sensor: str = ""
+    unit: str = ""
+    rank: int = 0
+    sign: int = 1
+
+    @property
+    def kind(self) -> str:
+        """Kind of its unit, a key of `UNITS`."""
+        return VECTORS.get(self.quantity) or SCALARS[self.quantity]
+
+
+def heading_of(text: str, file: str = "") -> Heading | None:
+    """Return what a column is by its heading; None for one that names nothing that is read.
+
+    Parameters
+    ----------
+    text
+        The heading.
+    file
+        Name of the file, which names the sensor where headings are x, y and z.
+    """
+    file = in_english(file)
+    stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
+    words = _words(stem)
+    given = set(words)
+    rank = sum(_WORSE.get(word, 0) for word in given)
+    joined = "".join(words)
+    if axis and joined in _INDEXED:
+        quantity = _INDEXED[joined]["xyz".index(axis)]
+        return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
+    if not axis and len(given & set(_ABOUT)) == 1 and "rate" in given:
+        axis = _ABOUT[next(iter(given & set(_ABOUT)))]
+        return Heading(
+            text, "rate", axis, "roll, pitch and yaw rate", unit_of("angular rate", unit), rank + 1
+        )
+    if axis:
+        return _vector(text, axis, unit, words, file, rank)
+    if joined in _NAMED:
+        quantity, named, worse = _NAMED[joined]
+        return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit or named), rank=rank + worse)
+    if found := _stamp(text, words, unit, rank):
+        return found
+    return _scalar(text, words, unit, rank)
+
+
+def given_heading(text: str, column: str) -> Heading | None:
+    """Return what a person says that a column is: ``force_x[m/s²]``, ``-rate_z`` or ``-``.
+
+    Parameters
+    ----------
+    text
+        What the person writes.
+    column
+        The heading of the column.
+
+    Returns
+    -------
+    Heading or None
+        None for a column that is not to be read.
+
+    Raises
+    ------
+    MissionError
+        If this is no quantity, or no unit of it.
+    """
+    text = text.strip()
+    if text == IGNORED:
+        return None
+    name, _, unit = text.lstrip("+-").rstrip("]").partition("[")
+    name = name.strip()
+    if name not in QUANTITIES:
+        raise MissionError(
+            f"column {column}: {name!r} is no quantity; accepted are {', '.join(QUANTITIES)}, each with a "
+            f"unit in brackets and with a minus before it, and {IGNORED} for a column that is not read"
+        )
+    vector = name[:-2] if name[:-2] in VECTORS else ""
+    quantity = vector or name
+    kind = VECTORS.get(quantity) or SCALARS[quantity]
+    known = unit_of(kind, unit) if unit else ""
+    if unit and not known:
+        accepted = ", ".join(UNITS.get(kind, {})) or "none"
+        raise MissionError(f"column {column}: {unit!r} is no unit of {quantity}; accepted are {accepted}")
+    sign = -1 if text.startswith("-") else 1
+    return Heading(column, quantity, name[-1] if vector else "", GIVEN, known, -100, sign)
+
+
+def _cut(text: str) -> tuple[str, str, str]:
+    """Cut a heading into words, axis and unit."""
+    stem, axis, unit = text.strip().strip("\"'\ufeff#% ").strip(), "", ""
+    if found := _INDEX.search(stem):
+        stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
+    insides = _BRACKETS.findall(stem)
+    stem = _BRACKETS.sub(" \0 ", stem)
+    for inside in insides:
+        if re.fullmatch(r"(?i)([xyz])([\s-]*axis)?", inside):
+            axis = axis or inside[0].lower()
+        elif not unit and any(unit_of(kind, inside) for kind in UNITS):
+            unit = inside
+        else:
+            stem = stem.replace("\0", inside, 1)
+            continue
+        stem = stem.replace("\0", " ", 1)
+    stem = _CALIBRATED.sub("", stem.strip(" :,;"))
+    for _ in range(2):
+        if not axis:
+            found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)
+            if found:
+                stem, axis = stem[: found.start()], found[1].lower()
+            elif found := _GLUED.search(stem) or GLUED_FIELD.search(stem):
+                stem, axis = stem[:-1], stem[-1].lower()
+            elif found := _LEADING.search(stem):
+                stem, axis = stem[found.end(1) :], found[1].lower()
+        if not unit and (found := UNIT.search(stem)):
+            stem, unit = stem[: found.start()], found[1]
+    return stem.strip(), axis, unit
+
+
+def _words(stem: str) -> list[str]:
+    return _WORD.findall(_CAMEL.sub(" ", stem).lower())
+
+
+def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, rank: int) -> Heading | None:
+    """Return what a column with an axis is: of a gyro, an accelerometer, or the direction of gravity."""
+    names = [word for word in words if not word.isdigit()]
+    if (frame := given_frame(names)) and not set(names) & {"position", "pos"}:
+        quantity, sign = frame["xyz".index(axis)]
+        return Heading(text, quantity, unit=unit_of("speed", unit), rank=rank, sign=sign)
+    if not names:
+        # Columns x, y and z are of the sensor that their unit or the name of the file names.
+        names = _words(file.partition(".")[0])
+        rank = sum(_WORSE.get(word, 0) for word in names)
+    given = set(names)
+    joined = "".join(names)
+    sensor = " ".join(words) or file
+    is_field = names_field(frozenset(given), joined)
+    if is_field or given & _NOT_SENSORS:
+        known = unit_of(VECTORS["field"], unit) if unit else ""
+        measured = is_field and not given & (_NOT_SENSORS - FIELD_WORDS) and (known or not unit)
+        # Core Motion removes the iron of the device from the field of its motions.
+        better = int("motion" in given)
+        return Heading(text, "field", axis, sensor, known, rank - better) if measured else None
+    if given & {"gravity", "grav"}:
+        sign = -1 if joined in _ALONG_GRAVITY else 1
+        return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank, sign)
+    quantity = _sensor_of(given, joined)
+    if not quantity:
+        found = next((ours for kind, ours in _QUANTITY_OF_UNIT.items() if unit and unit_of(kind, unit)), "")
+        if not found or words:
+            return None
+        quantity = found
+    if quantity == "rate" and unit_of("acceleration", unit) == "g" and joined == "g":
+        quantity = "force"
+    if joined == "g" and not unit and text.strip().startswith("G("):  # of Torque: G(x)
+        quantity, unit = "force", "g"
+    if joined in {"gf", "gforce"} and not unit:
+        unit = "g"
+    known = unit_of(VECTORS[quantity], f"{unit}/s" if unit == "rad" else unit) if unit else ""
+    if unit and not known:
+        return None if unit_of("angle", unit) or unit_of("speed", unit) else Heading(
+            text, quantity, axis, sensor, "", rank + 1
+        )  # fmt: skip
+    return Heading(text, quantity, axis, sensor, known, rank, -1 if joined in _ALONG_GRAVITY else 1)
+
+
+_FRAMES = {
+    "enu": (("east", 1), ("north", 1), ("up", 1)),
+    "ned": (("north", 1), ("east", 1), ("down", 1)),
+    "nwu": (("north", 1), ("east", -1), ("up", 1)),
+}
+"""Quantity and sign of the components of a velocity in each frame."""
+_VELOCITY = {"v", "vel", "velocity", "speed"}
+_FRAME_LAST = re.compile(r"(?i)^(.+)[\s_.](enu|ned|nwu)$")
+
+
+def given_frame(words: Sequence[str]) -> tuple[tuple[str, int], ...] | None:
+    """Return what the components of a velocity are whose heading names their frame; None for others."""
+    named = [frame for frame in _FRAMES if frame in words]
+    return _FRAMES[named[0]] if len(named) == 1 and set(words) & _VELOCITY else None
+
+
+def _sensor_of(given: set[str], joined: str) -> str:
+    """Return the quantity that words name; empty if they name none."""
+    turning = given & {"angular", "angle"} and given & {"velocity", "rate", "rates", "vel", "speed"}
+    if given & _GYRO or turning or {"rotation", "rate"} <= given or joined in _SHORT_RATE:
+        return "rate"
+    pushing = {"specific", "force"} <= given or {"g", "force"} <= given or "specificforce" in given
+    return "force" if ("angular" not in given and given & _ACCEL) or pushing or joined in _SHORT_FORCE else ""
+
+
+_ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
+"""Axes of angular rates that are named by their angle."""
+_INDEXED = {
+    "lla": ("latitude", "longitude", "height"),
+    "gpscoord": ("latitude", "longitude", "height"),
+}
+"""What columns with an index instead of an axis are."""
+_NAMED: dict[str, tuple[str, str, int]] = {
+    **dict.fromkeys(
+        ("position", "gps", "coordinates", "latlon", "latlng", "location", "gpsposition", "gpslocation"),
+        ("place", "", 0),
+    ),
+    **dict.fromkeys(("ns", "ew", "latdir", "londir", "lngdir", "latitudedirection", "longitudedirection"),
+                    ("side", "", 0)),
+    **dict.fromkeys(("i", "instance", "imuinstance", "imuid", "sensorid", "sensorinstance", "gpsid"),
+                    ("instance", "", 0)),
+    "p": ("pressure", "", 1),  # of Physics Toolbox
+    "feet": ("height", "ft", 0),
+    "kts": ("speed", "kt", 0),
+    "mph": ("speed", "mph", 1),
+}  # fmt: skip
+"""Quantity, unit and rank of headings that are a name of their own, or a unit alone."""
+_NAMED_STAMPS = {
+    **dict.fromkeys(("date", "lcldate", "utcdate", "gpsdate"), ("date", "", 0)),
+    **{name: (name, "", 0) for name in ("year", "month", "day", "hour", "minute", "second")},
+    "hours": ("hour", "", 1), **dict.fromkeys(("min", "minutes"), ("minute", "", 1)),
+    "sec": ("second", "", 1),
+    **dict.fromkeys(("tow", "gpstow", "timeofweek"), ("time", "", 6)),
+    "itow": ("time", "ms", 6),
+    "cts": ("time", "ms", 1),  # of GoPro
+    "clockoffsettime": ("time", "s", 1),  # of DJI
+    "yyyymoddhhmisssss": ("time", "", 4),
+    "sampletimefine": ("time", "1e-4 s", 2),
+}  # fmt: skip
+"""Quantity, unit and rank of stamps with names of their own."""
+
+
+def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
+    """Return a time stamp, or a part of one."""
+    given = set(words)
+    joined = "".join(words)
+    if "header" in given or "stamp" in given:
+        whole = given & {"secs", "sec"} or unit_of("time", unit) == "s"
+        part = given & {"nsecs", "nanosec", "nsec", "nanosecs"} or unit_of("time", unit) == "ns"
+        if whole or part:
+            return Heading(text, "seconds" if whole else "fraction", unit="s" if whole else "ns")
+    if joined in _NAMED_STAMPS:
+        quantity, known, worse = _NAMED_STAMPS[joined]
+        return Heading(text, quantity, unit=unit_of("time", unit) or known, rank=worse)
+    since = "since" in given
+    if (not given & _TIMES | given & {"seconds"} and joined not in {"ms", "us"}) or (
+        given & _NOT_TIMES and not since
+    ):
+        return None
+    if since and "start" not in given:
+        return Heading(text, "time", unit=unit_of("time", unit), rank=8)  # of one sensor, since reboot
+    if not unit:
+        last = next((word for word in reversed(words) if unit_of("time", word)), "")
+        unit = {"millis": "ms", "micros": "us"}.get(joined, last if last not in {"h", "min"} else "")
+    # A receiver's own time differs from the logger's clock, by leap seconds at least.
+    worse = 3 * bool(given & (_RECEIVER | {"utc", "gmt"})) + bool(given & {"elapsed", "seconds"})
+    device = -1 if "device" in given else 0
+    return Heading(text, "time", unit=unit_of("time", unit) if unit else "", rank=2 + worse + rank + device)
+
+
+_SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
+    ("horizontal_sigma", re.compile(
+        r"(?:location|gps|gnss|fix)*(?:horizontal|pos|position|h)?(?:accuracy|acc)(?:horizontal|h|horiz)?|eph")),
+    ("vertical_sigma", re.compile(r"(?:location|gps|gnss|fix)*(?:vertical|altitude|v)(?:accuracy|acc)|epv")),
+    ("speed_sigma", re.compile(
+        r"(?:location|gps|gnss|fix)*(?:speed|velocity|s)(?:accuracy|acc)|svariance|speedaccuracyms")),
+    ("pressure", re.compile(
+        r"(?:phone|sensor|air|atmospheric|atm|ambient|abs|absolute|static|baro|barometer|barometric|altimeter)*"
+        r"press(?:ure)?(?:pa)?")),
+    ("latitude", re.compile(r".*latitude(?:ns)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?lat")),
+    ("longitude", re.compile(
+        r".*longitude(?:ew|west)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?(?:lon|long|lng)")),
+    ("north", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:n|north|south|ned0)(?:velocity|speed)?|(?:north|south)velocity|(?:north|south)vel|"
+        r"(?:gps|gnss)?vnorth|velnms")),
+    ("east", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:e|east|west|ned1)(?:velocity|speed)?|(?:east|west)velocity|(?:east|west)vel|"
+        r"(?:gps|gnss)?(?:vel|velocity)(?:nwu)?w")),
+    ("down", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
+    ("up", re.compile(
+        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:enu|nwu)?(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
+        r"vspd|vertvel|vertrate|vertspeed|climbrate")),
+    ("height", re.compile(
+        r".*(?:altitude|elevation)(?:a?msl|hae|(?:above)?ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
+        r"(?:.*(?:gps|gnss|position|pos|fix|location|lla))?"
+        r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:a?msl|hae|(?:above)?ellipsoid)?|"
+        r"ellipsoid(?:al)?(?:height|alt)|h(?:ae|ell|ellipsoid)")),
+    ("speed", re.compile(
+        r"(?:.*(?:gps|gnss|location|position|osd))?(?:ground|d|h|g)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
+        r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
+    ("course", re.compile(
+        r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|hdg|direction|trackangle|headmot|"
+        r"courseoverground|ground(?:course|track)|motionheading|orientation)|headingofmotion")),
+)  # fmt: skip
+"""What a column is by its words, put together."""
+
+
+_PLANES = {"2d", "3d"}
+_SAY_NOTHING = {"field", "msg", "data", "imu", "of", "over", *"0123456789"}
+
+
+def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
+    # The D of 2D and 3D is no down.
+    words = [word for before, word in zip(["", *words], words, strict=False) if before + word not in _PLANES]
+    kept = [word for word in words if word not in _SAY_NOTHING]
+    joined = "".join(kept)
+    for quantity, pattern in _SCALAR_WORDS:
+        if not pattern.fullmatch(joined):
+            continue
+        known = unit_of(SCALARS[quantity], unit) if unit else ""
+        if quantity == "course" and not (set(words) & _RECEIVER) and set(words) & {"heading", "hdg"}:
+            rank += 3  # a compass has a heading too
+        if quantity == "course" and "orientation" in words and not set(words) & _RECEIVER:
+            return None
+        if set(words) & _RECEIVER:
+            rank -= 2
+        reversed_ = {"longitude": {"west"}, "east": {"west", "w"}, "north": {"south"}}
+        if set(words) & reversed_.get(quantity, set()):
+            return Heading(text, quantity, unit=known, rank=rank, sign=-1)
+        others = ("acceleration", "speed" if quantity != "speed" else "length")
+        if unit and not known and any(unit_of(other, unit) for other in others):
+            return None
+        return Heading(text, quantity, unit=known, rank=rank)
+    return None

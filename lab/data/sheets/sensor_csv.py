@@ -1,0 +1,377 @@
+"""Sensor csv: tables with named columns from phones, ROS, loggers and exports of autopilots.
+
+A log may be one file or several. The headings say what columns are (`lab.data.sheets.column_names`); what
+they do not say is guessed by the numbers, and every guess is reported. A person corrects both: for each
+heading a unit, such as ``g``, or a quantity with a unit, such as ``force_x[g]``. A zip file is read as the
+files in it.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.decompression import whole
+from lab.base.files.mission_error import MissionError
+from lab.base.files.named_columns import MAX_BYTES
+from lab.base.files.text_blocks import MAX_RATIO
+from lab.data.checks.log_check import is_explained
+from lab.data.files.track import Track
+from lab.data.files.unit_names import refuse_unknown
+from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+from lab.data.sheets.along_track import along_track
+from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
+from lab.data.sheets.height_unit import unit_that_agrees
+from lab.data.sheets.leap_offset import end_together, offset_that_agrees, remark_on_ends
+from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
+from lab.data.sheets.sheet import Sheet, as_utf8, layout_of
+from lab.data.sheets.sheet_axes import Oriented, axes_matrix, oriented
+from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
+from lab.data.sheets.sheet_clock import times_of
+from lab.data.sheets.sheet_field import field_of
+from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
+from lab.data.sheets.sheet_heights import about_heights
+from lab.data.sheets.sheet_imu import Imu, app_of, imu_of, in_other_unit
+from lab.data.sheets.sheet_pressure import barometer_of
+from lab.data.sheets.sheet_sources import (
+    KITTI_FRAME,
+    KITTI_STAMP,
+    KITTI_STAMPS,
+    as_table,
+    kitti_files,
+    kitti_table,
+)
+
+FloatArray = NDArray[np.float64]
+_Checked = Callable[[Imu, GnssLog], Oriented]
+"""Returns the log of an IMU and fixes, or raises a `MissionError`."""
+
+NAME = "csv with named columns"
+
+MAX_MEMBERS = 200
+"""Most files in a zip: exports of phones have some twenty."""
+_ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+_KITTI = b"oxts/"
+_ZIP = b"PK\x03\x04"
+_MIN_QUANTITIES = 3
+"""Fewest quantities that the headings of a file must name: time, and two more."""
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f]")
+"""Characters that texts do not have: no blanks, no zeros of free room, and no colours of a terminal."""
+_MOST_CONTROLS = 0.02
+"""Largest part of them in a text with damaged rows: tables of loggers had none, noise at least 5.3 %."""
+_MAX_REPORT = 1500
+"""Longest report of columns in a message [characters]."""
+_STAMPS = {"time", "seconds", "clock", "date", "second"}
+_POSITION = ("latitude", "longitude")
+_PHONE_WORDS = ("accelerometer", "acceleration")
+_ROS = ("angular velocity", "linear acceleration")
+"""How ROS names gyros and accelerometers, whose x, y and z point forward, left and up (REP 103)."""
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
+    if head.startswith(_ZIP):
+        return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
+    if KITTI_STAMP.match(head):
+        return True
+    text = as_utf8(head)
+    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
+        return False
+    # Columns x, y and z are of a sensor that the name of the file tells.
+    layout = layout_of(as_table(text), "accelerometer")
+    if layout is None:
+        return False
+    quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
+    names = {name for name, _ in quantities}
+    has_time = bool(names & _STAMPS)
+    if any(one is not None and one.quantity == "pressure" and one.unit for one in layout.known):
+        return has_time
+    return (
+        len(quantities) >= _MIN_QUANTITIES
+        and has_time
+        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field"}))
+    )
+
+
+def lacks_time(head: bytes) -> str:
+    """Return advice for a table that names positions or sensors, and no time; else an empty text."""
+    layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    known = [] if layout is None else [one for one in layout.known if one is not None]
+    names = {one.quantity for one in known}
+    if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
+        return ""
+    texts = ", ".join(dict.fromkeys(one.text for one in known))[:_MAX_REPORT]
+    return (
+        f"It is a table with {texts}, and none of its headings names a time: --column HEADING=time[s] says "
+        "which one is the time."
+    )
+
+
+def _is_binary(text: bytes) -> bool:
+    """Return whether a text has so many control characters that it is none: noise names columns too."""
+    return len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the positions of the receiver in the files as a track.
+
+    Raises
+    ------
+    MissionError
+        If there are none, or a column that a person names is not there.
+    """
+    sheets = sheets_of(paths, units)
+    fixes = fixes_of(sheets, with_height=False)
+    gnss = fixes.gnss
+    columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
+    places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
+    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column))
+    flight = Track(
+        path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
+        longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
+        course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2, columns=places,
+        rows_read=len(gnss.time), remarks=remarks,
+    ).flight()  # fmt: skip
+    return replace(flight, units=tuple(columns.values()))
+
+
+def read_log(path: Path) -> SensorLog:
+    """Read the IMU and the receiver in one file; see `read_logs`."""
+    return read_logs([path])
+
+
+def read_logs(
+    paths: Sequence[Path],
+    units: Mapping[str, str] | None = None,
+    axes: Sequence[str] = (),
+    vehicle: str = "",
+    *,
+    lever_arm: Sequence[float] = (0.0, 0.0, 0.0),
+    latency: float = 0.0,
+) -> SensorLog:
+    """Read the IMU and the receiver in the files.
+
+    Parameters
+    ----------
+    paths
+        One file with both, or several of one clock; a zip file counts as the files in it.
+    units
+        What a person says of columns, by heading: a unit, or a quantity with its unit.
+    axes
+        Which axes of the IMU point forward, right and down; empty: found by gravity and motion.
+    vehicle
+        Kind of vehicle, as `lab.data.log.vehicle` has them; empty if unknown.
+    lever_arm
+        From the IMU to the antenna, forward, right, down [m].
+    latency
+        By how much the stamps of the fixes are late [s].
+
+    Raises
+    ------
+    MissionError
+        If something is missing or implausible, saying what was understood.
+    """
+    sheets = sheets_of(paths, units or {})
+    imu = imu_of(sheets)
+    fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
+    fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
+    name = (
+        str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
+    )
+    checked = partial(_oriented_log, name, vehicle, axes, pace_of(fixes))
+    imu, (log, forward) = _in_unit_of_motion(imu, fixes, checked)
+    ends_apart = end_together(imu.time, fixes.gnss)
+    if ends_apart and not is_explained(log) and (found := _leap_seconds(imu, fixes.gnss, checked)):
+        raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
+    height = fixes.units[2]
+    if height.source in DOUBTFUL:
+        unit, factor = unit_that_agrees(log, height.unit)
+        if unit != height.unit:
+            fixes = in_height_unit(fixes, unit, factor)
+            log, forward = checked(imu, fixes.gnss)
+    unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
+    field, pressure = field_of(sheets, log, axes_matrix(forward)), barometer_of(sheets, log)
+    remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks]
+    remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []
+    if unread:
+        remarks.append(f"Columns not read: {', '.join(unread)}.")
+    beside = replace(log.auxiliary, magnetometer=field.magnetometer, barometer=pressure.barometer)
+    return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside)
+
+
+def _oriented_log(
+    name: str, vehicle: str, axes: Sequence[str], pace: FloatArray, imu: Imu, gnss: GnssLog
+) -> Oriented:
+    """Return the log of an IMU and fixes in forward, right, down; `MissionError` if it is implausible."""
+
+    def with_fixes(gnss: GnssLog) -> Callable[[FloatArray], SensorLog]:
+        auxiliary = AuxiliaryData(vehicle=vehicle)
+        return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
+
+    along = along_track(gnss, pace)
+    shown = None if along is None else with_fixes(along)
+    return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
+
+
+def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
+    """Return the IMU with its log, in the other unit of its gyros if the motion contradicts a guessed one."""
+    try:
+        return imu, checked(imu, fixes.gnss)
+    except MissionError as error:
+        other = in_other_unit(imu)
+        try:
+            if other is None:
+                raise
+            return other, checked(other, fixes.gnss)
+        except MissionError:
+            hint = _leap_seconds(imu, fixes.gnss, checked)
+            raise MissionError(_with_report(error, imu, fixes, hint)) from None
+
+
+def _leap_seconds(imu: Imu, gnss: GnssLog, checked: _Checked) -> str:
+    """Return a sentence if fixes that are off by the leap seconds agree with the IMU, or else nothing."""
+    return offset_that_agrees(imu.time, gnss, lambda gnss: checked(imu, gnss).log)
+
+
+def _of_rows(sheets: Sequence[Sheet]) -> list[str]:
+    return [remark for sheet in sheets for remark in sheet.remarks]
+
+
+def _with_report(error: MissionError, imu: Imu, fixes: Fixes, hint: str) -> str:
+    """Return a message with what the columns were taken for, since a wrong guess may be the cause."""
+    cause = ". ".join(filter(None, (str(error).removesuffix("."), hint)))
+    report = " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
+    return f"{cause}. The columns were read so: {report}"
+
+
+def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
+    """Return the tables in files, those in zip files included.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read, or a person names a column that no file has.
+    """
+    overrides = {heading: _override(text) for heading, text in units.items()}
+    sheets: list[Sheet] = []
+    metadata = next((found for path in paths if (found := metadata_beside(path))), {})
+    for path in paths:
+        data = whole(path, MAX_BYTES)
+        for name, text in _members(path, data):
+            if name == METADATA:
+                metadata = metadata_of(as_utf8(text))
+            try:
+                sheets += read_sheets(name, as_table(as_utf8(text)), overrides)
+            except MissionError as error:
+                raise MissionError(f"{path}: {error}") from error
+    headings = [text for one in sheets for text in (*(known.text for known in one.headings), *one.unknown)]
+    refuse_unknown(", ".join(map(str, paths)), units, headings)
+    if not any(len(sheet) for sheet in sheets):
+        raise MissionError(
+            f"{', '.join(map(str, paths))}: no header with known columns and rows of numbers below it found; "
+            f"accepted are columns of {', '.join(QUANTITIES)}"
+        )
+    sheets = [of_one_instance(sheet) for sheet in against_gravity(sheets, metadata)]
+    return [in_time_order(sheet) for sheet in one_recording(sheets)]
+
+
+def names_quantity(text: str) -> bool:
+    """Return whether what a person says of a column is a quantity, and not a unit."""
+    return "[" in text or text.strip() == IGNORED or text.strip().lstrip("+-").strip() in QUANTITIES
+
+
+def _override(text: str) -> str:
+    """Return what `lab.data.sheets.sheet` takes: a quantity as it is, a unit in brackets."""
+    return text if names_quantity(text) else f"[{text}]"
+
+
+def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
+    """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
+    if not data.startswith(_ZIP):
+        drive = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
+        return [drive or (path.name, data)]
+    found = []
+    left = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if zipped := _kitti(archive, left):
+                return [zipped]
+            infos = [one for one in archive.infolist() if one.filename.lower().endswith(_ENDINGS)]
+            for info in infos[:MAX_MEMBERS]:
+                if info.filename.startswith("__MACOSX") or info.flag_bits & 1:
+                    continue
+                with archive.open(info) as member:
+                    text = member.read(left + 1)
+                left -= len(text)
+                if left < 0:
+                    raise MissionError(f"{path}: grows too much when decompressed; accepted are logs")
+                found.append((Path(info.filename).name, text))
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        OSError,
+        EOFError,
+        ValueError,
+        NotImplementedError,
+        RuntimeError,
+    ) as error:
+        if isinstance(error, MissionError):
+            raise
+        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
+    if not found:
+        raise MissionError(
+            f"{path}: the zip file has no {', '.join(_ENDINGS)} in it; accepted are zip files of such files"
+        )
+    return found
+
+
+def _kitti(archive: zipfile.ZipFile, most: int) -> tuple[str, bytes] | None:
+    """Return the samples of a KITTI drive as one table; None if this is none."""
+    frames = sorted(
+        (one for one in archive.infolist() if KITTI_FRAME.search(one.filename)), key=lambda one: one.filename
+    )
+    stamps = next((one for one in archive.infolist() if KITTI_STAMPS.search(one.filename)), None)
+    if not frames or stamps is None or sum(one.file_size for one in (*frames, stamps)) > most:
+        return None
+    table = kitti_table([archive.read(one) for one in frames], archive.read(stamps))
+    return frames[0].filename.partition("/oxts/")[0].rpartition("/")[2], table
+
+
+def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
+    """Return the columns of the IMU with their units, so that a person can correct them."""
+    try:
+        imu = imu_of(sheets)
+    except MissionError:
+        return []
+    return [
+        ColumnUnit(heading.text, triad.unit, triad.source)
+        for triad in (imu.gyro, imu.accelerometer)
+        for heading in triad.headings
+    ]
+
+
+def _is_phone(imu: Imu) -> bool:
+    """Return whether the sensors are named as phones name them, each by itself."""
+    words = imu.accelerometer.headings[0].sensor.lower()
+    if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
+        return imu.gyro.sheet is not imu.accelerometer.sheet
+    if app_of(imu.gyro, imu.accelerometer):
+        return True
+    return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
+
+
+def _is_signed(imu: Imu) -> bool:
+    """Return whether it is known that the accelerations are specific force: phones differ in their sign."""
+    named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
+    return named or imu.accelerometer.sheet.signed or not _is_phone(imu)

@@ -1,0 +1,220 @@
+"""Sheet axes: which axes of a stranger's IMU point forward, right and down, from gravity and from the motion.
+
+Gravity shows which axis points down. Forward is the axis with which the log passes
+`lab.data.checks.log_check`; if several pass, the motion does not show it, and the usual one is taken and
+reported as an assumption.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.data.checks.gyro_check import GyroError
+from lab.data.checks.log_check import check_log, is_explained, matches_of
+from lab.data.checks.window_matches import WindowMatches
+from lab.data.log.sensor_log import SensorLog
+
+FloatArray = NDArray[np.float64]
+Axes = tuple[str, str, str]
+
+NAMES = ("x", "y", "z")
+_IF_REVERSED = (
+    ". With the signs of all accelerations reversed the log agrees: some phones, such as iPhones, report "
+    "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], "
+    "and y and z alike"
+)
+_OR_REVERSED = (
+    " This holds if the accelerations are written against gravity, as most programs do. If this one writes "
+    "them along gravity, as some do on iPhones, {}: the motion does not show which. Then state it: --column "
+    "HEADING=-force_x[m/s²], and y and z alike."
+)
+_TILTED = np.radians(20.0)
+"""Angle between gravity and the nearest axis from which it is reported [rad]."""
+
+
+class Oriented(NamedTuple):
+    """A log in forward, right, down.
+
+    Attributes
+    ----------
+    log : SensorLog
+        The log.
+    axes : tuple of str
+        The axes of the IMU that point forward, right and down.
+    """
+
+    log: SensorLog
+    axes: Axes
+
+
+def axes_matrix(axes: Sequence[str]) -> FloatArray:
+    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down.
+
+    Raises
+    ------
+    MissionError
+        If the axes are not three different ones that make a right-handed set.
+    """
+    C = np.zeros((3, 3))
+    known = {sign + name for sign in ("", "-") for name in NAMES}
+    if len(axes) == len(NAMES) and all(axis in known for axis in axes):
+        for row, axis in enumerate(axes):
+            C[row, NAMES.index(axis[-1])] = -1 if axis.startswith("-") else 1
+    if round(np.linalg.det(C)) != 1:
+        raise MissionError(
+            f"axes {','.join(axes)}: accepted are the axes of the IMU that point forward, right and down, of "
+            "a right-handed set, such as y,x,-z"
+        )
+    return C
+
+
+def oriented(
+    samples: FloatArray,
+    build: Callable[[FloatArray], SensorLog],
+    given: Sequence[str] = (),
+    phone: bool = False,
+    signed: bool = True,
+    shown: Callable[[FloatArray], SensorLog] | None = None,
+) -> Oriented:
+    """Return a log in forward, right, down, with the axes that point there.
+
+    Parameters
+    ----------
+    samples : (n, 6) array
+        Angular rate and specific force in the axes of the IMU.
+    build
+        Returns the log of samples in forward, right, down.
+    given
+        The axes that point forward, right and down, if a person gives them.
+    phone
+        Whether the IMU is that of a phone, whose y axis points to its top.
+    signed
+        Whether it is known that the accelerations are specific force, and not the negative of it.
+    shown
+        As `build`, with velocities by which the axes are judged in place of those that the filter gets.
+
+    Raises
+    ------
+    MissionError
+        If the log is implausible whatever the axes, or with those given.
+    """
+    if given:
+        log = build(_turned(samples, given))
+        check_log(log)
+        return Oriented(_reported(log, f"Axes: {_words(given)}, as given."), (given[0], given[1], given[2]))
+    judged = shown or build
+    passed, refused = _tried(samples, judged, phone)
+    reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
+    if not passed:
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone)[0][:1])
+        hint = _IF_REVERSED if agreeing else ""
+        raise MissionError(f"{refused[0]}{hint}")
+    axes, log = passed[0]
+    why = (
+        "gravity and the motion show them"
+        if len(passed) == 1
+        else "gravity shows down; the motion does not show forward, which is assumed"
+    )
+    log = log if shown is None else build(_turned(samples, axes))
+    log = replace(log, auxiliary=replace(log.auxiliary, forward_assumed=len(passed) > 1))
+    other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
+    doubtful = not signed and _passes(judged(_turned(reversed_, other)))
+    doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
+    return Oriented(_reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}"), axes)
+
+
+def _passes(log: SensorLog) -> bool:
+    try:
+        check_log(log)
+    except MissionError:
+        return False
+    return True
+
+
+def _opposite(axis: str) -> str:
+    return axis[1:] if axis.startswith("-") else f"-{axis}"
+
+
+class _SharedMatches:
+    """The matches of a log whose axes are tried: of the first ones that get so far, turned for the others."""
+
+    def __init__(self) -> None:
+        self._first: tuple[FloatArray, WindowMatches] | None = None
+
+    def of(self, C: FloatArray, log: SensorLog) -> WindowMatches:
+        """Return the matches of a log whose axes are C times those of the IMU."""
+        if self._first is None:
+            self._first = (C, matches_of(log))
+        return self._first[1].turned(C @ self._first[0].T)
+
+
+def _tried(
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool
+) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
+    """Return the axes with which a log passes, each with the log, and why it does not with the others."""
+    passed: list[tuple[Axes, SensorLog]] = []
+    refused: list[MissionError] = []
+    shared = _SharedMatches()
+    for axes in _candidates(samples, phone):
+        log = build(_turned(samples, axes))
+        try:
+            check_log(log, partial(shared.of, axes_matrix(axes)))
+        except GyroError as error:
+            refused.append(error)
+            break  # it holds whichever way the IMU points
+        except MissionError as error:
+            refused.append(error)
+        else:
+            passed.append((axes, log))
+    return passed, refused
+
+
+def _turned(samples: FloatArray, axes: Sequence[str]) -> FloatArray:
+    C = axes_matrix(axes)
+    return np.column_stack((samples[:, :3] @ C.T, samples[:, 3:] @ C.T))
+
+
+def _gravity(samples: FloatArray) -> FloatArray:
+    return np.asarray(np.nanmedian(samples[:, 3:], axis=0))
+
+
+def _candidates(samples: FloatArray, phone: bool) -> Iterator[Axes]:
+    """Yield the axes that fit gravity, the usual ones first."""
+    up = _gravity(samples)
+    vertical = int(np.argmax(np.abs(up)))
+    down = np.zeros(3)
+    down[vertical] = -np.sign(up[vertical])
+    # A phone lies with its top forward, or stands with its screen, z, to the rear.
+    first = (("y", "x") if phone else ("x", "y")) if vertical == NAMES.index("z") else ("-z",)
+    order = [*first, *(name for name in ("x", "y", "z", "-x", "-y", "-z") if name not in first)]
+    for name in order:
+        forward = np.zeros(3)
+        forward[NAMES.index(name[-1])] = -1 if name.startswith("-") else 1
+        if forward[vertical] == 0:
+            yield _name(forward), _name(np.cross(down, forward)), _name(down)
+
+
+def _name(axis: FloatArray) -> str:
+    place = int(np.argmax(np.abs(axis)))
+    return f"{'-' if axis[place] < 0 else ''}{NAMES[place]}"
+
+
+def _words(axes: Sequence[str]) -> str:
+    return f"forward is {axes[0]}, right is {axes[1]}, down is {axes[2]} of the IMU"
+
+
+def _tilt(samples: FloatArray) -> str:
+    up = _gravity(samples)
+    angle = float(np.arccos(np.abs(up).max() / np.linalg.norm(up)))
+    return f"; gravity is {np.degrees(angle):.0f}° off the nearest axis" if angle > _TILTED else ""
+
+
+def _reported(log: SensorLog, sentence: str) -> SensorLog:
+    return replace(log, repairs=(sentence, *log.repairs))

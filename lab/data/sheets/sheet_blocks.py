@@ -1,0 +1,212 @@
+"""Sheet blocks: the tables of one file: under headers of their own, or under one that is repeated.
+
+A logger that appends to its file repeats the header at each start; some write the IMU and the receiver below
+each other. Rows under an equal header are one sheet while their time goes on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.data.clock.sheet_stamps import is_regular
+from lab.data.sheets.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
+from lab.data.sheets.sheet_clock import clock_of
+
+FloatArray = NDArray[np.float64]
+
+_TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
+"""A line that begins with a word."""
+_TIMED = re.compile(rb"(?i)time|stamp|utc|date|sec|milli|micro|clock|epoch|tow|cts|\b(?:t|ms|us|gmt)\b")
+"""What a header has in it that names a time."""
+_MAX_TRIED = 2000
+"""Most lines with a word of time that are looked at, and are no header: each takes 50 µs."""
+_TIMES = {"time", "seconds", "clock", "date"}
+_MIN_QUANTITIES = 3
+"""Fewest quantities that a further header names: time, and two more."""
+MAX_BLOCKS = 1000
+"""Most headers in a file."""
+_MAX_LATE = 2.0
+"""Displacement of a row in time from which whole rows are sorted [s]; `lab.data.sheets.sheet_imu.in_order`
+sorts what is less."""
+_MAX_INSTANCES = 16
+"""Most sensors of a kind whose samples lie in one table; more numbers are those of rows."""
+_SHUFFLED = 0.1
+"""Part of the rows that are earlier than the one before, from which rows are shuffled; of recordings that lie
+over each other, as after a clock was set back, there are few."""
+
+
+def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> list[Sheet]:
+    """Return the tables of a file, those below each other under equal headers as one.
+
+    Parameters and errors are those of `lab.data.sheets.sheet.read_sheet`.
+    """
+    blocks = _headers(name, data, overrides or {})
+    if len(blocks) < 2:
+        found = read_sheet(name, data, overrides)
+        return [] if found is None else [found]
+    sheets: dict[tuple[str, ...], list[Sheet]] = {}
+    ends = [start for start, _, _ in blocks[1:]] + [len(data)]
+    for (start, below, layout), end in zip(blocks, ends, strict=True):
+        rows = sheet_below(name, data[below:end], layout)
+        if len(rows):
+            line = data.count(b"\n", 0, start) + 1
+            named = replace(rows, name=f"{name} from line {line}" if sheets else name)
+            sheets.setdefault(layout.headings, []).append(named)
+    return [_joined(parts) for parts in sheets.values()]
+
+
+def _headers(name: str, data: bytes, overrides: Overrides) -> list[tuple[int, int, Layout]]:
+    """Return where headers with rows below begin and end, and what they say."""
+    found: list[tuple[int, int, Layout]] = []
+    tried = 0
+    for match in _TITLED.finditer(data):
+        line = match[0]
+        if not _TIMED.search(line):
+            continue
+        tried += 1
+        if tried > _MAX_TRIED + len(found):
+            break
+        if len(line) > HEAD or (layout := layout_of(line, name, overrides)) is None or layout.line < 0:
+            continue
+        quantities = {one.quantity for one in layout.known if one is not None}
+        if layout.worth < _MIN_QUANTITIES or not quantities & _TIMES:
+            continue
+        if found and not data[found[-1][1] : match.start()].strip():
+            continue  # a row of units
+        found.append((match.start(), match.end() + 1, layout))
+        if len(found) == MAX_BLOCKS:
+            break
+    return found
+
+
+def _joined(parts: list[Sheet]) -> Sheet:
+    """Return sheets under equal headers as one, with the columns that all of them have."""
+    if len(parts) == 1:
+        return parts[0]
+    texts = [one.text for one in parts[0].headings]
+    common = [
+        text for text in texts if all(text in {one.text for one in part.headings} for part in parts[1:])
+    ]
+    places = [{one.text: place for place, one in enumerate(part.headings)} for part in parts]
+    columns = [
+        np.concatenate([part.columns[place[text]] for part, place in zip(parts, places, strict=True)])
+        for text in common
+    ]
+    return replace(
+        parts[0],
+        headings=tuple(one for one in parts[0].headings if one.text in common),
+        columns=tuple(columns),
+        odd_stamps={text: cell for part in parts for text, cell in part.odd_stamps.items()},
+        remarks=tuple(dict.fromkeys(remark for part in parts for remark in part.remarks)),
+        restarts=tuple(int(row) for row in np.cumsum([len(part) for part in parts])[:-1]),
+    )
+
+
+def one_recording(sheets: Sequence[Sheet]) -> list[Sheet]:
+    """Return sheets with the rows of the longest of several recordings, where the time begins again.
+
+    Sheets with as many recordings were started together, and have the same one.
+    """
+    starts = [_starts(sheet) for sheet in sheets]
+    chosen: dict[int, int] = {}
+    order = sorted(range(len(sheets)), key=lambda i: not sheets[i].all_of("rate"))
+    for i in order:
+        if len(starts[i]) > 1:
+            lengths = np.diff([*starts[i], len(sheets[i])])
+            chosen.setdefault(len(starts[i]), int(np.argmax(lengths)))
+    return [
+        _cut(sheet, begun, chosen[len(begun)]) if len(begun) > 1 else sheet
+        for sheet, begun in zip(sheets, starts, strict=True)
+    ]
+
+
+def _starts(sheet: Sheet) -> list[int]:
+    """Return the rows at which recordings begin: a header is repeated, and the time is earlier."""
+    starts = [0]
+    if not sheet.restarts:
+        return starts
+    fast = bool(sheet.all_of("rate") or sheet.all_of("force"))
+    clock = clock_of(sheet, fast)
+    time = None if clock is None else clock.time
+    for row in sheet.restarts:
+        if time is None:
+            break
+        before, after = (part[np.isfinite(part)] for part in (time[starts[-1] : row], time[row:]))
+        if before.size and after.size and after[0] < before.max():
+            starts.append(row)
+    return starts
+
+
+def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
+    begin, end = [*starts, len(sheet)][which : which + 2]
+    return replace(
+        sheet,
+        columns=tuple(column[begin:end] for column in sheet.columns),
+        restarts=(),
+        remarks=(
+            *sheet.remarks,
+            f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
+            f"recording {which + 1}, the longest, is read ({end - begin} of {len(sheet)} rows).",
+        ),
+    )
+
+
+def in_time_order(sheet: Sheet) -> Sheet:
+    """Return a sheet with its rows in order of time: they may be reversed, shuffled or of a ring buffer."""
+    clock = clock_of(sheet, bool(sheet.all_of("rate") or sheet.all_of("force")), ordered=False)
+    if clock is None:
+        return sheet
+    known = np.flatnonzero(np.isfinite(clock.time))
+    time = clock.time[known]
+    if time.size < 2 or (np.maximum.accumulate(time) - time).max() <= _MAX_LATE:
+        return sheet
+    # Equal stamps of reversed rows stay reversed.
+    falls = np.diff(time) < 0
+    backwards = not (np.diff(time) > 0).any()
+    order = np.arange(time.size)[::-1] if backwards else np.argsort(time, kind="stable")
+    shuffled = falls.mean() > _SHUFFLED and is_regular(time[order])
+    if not backwards and not shuffled and not _are_apart(time, falls):
+        return sheet
+    what = "in reverse order" if backwards else f"out of order at {int(falls.sum())} places"
+    rows = known[order]
+    return replace(
+        sheet,
+        columns=tuple(column[rows] for column in sheet.columns),
+        restarts=(),
+        remarks=(*sheet.remarks, f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."),
+    )
+
+
+def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
+    """Return whether stretches that go forward do not lie over each other."""
+    starts = np.flatnonzero(np.append(True, falls))
+    begin, end = time[starts], time[np.append(starts[1:] - 1, time.size - 1)]
+    order = np.argsort(begin, kind="stable")
+    return bool((end[order][:-1] <= begin[order][1:]).all())
+
+
+def of_one_instance(sheet: Sheet) -> Sheet:
+    """Return a sheet with the rows of one of the sensors whose number is a column: of that with most rows."""
+    for heading, values in sheet.all_of("instance"):
+        numbers, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+        if not 1 < numbers.size <= _MAX_INSTANCES or (numbers % 1 != 0).any():
+            continue
+        # The I of some phones' tables is the light, which changes seldom: sensors take turns.
+        if heading.text.strip() == "I" and 2 * np.count_nonzero(np.diff(values)) < values.size - counts.max():
+            continue
+        taken = numbers[int(np.argmax(counts))]
+        rows = np.flatnonzero(values == taken)
+        others = ", ".join(f"{number:g}" for number in numbers if number != taken)
+        remark = f"{sheet.name}: {heading.text} is {taken:g} in the rows that are read, and not {others}."
+        return replace(
+            sheet,
+            columns=tuple(column[rows] for column in sheet.columns),
+            restarts=tuple(int(row) for row in np.searchsorted(rows, sheet.restarts)),
+            remarks=(*sheet.remarks, remark),
+        )
+    return sheet

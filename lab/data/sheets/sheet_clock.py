@@ -1,0 +1,269 @@
+"""Sheet clock: the time stamps of a sheet in seconds: which column they are in, and their unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.parameters.units import DAY
+from lab.data.clock.sheet_stamps import spread
+from lab.data.clock.stamps import (
+    IS_AMBIGUOUS,
+    date_and_clock,
+    has_zone,
+    is_of_hour,
+    onwards,
+    over_leap_second,
+    seconds_of_digits,
+)
+from lab.data.files.unit_names import UNITS
+from lab.data.sheets.column_names import Heading
+from lab.data.sheets.sheet import Sheet
+
+FloatArray = NDArray[np.float64]
+
+SINCE_1970 = 1e9
+"""Time from which it counts from 1970 [s]: the year 2001."""
+_END_OF_EPOCH = 4e9
+"""Time up to which stamps count from 1970 [s]: the year 2096; ns since switching on pass for ms otherwise."""
+_LONGEST_STEP = 600.0
+"""Longest usual step of such stamps [s]."""
+_USUAL_STEP = {True: 0.02, False: 0.5}
+"""Usual step between samples of an IMU, and between fixes [s]; the unit whose step comes nearest is taken: an
+IMU has 0.6 to 600 ms, a receiver 16 ms to 16 s."""
+_LONGEST = 10 * DAY
+"""Longest log whose stamps are seconds since 1970 [s]: µs since switching on exceed 1e9 after 17 minutes."""
+_MONTHS = 12
+"""Number up to which a day may be a month."""
+_MIN_KNOWN = 0.5
+"""Smallest part of the rows in which a time stamp has to be known."""
+_MIN_FORWARD = 0.5
+"""Smallest part of the steps that do not go backwards in a column that is time."""
+
+_HOUR, _MINUTE = 3600.0, 60.0
+"""[s]."""
+_MILLISECONDS = 1000
+"""In a second."""
+_PARTS, _DATE_PARTS = ("hour", "minute", "second"), ("year", "month", "day")
+"""Columns of time stamps that have one for each part."""
+_YEARS = (1980, 2107)
+"""First and last year of such: GPS time begins, and 16 bits of a file system end."""
+_DAYS_BEFORE_1970 = {"1900": (25_569.0, 36_526.0, 58_000.0), "year 0": (719_529.0, 730_486.0, 770_000.0)}
+"""Days until 1970 of spreadsheets and of MATLAB, and the first and last that are taken for such: the year
+2000, and 2058 (later numbers are modified Julian days) or 2108."""
+
+_COUNTER = 2.0**32
+"""Values of a counter of 32 bits: microseconds begin again after 72 minutes."""
+_NEARLY = 0.9
+"""Part of the period of a counter by which its time falls back when it begins again."""
+
+
+class Clock(NamedTuple):
+    """Time stamps.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Time of each row [s]; NaN where unknown.
+    column : str
+        The headings of the columns they are from.
+    unit : str
+        Their unit.
+    guessed : bool
+        Whether the unit is guessed.
+    note : str
+        What was done to the stamps; empty for nothing.
+    """
+
+    time: FloatArray
+    column: str
+    unit: str
+    guessed: bool
+    note: str = ""
+
+    def report(self, what: str) -> str:
+        """Return sentences about the stamps of the IMU or of the GPS."""
+        how = " (guessed by its size and steps)" if self.guessed else ""
+        note = f" {self.note}." if self.note else ""
+        return f"Time of the {what}: {self.column}, in {self.unit}{how}.{note}"
+
+
+def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool = True) -> Clock | None:
+    """Return the time stamps of a sheet; None if no column has them.
+
+    Parameters
+    ----------
+    sheet
+        The sheet.
+    fast
+        Whether its rows are samples of an IMU, and not fixes.
+    wanted
+        Headings of time stamps that another sheet of the same log has: these are of the same clock.
+    ordered
+        Whether only a column counts that goes forward in most rows, and samples of one stamp are spread.
+    """
+    clock = _as_written(sheet, fast, wanted, ordered)
+    if clock is None or not ordered:
+        return clock
+    named = max(
+        (sheet.all_of(name)[:1] for name in ("rate", "force", "latitude")),
+        key=lambda found: np.isfinite(found[0][1]).sum() if found else 0,
+    )
+    if not named:
+        return clock
+    others = sheet.all_of("longitude")[:1] if named[0][0].quantity == "latitude" else []
+    time, note = spread(clock.time, np.column_stack([values for _, values in (*named, *others)]))
+    return clock._replace(time=time, note=note)
+
+
+def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) -> Clock | None:
+    seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
+    if seconds and fractions:
+        (whole, a), (part, b) = seconds[0], fractions[0]
+        return _leaping(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
+    parts, used = _of_parts(sheet)
+    # A counter beside is finer than the parts, which often have whole seconds.
+    candidates = [
+        pair for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds if pair[0] not in used
+    ]
+    candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
+    # A column named Date may hold the time of the day too.
+    candidates += [pair for pair in sheet.all_of("date") if ":" in sheet.texts.get(pair[0].text, "")]
+    for heading, values in candidates:
+        known = np.isfinite(values)
+        if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:
+            continue
+        if ordered and (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
+            continue
+        if heading.text in sheet.texts:
+            return _of_text(sheet, heading, values)
+        if (of_day := seconds_of_digits(values)) is not None:
+            return _leaping(Clock(of_day, heading.text, "hhmmss", False), True)
+        unit = heading.unit or _guessed_unit(values[known], fast)
+        time = _onwards(values, UNITS["time"][unit])
+        if unit == "days":
+            time, unit = _of_days(values)
+        clock = Clock(time, heading.text, unit, not heading.unit)
+        return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
+    return parts
+
+
+def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
+    """Return time stamps of which each part has a column, and these: hour, minute, second, maybe others."""
+    found = [sheet.all_of(name)[:1] for name in _PARTS]
+    found[-1] = found[-1] or [pair for pair in sheet.all_of("time") if pair[0].text.lower() == "seconds"][:1]
+    if not all(found):
+        return None, []
+    parts = [one for (one,) in found]
+    milliseconds = [
+        pair
+        for pair in sheet.all_of("time")
+        if pair[0].unit == "ms" and ((pair[1] >= 0) & (pair[1] < _MILLISECONDS)).all()
+    ][:1]
+    hour, minute, second = (values for _, values in parts)
+    time = _HOUR * hour + _MINUTE * minute + second
+    for _, values in milliseconds:
+        time = np.floor(time) + values / _MILLISECONDS
+    dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
+    dated = len(dates) == len(_DATE_PARTS)
+    used = [heading for heading, _ in (*(dates if dated else ()), *parts, *milliseconds)]
+    time = DAY * _days(*(values for _, values in dates)) + time if dated else onwards(time, DAY)
+    clock = Clock(
+        time, " + ".join(one.text for one in used), f"{'years' if dated else 'hours'} to seconds", False
+    )
+    return _leaping(clock, not dated), used
+
+
+def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
+    """Return days since 1970; NaN where a part is not of the calendar."""
+    fine = (year >= _YEARS[0]) & (year <= _YEARS[1]) & (month >= 1) & (month <= _MONTHS)
+    months = np.where(fine, _MONTHS * (year - 1970) + month - 1, 0).astype(np.int64)
+    first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    return np.where(fine, first + day - 1, np.nan)
+
+
+def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
+    """Return time stamps that are text, with the date in a column beside if there is one."""
+    text = sheet.texts[heading.text]
+    if is_of_hour(text):
+        return Clock(onwards(values.copy(), _HOUR), heading.text, "minutes and seconds", False)
+    dates = sheet.all_of("date")
+    order = _order_of(text) or (_order_of(sheet.texts.get(dates[0][0].text, "")) if dates else "")
+    of_day = bool(np.nanmax(values) < 2 * DAY)
+    if not dates or not of_day:
+        # Cells are read in parts, of which each begins at its own midnight.
+        time = onwards(values.copy(), DAY) if of_day else values
+        if has_zone(text):  # in UTC it may be of the day before or after
+            time = time - DAY * np.floor(time[np.isfinite(time)][0] / DAY)
+        return _leaping(Clock(time, heading.text, f"text{order}", False), of_day)
+    date, day = dates[0]
+    changes = np.ptp(day[np.isfinite(day)]) > 0
+    time = date_and_clock(day, values) if changes else day + onwards(values.copy(), DAY)
+    return _leaping(Clock(time, f"{date.text} + {heading.text}", f"text{order}", False), False)
+
+
+def _leaping(clock: Clock, of_day: bool) -> Clock:
+    """Return a clock that counts a leap second, and says so."""
+    time, leaps = over_leap_second(clock.time, of_day)
+    return clock._replace(time=time, unit=f"{clock.unit} with a leap second") if leaps else clock
+
+
+def _of_days(values: FloatArray) -> tuple[FloatArray, str]:
+    """Return times in days as seconds, since 1970 where the count shows it, and what they count from."""
+    size = float(np.nanmedian(values))
+    for start, (before, first, last) in _DAYS_BEFORE_1970.items():
+        if first < size < last:
+            return (values - before) * DAY, f"days since {start}"
+    return _onwards(values, DAY), "days"
+
+
+def _onwards(values: FloatArray, factor: float) -> FloatArray:
+    """Return times [s] that go on where a counter begins again: of the day, of the week, of 32 bits.
+
+    Parameters
+    ----------
+    values
+        The times in the unit of the file.
+    factor
+        That unit [s].
+    """
+    time = values * factor
+    known = np.flatnonzero(np.isfinite(time))
+    largest = float(time[known].max())
+    period = next((one for one in (_COUNTER * factor, DAY, 7 * DAY) if _NEARLY * one < largest < one), 0.0)
+    if not period or time[known].min() < 0:
+        return time
+    back = np.diff(time[known]) < -_NEARLY * period
+    time[known[1:]] += period * np.cumsum(back)
+    return time
+
+
+def times_of(sheet: Sheet) -> list[Heading]:
+    """Return the headings of time stamps of a sheet."""
+    return [heading for heading in sheet.headings if heading.quantity in ("time", "clock")]
+
+
+def _order_of(text: str) -> str:
+    """Return what is assumed of the order of day and month; empty where it is known."""
+    found = IS_AMBIGUOUS.match(text)
+    both = found is not None and int(found[1]) <= _MONTHS and int(found[2]) <= _MONTHS
+    return ", where the day is assumed to come before the month" if both else ""
+
+
+def _guessed_unit(values: FloatArray, fast: bool) -> str:
+    size = float(np.median(np.abs(values)))
+    steps = np.diff(np.sort(values))
+    steps = steps[steps > 0]
+    # Rows with one stamp are a batch.
+    step = min(float(np.median(steps)), float(np.ptp(values)) / (values.size - 1)) if steps.size else 1.0
+    for unit in ("ns", "µs", "ms"):
+        factor = UNITS["time"][unit]
+        if SINCE_1970 <= size * factor < _END_OF_EPOCH and step * factor < _LONGEST_STEP:
+            return unit
+    if size >= SINCE_1970 and np.ptp(values) < _LONGEST:
+        return "s"
+    units = ("s", "ms", "µs", "ns", "days")
+    return min(units, key=lambda unit: abs(np.log(step * UNITS["time"][unit] / _USUAL_STEP[fast])))

@@ -1,0 +1,412 @@
+"""Sheet fixes: the fixes of a receiver out of the sheets of a log, with a report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import DEGREE
+from lab.data.files.unit_names import UNITS
+from lab.data.log.sensor_log import GnssLog, believed_sigma
+from lab.data.rebuild.raw_flight import ColumnUnit
+from lab.data.sheets.sheet import Sheet
+from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of
+from lab.data.sheets.sheet_imu import in_order, is_of_another_device, of_odd_stamps
+from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.rotation import wrap
+
+FloatArray = NDArray[np.float64]
+
+_LOCAL = re.compile(r"(?i)^\s*(?:t|p|pos|position|p_rs_r)[ _.]?[xyz]\b")
+"""Headings of positions in a local frame, as of EuRoC and TUM."""
+_HELD = 0.5
+"""Part of the rows that repeat the position before, from which a logger holds the last fix."""
+_MAX_DEGREES = 360.0
+"""Largest coordinate in degrees: larger whole numbers are 1e-7°."""
+_MAX_NMEA = 18_000.0
+"""Largest coordinate as degrees times 100 plus minutes, as NMEA writes it."""
+_HUNDRED, _MINUTES = 100.0, 60.0
+"""Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
+_ROUNDING = 1e-9
+"""By how much a coordinate may be beyond a pole, relative to 90°."""
+_SIGMA_OF_RADIUS = 1.515
+"""Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
+sqrt(-2 ln 0.32)."""
+_ALONG, _CLEARLY = 0.9, 0.5
+"""Mean cosine between the course and the motion of the positions from which they agree, and the largest part
+of the rms angle between them in ° that may be left in rad."""
+_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s")
+_COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
+"""Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
+second; and their factor to degrees."""
+_FAST_ENOUGH = 2.0
+"""Speed from which positions show the unit of the speed [m/s]."""
+_MIN_LEGS = 10
+"""Fewest legs that show it."""
+_UNIT_TOLERANCE = 0.1
+"""Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
+
+
+DOUBTFUL = ("assumed", BY_SIZE)
+"""Sources of a unit that the motion may contradict."""
+
+
+class LatitudeError(MissionError):
+    """Latitudes are beyond the poles: the columns are swapped, or their unit is another one."""
+
+
+class Fixes(NamedTuple):
+    """Fixes of a receiver.
+
+    Attributes
+    ----------
+    sheet : Sheet
+        Where they are from.
+    gnss : GnssLog
+        The fixes.
+    speed, course : (m,) arrays
+        Speed [m/s] and course [rad] over ground; NaN where unknown.
+    units : tuple of ColumnUnit
+        The columns that were used.
+    remarks : tuple of str
+        The report.
+    rows : (m,) array
+        Rows of the sheet.
+    """
+
+    sheet: Sheet
+    gnss: GnssLog
+    speed: FloatArray
+    course: FloatArray
+    units: tuple[ColumnUnit, ...]
+    remarks: tuple[str, ...]
+    rows: NDArray[np.intp]
+
+
+def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height: bool = True) -> Fixes:
+    """Return the fixes of the best receiver in the sheets.
+
+    Parameters
+    ----------
+    sheets
+        The sheets of the log.
+    wanted
+        Headings of the time stamps of the IMU, whose clock the fixes should have.
+    with_height
+        Whether a receiver needs heights; without them they are NaN.
+
+    Raises
+    ------
+    MissionError
+        If no sheet has latitude, longitude, height where it is needed, and time.
+    """
+    places = [one for one in sheets if one.all_of("latitude") and one.all_of("longitude")]
+    timed = [
+        (one, clock)
+        for one in places
+        # Where the samples of an IMU stand in the same rows, these are as dense as they.
+        if (clock := clock_of(one, fast=bool(one.all_of("rate")), wanted=wanted)) is not None
+    ]
+    if not timed:
+        names = ", ".join(one.name for one in sheets)
+        lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
+        local = "" if places else _of_local_positions(sheets) + _of_imu_alone(sheets)
+        raise MissionError(
+            f"{names}: no {lacks} found{local}.{of_odd_stamps(places)} Accepted are headings such as time, "
+            "latitude, longitude, altitude, speed and course, or what the columns are: --column "
+            "HEADING=latitude[°]"
+        )
+    sheet, clock = min(timed, key=lambda one: _preference(one[0]))
+    others = [one.name for one, _ in timed if one is not sheet]
+    fixes = _fixes(sheet, clock, with_height)
+    if others:
+        fixes = fixes._replace(remarks=(*fixes.remarks, f"Fixes of {', '.join(others)} are not used."))
+    return fixes
+
+
+def _of_local_positions(sheets: Sequence[Sheet]) -> str:
+    """Return a remark on positions in a room, which have no place on the Earth."""
+    unknown = [text for sheet in sheets for text in sheet.unknown]
+    local = [text for text in unknown if _LOCAL.search(text)][:3]
+    if not local:
+        return ""
+    return (
+        f": {', '.join(local)} are positions in metres from an origin, whose latitude, longitude and azimuth "
+        "the file does not give"
+    )
+
+
+def _of_imu_alone(sheets: Sequence[Sheet]) -> str:
+    """Return a remark on an IMU without a receiver, which cannot be navigated."""
+    if not all(any(one.all_of(name) for one in sheets) for name in ("rate", "force")):
+        return ""
+    return (
+        ". It has an IMU, but no positions of a receiver, without which it cannot be navigated; if the "
+        "receiver has a file of its own, import the two files together"
+    )
+
+
+def _preference(sheet: Sheet) -> tuple[float, ...]:
+    rank = sheet.all_of("latitude")[0][0].rank + 5 * ("network" in sheet.name.lower())
+    motion = any(sheet.all_of(name) for name in ("speed", "north"))
+    return (is_of_another_device(sheet), not sheet.all_of("height"), rank, not motion, -len(sheet))
+
+
+def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
+    latitude, longitude = (column_of(sheet, name) for name in ("latitude", "longitude"))
+    assert latitude is not None and longitude is not None
+    latitude, longitude = _on_the_earth(sheet, *_in_degrees(latitude, longitude))
+    remarks = [
+        f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
+    ]
+    height, words = heights_of(sheet, latitude, needed=with_height)
+    known = np.isfinite(latitude.values) & np.isfinite(longitude.values)
+    known &= np.isfinite(height.values) | (height.name == "")
+    rows, time, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
+    changed, held = _changes(rows, latitude.values, longitude.values)
+    rows, time = rows[changed], time[changed]
+    position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
+    remarks += [
+        words,
+        clock.report("GPS"), *sorted_, *held,
+    ]  # fmt: skip
+    if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
+        remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
+    velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
+    sigmas, more = _sigmas(sheet, rows)
+    gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
+    used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
+    return Fixes(
+        sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, units), *more), rows
+    )
+
+
+def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
+    """Return fixes whose heights are in another unit than that in which they were read.
+
+    Parameters
+    ----------
+    fixes
+        The fixes.
+    unit
+        The unit of their heights.
+    factor
+        How much the numbers change per metre.
+    """
+    column, taken = fixes.units[2].column, fixes.units[2].unit
+    position = fixes.gnss.position * np.array([1.0, 1.0, UNITS["length"][unit] / UNITS["length"][taken]])
+    source = f"guessed: the numbers change {factor:.3g} times as much as metres by the accelerometers"
+    before = f"Heights: {column}, in "
+    remarks = [f"{before}{unit} ({source})." if one.startswith(before) else one for one in fixes.remarks]
+    units = (*fixes.units[:2], ColumnUnit(column, unit, source), *fixes.units[3:])
+    return fixes._replace(gnss=replace(fixes.gnss, position=position), units=units, remarks=tuple(remarks))
+
+
+def pace_of(fixes: Fixes) -> FloatArray:
+    """Return the speeds of fixes [m/s], even without a course beside; NaN where unknown."""
+    speed = column_of(fixes.sheet, "speed")
+    if speed is None:
+        return fixes.speed
+    return _speed_unit(speed, fixes.rows, fixes.gnss.time, fixes.gnss.position).values[fixes.rows]
+
+
+def _in_degrees(latitude: Column, longitude: Column) -> tuple[Column, Column]:
+    """Return coordinates without a unit by their size: degrees, ddmm.mmmm of NMEA, or 1e-7°."""
+    numbers = [np.abs(one.values[np.isfinite(one.values)]) / DEGREE for one in (latitude, longitude)]
+    stated = {latitude.source, longitude.source} != {"assumed"} or not all(one.size for one in numbers)
+    largest = max(float(np.median(one)) for one in numbers) if not stated else 0.0
+    if _MAX_DEGREES < largest < _MAX_NMEA and all((one % _HUNDRED < _MINUTES).all() for one in numbers):
+        return _of_nmea(latitude), _of_nmea(longitude)
+    return _degrees(latitude), _degrees(longitude)
+
+
+def _on_the_earth(sheet: Sheet, latitude: Column, longitude: Column) -> tuple[Column, Column]:
+    """Return coordinates with longitudes from -180° to 180°, and NaN for those that are none.
+
+    Raises
+    ------
+    LatitudeError
+        If most latitudes are none.
+    """
+    pole, turn = (1 + _ROUNDING) * np.pi / 2, (1 + _ROUNDING) * 2 * np.pi
+    beyond = np.abs(latitude.values) > pole
+    if np.median(np.abs(latitude.values[np.isfinite(latitude.values)])) > pole:
+        is_other = np.median(np.abs(longitude.values[np.isfinite(longitude.values)])) <= pole
+        swapped = ", and the longitudes are not: the two columns look swapped" if is_other else ""
+        raise LatitudeError(
+            f"{sheet.name}: the latitudes ({latitude.name}) are beyond ±90°{swapped}; accepted are latitudes "
+            "and longitudes in °, rad, 1e-7° or 1e-6°: --unit COLUMN=UNIT, or --column HEADING=latitude[°]"
+        )
+    beyond |= np.abs(longitude.values) > turn
+    values = longitude.values if np.nanmax(np.abs(longitude.values)) <= turn / 2 else wrap(longitude.values)
+    return (
+        latitude._replace(values=np.where(beyond, np.nan, latitude.values)),
+        longitude._replace(values=np.where(beyond, np.nan, values)),
+    )
+
+
+def _of_nmea(column: Column) -> Column:
+    """Return a coordinate that is written as the number ddmm.mmmm."""
+    degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
+    values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
+    return column._replace(values=values, unit="ddmm.mmmm", source=BY_SIZE)
+
+
+def _degrees(column: Column) -> Column:
+    if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
+        return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
+    return column
+
+
+def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.bool_], list[str]]:
+    """Return which rows have a new fix, where a logger writes the latest fix into every row."""
+    same = np.ones(max(len(rows) - 1, 0), dtype=bool)
+    for column in columns:
+        same &= np.diff(column[rows]) == 0
+    if not same.size or same.mean() < _HELD:
+        return np.ones(len(rows), dtype=bool), []
+    return np.append(True, ~same), [
+        f"{same.sum()} rows repeat the position of the row before and count as no fix: the logger writes the "
+        "latest one into every row."
+    ]
+
+
+def _velocity(
+    sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, list[Column], list[str]]:
+    """Return velocity north, east, down, speed, course, the columns they are from, and a report."""
+    velocity = np.full((len(rows), 3), np.nan)
+    north, east, down, up = (column_of(sheet, name) for name in ("north", "east", "down", "up"))
+    speed, course = column_of(sheet, "speed"), column_of(sheet, "course")
+    used: list[Column] = []
+    remarks: list[str] = []
+    pace, angle = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+    if north is not None and east is not None:
+        north, east, down, up = _component_units([north, east, down, up], rows, time, position)
+        assert north is not None and east is not None
+        used += [north, east]
+        velocity[:, 0], velocity[:, 1] = north.values[rows], east.values[rows]
+        pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
+    elif speed is not None and course is not None:
+        speed = _speed_unit(speed, rows, time, position)
+        course = _course_unit(course, rows, time, position)
+        used += [speed, course]
+        pace, angle = speed.values[rows], course.values[rows]
+        pace, angle = np.where(pace >= 0, pace, np.nan), np.where(angle >= -np.pi, angle, np.nan)
+        angle = np.where(pace == 0, np.nan_to_num(angle), angle)
+        velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
+    vertical = down if down is not None else up
+    if north is None and vertical is not None and _is_uncertainty(vertical, sheet):
+        vertical = None
+    if vertical is not None:
+        used.append(vertical)
+        velocity[:, 2] = vertical.values[rows] * (1 if down is not None else -1)
+    if used:
+        words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
+        remarks.append(f"Velocity: {words}.")
+    return velocity, pace, angle, used, remarks
+
+
+def _is_uncertainty(vertical: Column, sheet: Sheet) -> bool:
+    """Return whether the U of a heading such as VEL_U is that of POS_U beside it, an uncertainty."""
+    return vertical.name.lower().endswith("_u") and any(one.lower().endswith("_u") for one in sheet.unknown)
+
+
+def _component_units(
+    components: list[Column | None], rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> list[Column | None]:
+    """Return north, east, down and up in the unit that the positions show, if no heading names one."""
+    north, east = components[:2]
+    assert north is not None and east is not None
+    known = [one for one in components if one is not None and one.source != "assumed"]
+    if known:
+        return components
+    whole = _speed_unit(north._replace(values=np.hypot(north.values, east.values)), rows, time, position)
+    factor = UNITS["speed"][whole.unit]
+    return [
+        one and one._replace(values=one.values * factor, unit=whole.unit, source=whole.source)
+        for one in components
+    ]
+
+
+def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
+    """Return the speed in the unit that the positions show, if its heading names none."""
+    if speed.source != "assumed" or len(rows) < _MIN_LEGS:
+        return speed
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    dt = np.diff(time)
+    north = np.diff(position[:, 0]) * per_latitude[1:]
+    east = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:]
+    moved = np.hypot(north, east)
+    stated = speed.values[rows]
+    stated = (stated[1:] + stated[:-1]) / 2
+    fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
+    if fast.sum() < _MIN_LEGS:
+        return speed
+    ratio = float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast]))
+    unit = min(_SPEEDS, key=lambda one: abs(np.log(ratio / UNITS["speed"][one])))
+    if unit == "m/s" or abs(np.log(ratio / UNITS["speed"][unit])) > _UNIT_TOLERANCE:
+        return speed
+    return speed._replace(
+        values=speed.values * UNITS["speed"][unit],
+        unit=unit,
+        source=f"guessed: the positions move {ratio:.3g} times as fast as in m/s",
+    )
+
+
+def _course_unit(course: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
+    """Return the course in radians if its heading names no unit and the positions move so."""
+    stated = course.values[rows] / DEGREE
+    known = stated[np.isfinite(stated)]
+    if course.source != "assumed" or not known.size:
+        return course
+    for unit, (first, last, factor) in _COURSES.items():
+        if first < np.abs(known).max() <= last:
+            return course._replace(values=course.values * factor, unit=unit, source=BY_SIZE)
+    if np.abs(known).max() > 2 * np.pi:
+        return course
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
+    step += np.diff(position[:, 0]) * per_latitude[1:]
+    fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(stated[1:])
+    if fast.sum() < _MIN_LEGS:
+        return course
+    motion, written = np.angle(step[fast]), stated[1:][fast]
+    in_degrees, in_radians = (
+        float(np.sqrt(np.mean(wrap(motion - written * unit) ** 2))) for unit in (DEGREE, 1.0)
+    )
+    mean = float(np.mean(np.cos(motion - written)))
+    if mean < _ALONG or in_radians > _CLEARLY * in_degrees:
+        return course
+    return course._replace(
+        values=course.values / DEGREE, unit="rad", source="guessed: the positions move in that direction"
+    )
+
+
+def _sigmas(sheet: Sheet, rows: NDArray[np.intp]) -> tuple[FloatArray, list[str]]:
+    """Return σ of position and velocity (m, 6), and a report."""
+    sigmas = np.full((len(rows), 6), np.nan)
+    remarks = []
+    horizontal, vertical, speed = (
+        column_of(sheet, f"{name}_sigma") for name in ("horizontal", "vertical", "speed")
+    )
+    if horizontal is not None:
+        sigmas[:, :2] = horizontal.values[rows, None] / _SIGMA_OF_RADIUS
+        remarks.append(
+            f"σ of the horizontal position: {horizontal.name} over {_SIGMA_OF_RADIUS}, as the radius with "
+            "68 % of the fixes."
+        )
+    if vertical is not None:
+        sigmas[:, 2] = vertical.values[rows]
+        remarks.append(f"σ of the height: {vertical.name}.")
+    if speed is not None:
+        sigmas[:, 3:5] = speed.values[rows, None]
+        remarks.append(f"σ of the horizontal velocity: {speed.name}.")
+    return believed_sigma(sigmas), remarks

@@ -1,0 +1,159 @@
+"""Sheet heights: the heights beside the positions in a sheet, in the unit that they show."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import FOOT
+from lab.data.files.fields import SEA_LEVEL
+from lab.data.files.unit_names import UNITS
+from lab.data.sheets.column_names import SCALARS
+from lab.data.sheets.sheet import Sheet
+
+FloatArray = NDArray[np.float64]
+
+_MAX_METRES = 10_000.0
+"""Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""
+_TRANSPONDER_STEP = 25.0
+"""Step of the heights of a transponder [ft] (ICAO Annex 10, mode S)."""
+_MIN_LEVELS = 4
+"""Fewest different heights that show it: four multiples of 25 by chance have a probability of 25⁻⁴."""
+_HIGHEST = 18_000.0
+"""Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
+
+_FOREFLIGHT = {"Timestamp", "Altitude", "Course", "Speed", "Horizontal Error", "Vertical Error"}
+"""Headings of the track logs of ForeFlight, whose heights are in feet and speeds in knots."""
+_SIMCONNECT = re.compile(r"(?i)\bplane[ _]?alt(?:itude)?\b")
+"""A variable of Microsoft's simulators, in feet."""
+_ABOVE_START = re.compile(r"(?i)take-?_? ?off|relative|(?<![a-z])rel(?![a-z])")
+"""In a heading of heights above the place of take-off."""
+_FROM_START = (
+    " They are above the place of take-off or start, and not above sea level: the flight is too low or too "
+    "high by the height of that place."
+)
+ABOVE_ELLIPSOID = "Heights are above the ellipsoid, as their heading says."
+_ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])hae(?![a-z])|(?<=[a-z])HAE")
+"""In a heading of heights above the ellipsoid."""
+BY_SIZE = "guessed by its size"
+
+
+class Column(NamedTuple):
+    """A column in SI units.
+
+    Attributes
+    ----------
+    name : str
+        Its heading; empty if there is none.
+    values : (n,) array
+        Its numbers in SI units; NaN where unknown.
+    unit, source : str
+        The unit in which they were read, and how it is known.
+    """
+
+    name: str
+    values: FloatArray
+    unit: str
+    source: str
+
+
+def column_of(sheet: Sheet, quantity: str) -> Column | None:
+    """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
+    found = sheet.all_of(quantity)
+    if not found:
+        return None
+    heading, values = found[0]
+    kind = SCALARS[quantity]
+    unit = heading.unit or next(iter(UNITS[kind]))
+    source = "named in the heading" if heading.unit else "assumed"
+    return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def about_heights(name: str) -> tuple[str, ...]:
+    """Return above what the heights of a column are, by its heading; empty without one, or if it is told."""
+    if not name or _ABOVE_START.search(name):
+        return ()
+    return (ABOVE_ELLIPSOID,) if _ELLIPSOID.search(name) else (SEA_LEVEL,)
+
+
+def doubt_of_feet(height: Column, columns: Sequence[Column]) -> tuple[str, ...]:
+    """Return a sentence if heights without a unit stand beside a speed in knots, as in aviation."""
+    if height.source != "assumed" or all(column.unit != "kt" for column in columns):
+        return ()
+    return (
+        "The speed is in knots: if the heights are in feet, as in aviation, "
+        f'--unit "{height.name}=ft" says so.',
+    )
+
+
+def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:
+    """Return the heights [m] beside latitudes, and a sentence on them.
+
+    Parameters
+    ----------
+    sheet
+        The sheet.
+    latitude
+        The latitudes: heights beside coordinates in 1e-7° are often in mm.
+    needed
+        Whether there must be heights; if not, those of a sheet without them are NaN.
+
+    Raises
+    ------
+    MissionError
+        If there are none, and they are needed.
+    """
+    found = column_of(sheet, "height")
+    if found is None and needed:
+        raise MissionError(
+            f"{sheet.name}: no column with the height of the fixes found; accepted are headings such as "
+            "altitude, alt_m or height, or --column HEADING=height[m]"
+        )
+    if found is None:
+        return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
+    height = _in_metres(found, latitude)
+    if found.source == "assumed" and {*(one.text for one in sheet.headings), *sheet.unknown} >= _FOREFLIGHT:
+        height = found._replace(values=found.values * FOOT, unit="ft", source="as ForeFlight writes")
+    elif found.source == "assumed" and _SIMCONNECT.search(found.name):
+        height = found._replace(values=found.values * FOOT, unit="ft", source="as SimConnect has it")
+    above = _FROM_START if _ABOVE_START.search(height.name) else ""
+    return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).{above}"
+
+
+def _in_metres(height: Column, latitude: Column) -> Column:
+    if _is_of_transponder(height):
+        return height._replace(
+            values=height.values * FOOT,
+            unit="ft",
+            source="guessed: all are multiples of 25, as transponders send",
+        )
+    whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
+    if (
+        height.source == "assumed"
+        and latitude.unit == "1e-7°"
+        and whole
+        and np.nanmax(height.values) > _MAX_METRES
+    ):
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
+    if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
+        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
+    return height
+
+
+def _is_of_transponder(height: Column) -> bool:
+    """Return whether all heights are multiples of 25, the step in which transponders send feet."""
+    known = height.values[np.isfinite(height.values)]
+    levels = np.unique(known)
+    return bool(
+        height.source == "assumed" and levels.size >= _MIN_LEVELS and (known % _TRANSPONDER_STEP == 0).all()
+    )
+
+
+def _or_other(height: Column) -> str:
+    """Return how the unit of heights is stated where it is assumed: those of a level drive do not show it."""
+    return f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""

@@ -1,0 +1,398 @@
+"""Sheet IMU: gyros and accelerometers out of the sheets of a log, at common times, with a report.
+
+Of several sensors the one that its heading recommends is taken. An accelerometer has gravity in it: phones
+also write accelerations without it, which are used only together with their direction of gravity.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
+from lab.data.clock.sheet_stamps import is_regular, smooth
+from lab.data.clock.stamps import ACCEPTED, ZONES
+from lab.data.files.unit_names import UNITS
+from lab.data.log.coverage import span_text
+from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
+from lab.data.sheets.sheet import Sheet
+from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_force import refuse_cm_per_s2
+
+FloatArray = NDArray[np.float64]
+
+_ONE_G = (0.6, 1.6)
+"""Median length of a specific force [g]: of a vehicle, a walker or a hand it is near 1."""
+NAMED = "named in the heading"
+"""How the unit of a column is known that its heading, or a person, states."""
+_STEADY = 0.9
+"""Length of the median vector over the median length from which accelerations of an unknown unit hold
+gravity. Measured in motion: 0.98 and more on six real logs, up to 0.69 on the same without gravity."""
+_FORCE_UNITS = ("m/s²", "g", "mg")
+_FASTEST = 35.0
+"""Angular rate that no vehicle has [rad/s]: larger numbers are in °/s."""
+_FASTEST_DEGREES = 4000.0
+"""Largest range of a MEMS gyro [°/s]: larger numbers beside mg are m°/s."""
+_SLOW_DEGREES = 0.15
+"""Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
+_RESTLESS = 0.2
+"""σ of the size of the specific force from which a vehicle moves or shakes [m/s²]; at rest it is noise."""
+_OF_SENSOR_LOGGER = {"time", "seconds_elapsed"}
+"""Time stamps in each table of Sensor Logger, whose gyros are in rad/s on every phone (its UNITS.md)."""
+_OF_PHYSICS_TOOLBOX = "gFxgFygFzwxwywz"
+"""Headings of accelerometers and gyros of Physics Toolbox, one after the other."""
+_COUNTED = {"acc smooth", "acc adc"}
+"""Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
+_COUNTS = (256, 512, 1024, 2048, 4096)
+"""Counts that are 1 g on the boards of these: a range of ±8 or ±16 g in 12 to 16 bits."""
+_LIKE_COUNTS = 0.2
+"""Largest deviation of the size from such a number, as a logarithm: the motion adds to gravity."""
+_MAX_APART = 2.5
+"""Longest interval between samples of an accelerometer, in usual ones, over which it is interpolated."""
+_TOGETHER = 0.5
+"""Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
+_NUMBERS = re.compile(r"\d+")
+_ANOTHER_DEVICE = re.compile(r"(?i)wrist|watch|headphone|airpods")
+"""Names of tables that an app of a phone writes of another device with an IMU or receiver of its own."""
+_JITTERS = 0.01
+"""Part of the rows that are out of order from which the stamps jitter, unless sorting makes them regular."""
+_MAX_BACK = 2.0
+"""Largest displacement of a row in time that is sorted [s]: loggers write batches; more is
+a restart."""
+
+
+class Triad(NamedTuple):
+    """A sensor with three axes.
+
+    Attributes
+    ----------
+    sheet : Sheet
+        The sheet it is in.
+    clock : Clock
+        Time stamps of the sheet.
+    values : (n, 3) array
+        Its numbers, in SI units.
+    headings : tuple of Heading
+        Its columns, x, y, z.
+    unit : str
+        Their unit.
+    source : str
+        How the unit is known.
+    """
+
+    sheet: Sheet
+    clock: Clock
+    values: FloatArray
+    headings: tuple[Heading, ...]
+    unit: str
+    source: str
+
+    @property
+    def place(self) -> str:
+        """The first of its columns, and where it stands."""
+        return f"{self.headings[0].text} of {self.sheet.name}"
+
+    @property
+    def report(self) -> str:
+        """Sentence about the columns and their unit."""
+        names = ", ".join(f"{'-' if one.sign < 0 else ''}{one.text}" for one in self.headings)
+        return f"{names} of {self.sheet.name}, in {self.unit} ({self.source})"
+
+
+class Imu(NamedTuple):
+    """Samples of an IMU in its own axes.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Time stamps, increasing [s].
+    samples : (n, 6) array
+        Angular rate [rad/s] and specific force [m/s²]; NaN where one is unknown.
+    gyro, accelerometer : Triad
+        Where they are from.
+    remarks : tuple of str
+        The report.
+    """
+
+    time: FloatArray
+    samples: FloatArray
+    gyro: Triad
+    accelerometer: Triad
+    remarks: tuple[str, ...]
+
+
+def imu_of(sheets: Sequence[Sheet]) -> Imu:
+    """Return the IMU of a log.
+
+    Raises
+    ------
+    MissionError
+        If there are no gyros or accelerometers, or the accelerations are without gravity, or in an unknown
+        unit.
+    """
+    gyros, forces = triads(sheets, "rate"), triads(sheets, "force")
+    if not gyros or not forces:
+        raise MissionError(_what_is_missing(sheets, bool(gyros), bool(forces)))
+    force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
+    gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
+    time, samples, merged = _merged(gyro, force)
+    if force.unit == "mg" and force.source != NAMED:
+        refuse_cm_per_s2(time, samples, force.place)
+    for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
+        if others := [
+            one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
+        ]:
+            remarks.append(f"Other {what} in the files are not used: {', '.join(others)}.")
+    lines = [f"Gyros: {gyro.report}.", f"Accelerometers: {force.report}.", gyro.clock.report("IMU")]
+    return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
+
+
+def _is_beside(gyro: Triad, force: Triad) -> bool:
+    """Return whether two sensors stand in one sheet, and have the same numbers in their headings."""
+    numbers = [_NUMBERS.findall(one.headings[0].sensor) for one in (gyro, force)]
+    return gyro.sheet is force.sheet and numbers[0] == numbers[1]
+
+
+def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray, list[str]]:
+    """Return rows with a time, in order if they are only a little out of it, their times, and a report."""
+    rows = np.flatnonzero(np.isfinite(time))
+    late = np.maximum.accumulate(time[rows]) - time[rows] if rows.size else np.empty(0)
+    count = int((late > 0).sum())
+    if not count or late.max() > _MAX_BACK:
+        return rows, time[rows], []
+    back = f"by up to {late.max():.3g} s"
+    ordered = rows[np.argsort(time[rows], kind="stable")]
+    if count < _JITTERS * rows.size or is_regular(time[ordered]):
+        remark = f"{count} rows of the {what} were out of order {back} and were sorted."
+        return ordered, time[ordered], [remark]
+    even = smooth(time[rows])
+    remark = (
+        f"The time stamps of the {what} jitter and run backwards {back}: a moving average of them is used, "
+        "in the order of the rows."
+    )
+    return (rows, even, [remark]) if (np.diff(even) > 0).all() else (rows, time[rows], [])
+
+
+def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
+    """Return all complete sensors of a quantity, the best first; numbers are not in SI units yet."""
+    found = []
+    for sheet in sheets:
+        names = dict.fromkeys(one.sensor for one in sheet.headings if one.quantity == quantity)
+        clock = clock_of(sheet, fast=True) if names else None
+        for sensor in names:
+            # Axes that a person names complete those of a sensor.
+            axes = {
+                one.axis: (one, values)
+                for one, values in sheet.all_of(quantity)[::-1]
+                if one.sensor in (sensor, GIVEN)
+            }
+            if clock is None or len(axes) < len("xyz"):
+                continue
+            headings = tuple(axes[axis][0] for axis in "xyz")
+            unit = next((one.unit for one in headings if one.unit), "")
+            values = np.column_stack([_in_unit(*axes[axis], unit) for axis in "xyz"])
+            if np.isfinite(values).all(axis=1).any():
+                found.append(Triad(sheet, clock, values, headings, unit, NAMED))
+    return sorted(
+        found,
+        key=lambda one: (
+            is_of_another_device(one.sheet),
+            one.headings[0].rank,
+            -np.isfinite(one.values[:, 0]).sum(),
+        ),
+    )
+
+
+def is_of_another_device(sheet: Sheet) -> bool:
+    """Return whether a table is of what is worn beside the phone that recorded it."""
+    return _ANOTHER_DEVICE.search(sheet.name) is not None
+
+
+def _in_unit(heading: Heading, values: FloatArray, unit: str) -> FloatArray:
+    """Return a column in the unit of the first one that names it; one without a unit has the same."""
+    factors = UNITS[heading.kind]
+    factor = factors[heading.unit] / factors[unit] if heading.unit else 1.0
+    return np.asarray(heading.sign * factor * values)
+
+
+def _scaled(triad: Triad, unit: str, source: str) -> Triad:
+    factor = UNITS[VECTORS[triad.headings[0].quantity]][unit]
+    return triad._replace(values=triad.values * factor, unit=unit, source=source)
+
+
+def _length(triad: Triad) -> float:
+    return float(np.nanmedian(np.linalg.norm(triad.values, axis=1)))
+
+
+def _is_steady(triad: Triad) -> bool:
+    """Return whether a vector points one way, as gravity makes it: without gravity it has no direction."""
+    mean = float(np.linalg.norm(np.nanmedian(triad.values, axis=0)))
+    return mean > _STEADY * _length(triad)
+
+
+def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Triad, list[str]]:
+    """Return the first accelerometer with gravity in it, in m/s²; or one without, with gravity added."""
+    for guess in _FORCE_UNITS:
+        for triad in forces:
+            unit = triad.unit or guess
+            size = _length(triad) * UNITS["acceleration"][unit] / STANDARD_GRAVITY
+            if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
+                source = NAMED if triad.unit else f"guessed: it is {size:.3g} g long"
+                return _scaled(triad, unit, source), []
+    bare = forces[0]
+    size, unit = _length(bare), bare.unit or "m/s²"
+    beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
+    if beside is not None and (factor := _gravity_factor(beside)):
+        total = _scaled(bare, unit, NAMED if bare.unit else "assumed")
+        added = _interpolated(beside.clock.time, beside.values * factor, bare.clock.time)
+        return total._replace(values=total.values + added), [
+            f"These accelerations are without gravity; {beside.headings[0].text} to "
+            f"{beside.headings[2].text} of {beside.sheet.name} was added."
+        ]
+    counts = min(_COUNTS, key=lambda one: abs(np.log(size / one)))
+    if bare.headings[0].sensor in _COUNTED and abs(np.log(size / counts)) < _LIKE_COUNTS:
+        values = bare.values * STANDARD_GRAVITY / counts
+        source = f"guessed: it is {size:.4g} long"
+        return bare._replace(values=values, unit=f"counts, {counts} of which are 1 g", source=source), []
+    fitting = [
+        other for other in _FORCE_UNITS
+        if _ONE_G[0] < size * UNITS["acceleration"][other] / STANDARD_GRAVITY < _ONE_G[1]
+    ]  # fmt: skip
+    where = f"{bare.sheet.name}, columns {bare.headings[0].text} to {bare.headings[2].text}"
+    if bare.unit and fitting and _is_steady(bare):
+        raise MissionError(
+            f"{where}: the accelerometers measure {size:.3g} {unit} (median), but gravity is 9.81 m/s²: the "
+            f"numbers look like {fitting[0]}, although the heading names {unit}; state the unit"
+        )
+    if size * UNITS["acceleration"][unit] < _ONE_G[0] * STANDARD_GRAVITY or not _is_steady(bare):
+        raise MissionError(
+            f"{where}: the accelerations are {size:.3g} {unit} long (median), so they are without gravity; "
+            "accepted is specific force with gravity, which phones call accelerometer with g or total "
+            "acceleration, or the columns of gravity beside"
+        )
+    raise MissionError(
+        f"{where}: the accelerometers measure {size:.3g} (median), which is gravity in none of the units "
+        f"{', '.join(_FORCE_UNITS)}: the numbers may be raw counts; accepted are numbers with a unit"
+    )
+
+
+def _gravity_factor(gravity: Triad) -> float:
+    size = _length(gravity)
+    units = (gravity.unit,) if gravity.unit else _FORCE_UNITS
+    factors = [UNITS["acceleration"][unit] for unit in units]
+    return next((one for one in factors if _ONE_G[0] < size * one / STANDARD_GRAVITY < _ONE_G[1]), 0.0)
+
+
+def _moves(force: Triad) -> bool:
+    """Return whether the specific force changes as on a vehicle in motion."""
+    return float(np.nanstd(np.linalg.norm(force.values, axis=1))) > _RESTLESS
+
+
+def _gyro(gyro: Triad, force: Triad) -> Triad:
+    if gyro.unit:
+        return _scaled(gyro, gyro.unit, gyro.source)
+    largest = float(np.nanmax(np.abs(gyro.values)))
+    if largest > _FASTEST_DEGREES and force.unit == "mg":
+        return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
+    if largest > _FASTEST:
+        return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
+    if app := app_of(gyro, force):
+        return _scaled(gyro, "rad/s", f"as {app} writes")
+    size = float(np.sqrt(np.nanmean(gyro.values**2)))
+    unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
+    if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
+        why = f"guessed: {size:.2g} (rms) is too slow for °/s in motion"
+    elif force.unit in ("g", "mg"):
+        unit, why = "°/s", f"guessed, because the accelerometers are in {force.unit}"
+    return _scaled(gyro, unit, why)
+
+
+def app_of(gyro: Triad, force: Triad) -> str:
+    """Return the app that writes rad/s even beside accelerations in g; empty for another one."""
+    if {one.text for one in gyro.sheet.headings} >= _OF_SENSOR_LOGGER:
+        return "Sensor Logger"
+    names = "".join(one.text for triad in (force, gyro) for one in triad.headings)
+    return "Physics Toolbox" if names == _OF_PHYSICS_TOOLBOX else ""
+
+
+def in_other_unit(imu: Imu) -> Imu | None:
+    """Return an IMU with its gyros in the other usual unit, if the unit is a guess without a proof."""
+    gyro = imu.gyro
+    if not gyro.source.startswith("guessed, "):
+        return None
+    unit, factor = ("°/s", DEGREE) if gyro.unit == "rad/s" else ("rad/s", 1 / DEGREE)
+    samples = imu.samples * np.array([factor] * 3 + [1.0] * 3)
+    other = gyro._replace(
+        values=gyro.values * factor, unit=unit, source=f"guessed: {gyro.unit} contradicts the motion"
+    )
+    return Imu(imu.time, samples, other, imu.accelerometer, (f"Gyros: {other.report}.", *imu.remarks[1:]))
+
+
+def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Return the samples at the times of the gyros."""
+    if gyro.sheet is force.sheet:
+        both = np.column_stack((gyro.values, force.values))
+        apart = np.isfinite(both[:, :3]).all(axis=1) != np.isfinite(both[:, 3:]).all(axis=1)
+        if apart.mean() < _TOGETHER:
+            of_imu = np.isfinite(both).any(axis=1)  # others are of the receiver only
+            rows, time, remarks = in_order(np.where(of_imu, gyro.clock.time, np.nan), "IMU")
+            return time, both[rows], remarks
+    known = np.isfinite(gyro.values).all(axis=1)
+    rows, time, remarks = in_order(np.where(known, gyro.clock.time, np.nan), "gyros")
+    rate = gyro.values[rows]
+    other = np.isfinite(force.values).all(axis=1)
+    at, when, more = in_order(np.where(other, force.clock.time, np.nan), "accelerometers")
+    both = np.column_stack((rate, _interpolated(when, force.values[at], time)))
+    inside = np.isfinite(both).all(axis=1)
+    if not inside.any():
+        raise MissionError(
+            f"{force.sheet.name}: the accelerometers were recorded from {span_text(when)}, and "
+            f"the gyros of {gyro.sheet.name} from {span_text(time)}; accepted are sensors of one clock, "
+            "recorded together"
+        )
+    first, last = np.flatnonzero(inside)[[0, -1]]
+    remarks = [*remarks, *more, "The accelerometers are interpolated to the times of the gyros."]
+    return time[first : last + 1], both[first : last + 1], remarks
+
+
+def _interpolated(time: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return values at other times; NaN outside, and where they are too far apart."""
+    kept = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    time, values = time[kept], values[kept]
+    if time.size < 2:
+        return np.full((len(at), 3), np.nan)
+    after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    step = np.diff(time)
+    result = np.column_stack([np.interp(at, time, column, left=np.nan, right=np.nan) for column in values.T])
+    usual = float(np.median(step))
+    result[step[after - 1] > _MAX_APART * usual] = np.nan
+    return result
+
+
+def of_odd_stamps(sheets: Sequence[Sheet]) -> str:
+    """Return a sentence on time stamps that are not understood; empty if there are none."""
+    odd = [f"{text!r} in the column {name}" for one in sheets for name, text in one.odd_stamps.items()]
+    return (
+        f" Time stamps are not understood: {', '.join(odd)}; accepted are {ACCEPTED}, {ZONES}." if odd else ""
+    )
+
+
+def _what_is_missing(sheets: Sequence[Sheet], gyros: bool, forces: bool) -> str:
+    missing = [word for word, there in (("gyros", gyros), ("accelerometers", forces)) if not there]
+    names = ", ".join(sheet.name for sheet in sheets)
+    known = sorted({one.quantity for sheet in sheets for one in sheet.headings})
+    unknown = [text for sheet in sheets for text in sheet.unknown][:20]
+    untimed = [sheet.name for sheet in sheets if clock_of(sheet, fast=True) is None]
+    timeless = f" No column with time stamps in {', '.join(untimed)}." if untimed else ""
+    timeless = of_odd_stamps(sheets) or timeless
+    return (
+        f"{names}: no complete {' and '.join(missing)} found (three axes and time stamps). Columns found: "
+        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown) or 'none'}.{timeless} "
+        "Accepted are headings such as gyro_x_rad_s and accel_x_m_s2, or what the columns are: --column "
+        "HEADING=rate_x[rad/s]"
+    )

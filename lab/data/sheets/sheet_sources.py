@@ -1,0 +1,148 @@
+"""Sheet sources: files that are a table, but not a csv with a header: rewritten as one.
+
+A VBO file of Racelogic names its columns in one section and their units in another; latitude and longitude
+are minutes, and west is positive. KITTI has a file of thirty numbers without a header for each sample.
+FlySight 2 begins each row with the sensor that it is of.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lab.base.parameters.units import DAY, LEAP_SECONDS
+from lab.data.sheets.gnss_logger import is_gnss_logger, tables_of
+
+_VBO = b"[column names]"
+_VBO_UNITS = {
+    "lat": "arcmin", "latitude": "arcmin", "long": "arcmin", "longitude": "arcmin", "velocity": "km/h",
+    "height": "m", "vert-vel": "km/h", "vertical-velocity": "km/h", "heading": "deg",
+}  # fmt: skip
+"""Units of the columns of a VBO file (Racelogic, "VBO file format")."""
+_VBO_WEST = {"long": "longitude_west", "longitude": "longitude_west"}
+"""Headings that do not say that west is positive."""
+_VBO_SPEED = re.compile(rb"(?im)^(vertical )?velocity (kmh|km/h|knots|kts|mph|m/s)\s*$")
+
+_GPS_EPOCH = 315_964_800.0
+"""Start of GPS time, since 1970 [s]."""
+
+_NUMBER = r"[+-]?\d{1,10}(?:\.\d{0,20})?(?:[eE][+-]?\d{1,2})?"
+_BEGIN = re.compile(rf"{_NUMBER}(?=,)")
+"""The time with which a row begins [s]."""
+_FLYSIGHT_TIME = re.compile(rf"\$TIME,({_NUMBER}),({_NUMBER}),(\d{{1,5}})\b")
+"""Clock of the device, GPS time of week, and GPS week."""
+
+_MAX_STAMP_ERROR = 1.0
+"""Largest distance from the median offset at which a stamp counts [s]: a crystal drifts 0.2 s in an hour."""
+_SHORTEST_DRIFT = 30.0
+"""Time over which stamps show the drift of the clock [s]: stamps of 1 ms then show 30 ppm."""
+
+KITTI_FRAME = re.compile(r"(?:^|/)oxts/data/\d+\.txt$")
+"""Path of the file with one sample."""
+KITTI_STAMP = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{9}\r?\n\d{4}-")
+"""How the file with the times of a drive begins."""
+KITTI_STAMPS = re.compile(r"(?:^|/)oxts/timestamps\.txt$")
+_KITTI_HEADINGS = (
+    "lat[deg],lon[deg],alt[m],roll,pitch,yaw,vn[m/s],ve[m/s],vf,vl,vu[m/s],acc_x[m/s2],acc_y[m/s2],"
+    "acc_z[m/s2],af,al,au,gyro_x[rad/s],gyro_y[rad/s],gyro_z[rad/s],wf,wl,wu,pos_accuracy[m],"
+    "vel_accuracy[m/s],navstat,numsats,posmode,velmode,orimode"
+)
+"""The columns of a sample (KITTI raw data, dataformat.txt); x forward, y left, z up."""
+
+
+def as_table(data: bytes) -> bytes:
+    """Return the text of a file as a csv with a header; any other text as it is."""
+    if data.startswith(b"$FLYS"):
+        return _of_flysight(data)
+    if is_gnss_logger(data):
+        return tables_of(data)
+    place = data[: 2**16].lower().find(_VBO)
+    return data if place < 0 else _of_vbo(data, place)
+
+
+def _of_vbo(data: bytes, place: int) -> bytes:
+    head, rest = data[:place], data[place:].split(b"\n", 2)
+    if len(rest) < len(("section", "names", "rows")):
+        return data
+    units = {bool(found[1]): found[2].decode().lower() for found in _VBO_SPEED.finditer(head)}
+    names, below = [], []
+    for name in rest[1].decode("latin-1").split():
+        unit = _VBO_UNITS.get(name.lower(), "-")
+        names.append(_VBO_WEST.get(name.lower(), name))
+        below.append(units.get(name.lower().startswith("vert"), unit) if unit == "km/h" else unit)
+    rows = rest[2].partition(b"[data]")[2].lstrip()
+    return " ".join(names).encode() + b"\n" + " ".join(below).encode() + b"\n" + rows
+
+
+def _of_flysight(data: bytes) -> bytes:
+    """Return the fixes of a file of FlySight 2, or its IMU with UTC as time."""
+    lines = data.decode("latin-1").splitlines()
+    sensor = next((one for one in ("GNSS", "IMU") if any(line.startswith(f"${one},") for line in lines)), "")
+    names, units = (
+        next((line.split(",")[2:] for line in lines if line.startswith(f"${kind},{sensor},")), [])
+        for kind in ("COL", "UNIT")
+    )
+    head = [f"{name}[{unit}]" if unit else name for name, unit in zip(names, units, strict=False)]
+    rows = [line.split(",", 1)[1] for line in lines if line.startswith(f"${sensor},")]
+    if sensor == "IMU" and head and (clock := _utc_of_clock(lines)) is not None:
+        head[0] = "utc[s]"
+        begun = [(float(found[0]), row[found.end() :]) for row in rows if (found := _BEGIN.match(row))]
+        rows = [f"{clock[1] + time * (1 + clock[0]):.4f}{rest}" for time, rest in begun]
+    return "\n".join((",".join(head), *rows, "")).encode()
+
+
+def _utc_of_clock(lines: Sequence[str]) -> tuple[float, float] | None:
+    """Return drift and offset [s] of UTC against the clock of a FlySight 2, by all its complete stamps."""
+    found = [[float(text) for text in match.groups()] for match in map(_FLYSIGHT_TIME.match, lines) if match]
+    if not found:
+        return None
+    clock, of_week, week = np.array(found).T
+    offset = week * 7 * DAY + of_week + _GPS_EPOCH - LEAP_SECONDS - clock
+    # Before the receiver knows the time a stamp may be far off.
+    near = np.abs(offset - np.sort(offset)[offset.size // 2]) < _MAX_STAMP_ERROR
+    clock, offset = clock[near], offset[near]
+    since = clock - clock.mean()
+    if np.ptp(clock) < _SHORTEST_DRIFT:
+        return 0.0, float(np.median(offset))
+    drift = float(since @ (offset - offset.mean()) / (since @ since))
+    return drift, float(offset.mean() - drift * clock.mean())
+
+
+def kitti_files(stamps: Path, most: int) -> tuple[str, bytes] | None:
+    """Return the name and the table of a KITTI drive that lies in a folder; None if there is none.
+
+    Parameters
+    ----------
+    stamps
+        The file ``oxts/timestamps.txt`` of the drive.
+    most
+        Most bytes of its samples.
+    """
+    folder = stamps.resolve().parent
+    frames = sorted(
+        one
+        for one in (folder / "data").glob("*.txt")
+        if KITTI_FRAME.search(f"oxts/data/{one.name}") and one.is_file()
+    )
+    if stamps.name != "timestamps.txt" or not frames or sum(one.stat().st_size for one in frames) > most:
+        return None
+    return folder.parent.name, kitti_table([one.read_bytes() for one in frames], stamps.read_bytes())
+
+
+def kitti_table(frames: Sequence[bytes], stamps: bytes) -> bytes:
+    """Return the samples of a KITTI drive as a csv.
+
+    Parameters
+    ----------
+    frames
+        The files of the samples, in order.
+    stamps
+        The file with their times, a line for each.
+    """
+    lines = [f"timestamp,{_KITTI_HEADINGS}"]
+    for time, frame in zip(stamps.decode("latin-1").split("\n"), frames, strict=False):
+        lines.append(",".join((time.strip(), *frame.decode("latin-1").split())))
+    return "\n".join(lines).encode()

@@ -1,0 +1,208 @@
+"""Capture: bytes of a device that another program saved, replayed by the times that are in them.
+
+Such a file says nothing of when its bytes arrived. They are taken to have arrived when the samples in them
+were measured, by the clock of the IMU, or else of the receiver.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.data.clock.device_clock import FORWARD
+from lab.data.protocols.catalogue import DECODERS, decoder_of
+from lab.data.protocols.column_map import ColumnMap
+from lab.data.protocols.recognition import recognise
+from lab.data.protocols.samples import Samples, joined
+from lab.data.protocols.text_lines import TextLines
+from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
+from lab.data.streams.transport import Chunk, TransportError
+
+FloatArray = NDArray[np.float64]
+
+RATES = (0.1, 10_000.0)
+"""Rates of a device that are accepted [Hz]."""
+LARGEST = 2**30
+"""Largest capture [bytes]: ten hours at 30 kB/s, a device with 1 kHz. It is decoded as a whole first."""
+_PIECE = 0.01
+"""Least time between two arrivals [s]: bytes come in pieces, not one by one."""
+_LOOKED_AT = 2**16
+"""Bytes in which samples are looked for: two seconds at 30 kB/s."""
+_BLOCK = 2**20
+"""Bytes that are decoded at a time, while others wait for the interpreter."""
+
+Records = Generator[tuple[int, Chunk], None, bool]
+
+
+def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
+    """Return what is known of the source of a raw recording, or of a capture of another program.
+
+    Parameters
+    ----------
+    path
+        The file.
+    options
+        Of a capture: ``protocol`` and ``columns``, if they shall not be found out.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or no protocol is recognised in it.
+    """
+    if _is_raw(path):
+        return read_header(path)
+    protocol, columns = options.get("protocol", ""), options.get("columns", "")
+    if not protocol:
+        protocol = "text" if columns else _recognised(path)
+    return {"protocol": protocol, "columns": columns}
+
+
+def records_of(path: str | os.PathLike[str], **options: str) -> Records:
+    """Yield the records of a raw recording, or of a capture, as `raw_recording.records` does.
+
+    A capture is decoded as a whole first, which takes 0.2 s for a megabyte.
+
+    Parameters
+    ----------
+    path
+        The file.
+    options
+        Of a capture: as of `header_of`, and ``rate`` [Hz].
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, no protocol is recognised in it, or nothing in it has a time.
+    TransportError, DecoderError, ColumnMapError
+        If rate, protocol or columns are not accepted.
+    """
+    if _is_raw(path):
+        return records(path)
+    header, data = header_of(path, **options), _data(path)
+    columns, rate = header["columns"], rate_of(options.get("rate") or 0.0)
+    decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(header["protocol"])
+    parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
+    return _records(data, *_arrivals(path, joined([*parts, decoder.finish()]), rate))
+
+
+def _is_raw(path: str | os.PathLike[str]) -> bool:
+    return Path(path).suffix == SUFFIX or _begin(path) == MAGIC
+
+
+def rate_of(value: Any) -> float:
+    """Return a rate of samples [Hz], 0 for one that is to be found out.
+
+    Raises
+    ------
+    TransportError
+        If it is none.
+    """
+    try:
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = np.nan
+    if not (rate == 0 or RATES[0] <= rate <= RATES[1]):
+        raise TransportError(f"rate = {value!r}; accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
+    return rate
+
+
+def holds_samples(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is a raw recording, or begins with frames of an IMU that `records_of` reads.
+
+    Text is none: any table of numbers looks like samples.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    head = _begin(path, _LOOKED_AT)
+    found = recognise(head)
+    return head.startswith(MAGIC) or bool(found and found[0].samples and not found[0].columns)
+
+
+def _begin(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
+    """Return the first bytes of a file."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(size)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _data(path: str | os.PathLike[str]) -> bytes:
+    if not Path(path).is_file():  # a pipe could keep the reader waiting for ever
+        raise RecordingError(f"{path}: is not an ordinary file")
+    size = Path(path).stat().st_size
+    if size > LARGEST:
+        raise RecordingError(
+            f"{path}: has {size / 2**30:.1f} GiB; accepted are captures up to {LARGEST / 2**30:.0f} GiB"
+        )
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _recognised(path: str | os.PathLike[str]) -> str:
+    """Return the protocol of the first bytes."""
+    found = recognise(_begin(path, _LOOKED_AT))
+    if not found:
+        raise RecordingError(
+            f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "
+            f"bytes of a device, as another program saved them, of the protocols {', '.join(DECODERS)}"
+        )
+    return found[0].name
+
+
+def _arrivals(
+    path: str | os.PathLike[str], samples: Samples, rate: float
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the ends of the pieces in the capture, and their times of arrival [s]."""
+    for rows, name in (
+        (samples.imu, "time"),
+        (samples.fix, "time"),
+        (samples.fix, "week_time"),
+        (samples.fix, "utc"),
+        (samples.reading, "time"),
+    ):
+        known = np.isfinite(rows[name])
+        if known.sum() > 1:
+            times, ends = rows[name][known], rows["end"][known]
+            break
+    else:
+        if not (rate > 0 and len(samples.imu)):
+            raise RecordingError(
+                f"{path}: nothing in it has a time, so that its samples cannot be timed; with rate=100 they "
+                "are taken to come 100 times a second"
+            )
+        times, ends = np.arange(len(samples.imu)) / rate, samples.imu["end"]
+    order = np.argsort(ends, kind="stable")
+    times, ends = times[order], ends[order]
+    steps = np.diff(times)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    steps[(steps < 0) | (steps > FORWARD)] = usual  # the clock was set
+    since = np.concatenate(([0.0], np.cumsum(steps)))
+    last = np.append(np.diff(np.floor(since / _PIECE)) > 0, True)
+    return ends[last], since[last]
+
+
+def _records(data: bytes, ends: NDArray[np.int64], arrivals: FloatArray) -> Records:
+    begin = 0
+    for end, arrival in zip(ends.tolist(), arrivals.tolist(), strict=True):
+        if end > begin:
+            yield DATA, Chunk(arrival, data[begin:end])
+            begin = end
+    if begin < len(data):
+        yield DATA, Chunk(float(arrivals[-1]), data[begin:])
+    return False

@@ -1,0 +1,220 @@
+"""Recorded log: a raw recording as samples, and as a sensor log that can be navigated."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.files.mission_error import MissionError
+from lab.data.checks.log_check import check_log
+from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.reading_times import NO_READINGS
+from lab.data.formats import log_reader_of
+from lab.data.log.sensor_log import SensorLog
+from lab.data.protocols.catalogue import DECODERS
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.capture import header_of, holds_samples, rate_of, records_of
+from lab.data.streams.live_log import log_of
+from lab.data.streams.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of
+from lab.data.streams.reception import Reception
+from lab.data.streams.transport import TransportError
+
+Rows = NDArray[np.void]
+
+_OWN_AXES = (
+    "The axes of the device are taken to point forward, right and down, if the recording says nothing else; "
+    "ins-lab import --as log --axes names others."
+)
+
+
+class RecordedSamples(NamedTuple):
+    """What a raw recording holds.
+
+    Attributes
+    ----------
+    imu : (n,) array of `lab.data.clock.timed_samples.TIMED_IMU`
+        Samples of the IMU.
+    fix : (m,) array of `lab.data.clock.timed_samples.TIMED_FIX`
+        Fixes.
+    reception : Reception
+        Which received them: protocol, timing, statistics and losses.
+    header : dict
+        What the recording says of its source.
+    reading : (k,) array of `lab.data.clock.timed_samples.TIMED_READING`
+        Headings and speeds.
+    """
+
+    imu: Rows
+    fix: Rows
+    reception: Reception
+    header: dict[str, Any]
+    reading: Rows = NO_READINGS
+
+
+def reception_of(header: dict[str, Any], **options: str) -> Reception:
+    """Return the reception that goes on where a recording began.
+
+    Parameters
+    ----------
+    header
+        What the recording says of its source.
+    options
+        Options in place of those in the header: ``protocol``, ``columns``, ``axes``, ``rate``.
+
+    Raises
+    ------
+    TransportError
+        If axes, columns or rate are not accepted, or the recording itself names a decoder of one's own.
+    DecoderError, ColumnMapError
+        If protocol or columns are not.
+    """
+    known = {**{name: header.get(name, "") for name in ("protocol", "columns", "axes", "rate")}, **options}
+    if "protocol" not in options and known["protocol"] not in ("", *DECODERS):
+        raise TransportError(
+            f"the recording names the decoder {known['protocol']!r}, which is not one of the laboratory "
+            "and is not executed; accepted is protocol=FILE.py:Name with a decoder that you trust"
+        )
+    axes, rate = str(known["axes"]), known["rate"] or 0.0
+    reception = Reception(
+        str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, rate_of(rate)
+    )
+    if "clock" in header:
+        reception.clock = DeviceClock.restored(header["clock"])
+    reception.restore(header.get("watch"), header.get("counted"))
+    return reception
+
+
+def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSamples:
+    """Return all samples of a raw recording: those that the stream had, bit for bit.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    options
+        As of `reception_of`.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    TransportError
+        If its header or an option is not accepted.
+    DecoderError
+        If a decoder of one's own fails.
+    """
+    header = header_of(path, **options)
+    reception = reception_of(header, **options)
+    imu, fix, readings, arrival = [], [], [NO_READINGS], 0.0
+    for kind, chunk in records_of(path, **options):
+        if kind == DATA:
+            arrival = chunk.arrival
+            samples, fixes = reception.take(chunk)
+        else:
+            event = event_of(chunk.data)
+            if NEW_AXES in event and "axes" not in options:
+                reception.axes = AxisMap.of(str(event[NEW_AXES]))
+            if DEVICE_LOST not in event:
+                continue
+            samples, fixes = reception.lose(arrival)
+        imu.append(samples)
+        fix.append(fixes)
+        readings.append(reception.taken_readings())
+    samples, fixes = reception.lose(arrival)
+    readings.append(reception.taken_readings())
+    return RecordedSamples(
+        np.concatenate([*imu, samples]),
+        np.concatenate([*fix, fixes]),
+        reception,
+        header,
+        np.concatenate(readings),
+    )
+
+
+def log_of_recording(
+    path: str | os.PathLike[str],
+    *,
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    latency: float = 0.0,
+    vehicle: str = "",
+    **options: str,
+) -> SensorLog:
+    """Return a raw recording, or a capture of another program, as a sensor log.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    lever_arm
+        From the IMU to the antenna, forward, right, down [m].
+    latency
+        Time stamps of the fixes minus their times of validity [s], beside what `Reception` has assumed.
+    vehicle
+        Name of the vehicle, as in `lab.data.log.vehicle.VEHICLES`; empty if unknown.
+    options
+        As of `reception_of`.
+
+    Raises
+    ------
+    RecordingError, TransportError, DecoderError
+        As `recorded_samples`.
+    MissionError
+        If IMU and receiver have recorded too little together.
+    """
+    found = recorded_samples(path, **options)
+    remarks = []
+    axes = str(found.reception.axes)
+    if "axes" not in options and axes != str(reception_of(found.header, **options).axes):
+        found = recorded_samples(path, **options, axes=axes)
+        remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
+    name, arm = Path(path).name, np.array(lever_arm)
+    log = log_of(name, found.imu, found.fix, arm, latency, vehicle, found.reading)
+    if (found.fix["sea_level"] == 1).any():
+        remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
+    return replace(log, repairs=(*log.repairs, *remarks))
+
+
+def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[str] = ()) -> SensorLog | None:
+    """Return the log of a file with the bytes of a device, checked; None for any other file.
+
+    A file whose format has a reader of logs is another one, also if that reader refuses it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    vehicle
+        As of `log_of_recording`.
+    axes
+        The axes of the device that point forward, right and down; empty for those of the recording.
+
+    Raises
+    ------
+    RecordingError, TransportError, DecoderError
+        As `recorded_samples`.
+    MissionError
+        If IMU and receiver have recorded too little together, or the log is implausible.
+    """
+    if not Path(path).is_file() or _has_reader(Path(path)) or not holds_samples(path):
+        return None
+    if axes:
+        log = log_of_recording(path, vehicle=vehicle, axes=",".join(axes))
+    else:
+        log = log_of_recording(path, vehicle=vehicle)
+        log = replace(log, repairs=(_OWN_AXES, *log.repairs))
+    check_log(log)
+    return log
+
+
+def _has_reader(path: Path) -> bool:
+    """Return whether a reader reads logs of a file's format."""
+    try:
+        return log_reader_of(path).read_log is not None
+    except MissionError:
+        return False

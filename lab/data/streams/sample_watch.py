@@ -1,0 +1,75 @@
+"""Sample watch: whether the bytes that come give samples, and if not, why, in a sentence."""
+
+from __future__ import annotations
+
+from lab.base.parameters.counted import counted
+from lab.data.streams.reception import Reception
+
+FRUITLESS = 2.0
+"""Time with bytes and without a sample after which a source is stale [s]: it holds two fixes of a receiver,
+and the time in which a protocol is looked for twice."""
+
+
+class SampleWatch:
+    """When bytes last gave a frame, and when a sample or a fix; of one connection.
+
+    Parameters
+    ----------
+    now
+        When it began [s].
+    """
+
+    def __init__(self, now: float) -> None:
+        self._framed = self._sampled = now
+        self._frames = 0
+
+    def sampled(self, now: float) -> None:
+        """Note that a sample or a fix came."""
+        self._framed = self._sampled = now
+
+    def without(self, now: float, frames: int) -> None:
+        """Note that bytes came without one; there are so many frames in all."""
+        if frames != self._frames:
+            self._frames, self._framed = frames, now
+
+    def lacks(self, now: float, reception: Reception, *, is_serial: bool) -> str:
+        """Return what is wrong with bytes that give no sample; empty while nothing is.
+
+        Parameters
+        ----------
+        now
+            The time [s].
+        reception
+            What reads the bytes.
+        is_serial
+            Whether they come through a line that has a speed.
+        """
+        if now - self._sampled <= FRUITLESS or not reception.statistics.bytes:
+            return ""
+        if now - self._framed > FRUITLESS:
+            return f"{_unread(now - self._framed, reception)} {_question(is_serial)}"
+        seen, loss = reception.statistics, reception.loss
+        counts = {
+            "repeated": loss.repeated, "backwards": loss.backwards, "outside the limits": seen.refused,
+            "without samples": seen.unknown,
+        }  # fmt: skip
+        why = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+        return (
+            f"Frames come, but no new sample or position for {now - self._sampled:.0f} s"
+            f"{f' ({why})' if why else ''}. A receiver may still look for satellites."
+        )
+
+
+def _unread(seconds: float, reception: Reception) -> str:
+    """Return a sentence about bytes that are no frames."""
+    if not reception.protocol:
+        return reception.evidence or "Bytes come; their protocol is looked for."
+    seen = counted(reception.statistics.skipped, "byte")
+    return (
+        f"Bytes come, but no frame of {reception.protocol} has passed its check for {seconds:.0f} s; "
+        f"{seen} belong to none."
+    )
+
+
+def _question(is_serial: bool) -> str:
+    return "Are the speed of the line and the protocol right?" if is_serial else "Is the protocol right?"

@@ -1,0 +1,449 @@
+"""Source: a thread that reads a device, times its samples, keeps the last of them and records the bytes."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from lab.data.protocols.decoder_error import DecoderError
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.cause import cause_of
+from lab.data.streams.first_bytes import FirstBytes
+from lab.data.streams.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
+from lab.data.streams.reception import Reception
+from lab.data.streams.ring import Cursor, Read, Ring
+from lab.data.streams.sample_watch import SampleWatch
+from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
+from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport
+from lab.data.streams.true_motion import TrueMotion
+
+SILENCE = 0.5
+"""Silence after which a source is stale [s]: five samples of the slowest IMU."""
+SILENCE_OF_FIXES = 2.5
+"""Silence after which a source of fixes alone is stale [s]: two of a receiver at 1 Hz are missing."""
+WAKE = 0.1
+"""Longest wait for bytes [s]: within it a source that is closed ends."""
+FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
+"""Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
+MEASURED = 2.0
+"""Time over which rate, jitter and latency are measured [s]."""
+LEAST_SAMPLES = 3
+"""Fewest samples of which a delay and its spread are told."""
+MEASURED_FIXES = 10.0
+"""Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
+_LOOKED_AT = 4096, 256
+"""Samples and fixes that are looked at for it: those of this time at 2 kHz and 25 Hz."""
+MOST_EVENTS = 100
+"""Most events that are kept: the last hours of a bad plug."""
+
+
+class Source:
+    """A stream of samples; as a context manager, it ends its thread and frees the port.
+
+    >>> import lab.live
+    >>> with lab.live.open("simulated:montreal") as source:
+    ...     read = source.since()
+
+    Parameters
+    ----------
+    transport
+        Brings the bytes.
+    reception
+        Makes samples of them.
+    header
+        What raw recordings say of the source beside address, protocol and axes.
+    clock
+        The host's monotonic clock.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        reception: Reception,
+        header: Mapping[str, Any] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.address = transport.address
+        self._transport = transport
+        self._reception = reception
+        self._header = dict(header or {})
+        self._clock = clock
+        self._ring = Ring()
+        self._lock = threading.Lock()  # of the recording and the axes; writing to a disk may take long
+        self._changed = threading.Condition()
+        self._ending = threading.Event()
+        self._state, self._why = OPENING, "Opening."
+        self._reached = False
+        self._heard = clock()
+        self._progress = SampleWatch(self._heard)
+        self._arrival = self._heard  # of the last bytes; of a replay, that recorded
+        self._events: tuple[Event, ...] = ()
+        self._losses: tuple[Event, ...] = ()
+        self._writer: RawWriter | None = None
+        self._first_bytes = FirstBytes()
+        self._recorded = ("", 0)
+        self._warning = ""
+        self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Begin to read, if it has not begun yet."""
+        if self._thread.ident is None:
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, the recording and the connection; may be repeated, from any thread."""
+        self._ending.set()
+        with self._changed:
+            self._changed.notify_all()
+        if self._thread.ident is None:
+            self._free()
+        elif self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def forget(self) -> None:
+        """Forget the samples and the device of a source that was closed, which take 100 MB at 1 kHz.
+
+        A simulated device holds its whole flight.
+        """
+        self._ring.forget()
+        self._first_bytes = FirstBytes()
+        self._transport = NoTransport(self.address)
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come."""
+        return self._state == ENDED
+
+    @property
+    def device(self) -> Pluggable | None:
+        """The simulated device that it reads, if it reads one."""
+        return getattr(self._transport, "device", None)
+
+    @property
+    def truth(self) -> TrueMotion | None:
+        """The true motion, if the source knows it: that of a simulated device, or of X-Plane."""
+        return getattr(self._transport, "truth", None)
+
+    def fixes_since(self, cursor: Cursor) -> Read:
+        """Return the fixes after a cursor, without the samples of the IMU."""
+        end = self._ring.end
+        return self._ring.since(Cursor(end.imu, cursor.fix, end.reading))
+
+    @property
+    def losses(self) -> tuple[Event, ...]:
+        """When the stream broke, by the clock of its arrivals, and why, as a clause; oldest first."""
+        return self._losses
+
+    @property
+    def recording(self) -> Path | None:
+        """The file into which the bytes are being recorded; None if none is."""
+        writer = self._writer
+        return None if writer is None else writer.path
+
+    @property
+    def axes(self) -> AxisMap:
+        """The axis map; setting it changes the samples that come then, and raw recordings note it."""
+        return self._reception.axes
+
+    @axes.setter
+    def axes(self, axes: AxisMap) -> None:
+        with self._lock:
+            self._reception.axes = axes
+            self._happened(f"The axes are {axes} now.")
+            if self._writer is not None:
+                self._tell({NEW_AXES: str(axes)}, self._arrival)
+
+    @property
+    def end(self) -> Cursor:
+        """The cursor of someone who has read everything."""
+        return self._ring.end
+
+    def since(self, cursor: Cursor | None = None) -> Read:
+        """Return the samples after a cursor; None stands for the beginning."""
+        return self._ring.since(cursor)
+
+    def last(self, seconds: float) -> Read:
+        """Return the samples of the last seconds, by their times, at most all that are kept."""
+        return self._ring.newest(seconds)
+
+    def wait(self, cursor: Cursor, longest: float) -> bool:
+        """Wait for samples after a cursor; return whether there are some, or the source has ended.
+
+        Parameters
+        ----------
+        cursor
+            How far one has read.
+        longest
+            Longest waiting time [s].
+        """
+        with self._changed:
+            return self._changed.wait_for(lambda: self._ring.end != cursor or self.ended, longest)
+
+    @property
+    def status(self) -> Status:
+        """The state at this moment; it never waits for the disk or the device."""
+        reception, end, now = self._reception, self._ring.end, self._clock()
+        state, sentence = self._now(now)
+        rate, fix_rate, jitter, latency = self._measured(now)
+        writer = self._writer
+        path, size = (str(writer.path), writer.bytes) if writer else self._recorded
+        return Status(
+            state=state,
+            sentence=sentence,
+            protocol=reception.protocol,
+            evidence=reception.described,
+            timing=reception.timing,
+            axes=reception.axes,
+            samples=end.imu,
+            fixes=end.fix,
+            rate=rate,
+            fix_rate=fix_rate,
+            jitter=jitter,
+            latency=latency,
+            silence=now - self._heard,
+            statistics=reception.statistics,
+            loss=reception.loss,
+            drift=reception.clock.drift if end.imu else float("nan"),
+            drift_sigma=reception.clock.drift_sigma if end.imu else float("nan"),
+            offset=reception.clock.offset,
+            clock=reception.watch.events[-1].text if reception.watch.events else "",
+            recording=path,
+            recorded=size,
+            warning=self._warning or (writer.warning if writer else ""),
+            events=self._events,
+        )
+
+    def _now(self, now: float) -> tuple[str, str]:
+        """Return the state, which silence changes, and the state in words."""
+        silent, end = now - self._heard, self._ring.end
+        if self._state != STREAMING:
+            return self._state, self._why
+        remark = str(getattr(self._transport, "remark", ""))
+        if silent > (SILENCE_OF_FIXES if end.fix and not end.imu else SILENCE):
+            return STALE, f"Nothing has come for {silent:.1f} s. {remark}".rstrip()
+        if why := self._progress.lacks(now, self._reception, is_serial=self.address.startswith("serial:")):
+            return STALE, f"{why} {remark}".rstrip()
+        if not sum(end) and self._reception.statistics.bytes:
+            return STREAMING, self._reception.evidence or "Bytes come; no sample is complete yet."
+        return STREAMING, f"{self._why} {remark}".rstrip()
+
+    def _measured(self, now: float) -> tuple[float, float, float, float]:
+        """Return rates, jitter and latency of the last seconds."""
+        read = self._ring.last(*_LOOKED_AT)
+        now += self._arrival - self._heard  # by the clock of the arrivals, which may not be the host's
+        imu = read.imu[read.imu["arrival"] > now - MEASURED]
+        fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
+        rate = _rate(imu["time"])
+        fix_rate = _rate(fix["time"])
+        if len(imu) < LEAST_SAMPLES:
+            return rate, fix_rate, float("nan"), float("nan")
+        delay = imu["arrival"] - imu["time"]
+        steps = np.diff(imu["arrival"])
+        return rate, fix_rate, float(steps.std()), float(np.median(delay) - delay.min())
+
+    def record(self, path: str | os.PathLike[str]) -> None:
+        """Begin to record the bytes from now on; the recording ends with `stop_recording`, or the source.
+
+        The first bytes, from which no sample came yet, are recorded too: a replay finds protocol, rate and
+        clock from them, as this source does.
+
+        Parameters
+        ----------
+        path
+            The new file.
+
+        Raises
+        ------
+        RecordingError
+            If the file exists or cannot be made, or another recording runs.
+        """
+        with self._lock:
+            if self._writer is not None:
+                raise RecordingError(f"{self._writer.path}: is being recorded; stop it first")
+            reception = self._reception
+            columns = reception.columns
+            self._writer = RawWriter(
+                path,
+                {
+                    "address": self.address,
+                    "protocol": reception.protocol,
+                    "columns": "" if columns is None else str(columns),
+                    "axes": str(reception.axes),
+                    "rate": reception.rate,
+                    "clock": reception.clock.state,
+                    "watch": reception.watch.state,
+                    "counted": reception.counted,
+                    **self._header,
+                },
+            )
+            self._recorded, self._warning = (str(path), 0), ""
+            for chunk in self._first_bytes:
+                self._record(chunk)
+
+    def stop_recording(self, path: Path | None = None) -> Path | None:
+        """End the recording; return its path, or None if none runs.
+
+        Parameters
+        ----------
+        path
+            The recording that is meant, where many record: another one, begun after it had ended, goes on.
+        """
+        with self._lock:
+            if path is not None and path != self.recording:
+                return None
+            writer, ended = self._writer, self._stopped()
+            if writer is not None and writer.failure:
+                self._warning = writer.failure
+                self._happened(writer.failure)
+            return ended
+
+    def _stopped(self) -> Path | None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return None
+        self._recorded = str(writer.path), writer.bytes
+        writer.close()
+        return writer.path
+
+    def _run(self) -> None:
+        """Open, read and open again, until it is closed or nothing more will come."""
+        wait = FIRST_WAIT
+        try:
+            while not self._ending.is_set():
+                try:
+                    self._transport.open()
+                except OSError as error:
+                    self._lose(error, opened=False)
+                else:
+                    connected = self._heard = self._clock()
+                    try:
+                        self._read()
+                    except OSError as error:
+                        self._lose(error, opened=True)
+                    # Who accepts and ends at once is not asked ten times a second.
+                    if self._heard > connected:
+                        wait = FIRST_WAIT
+                self._transport.close()
+                if not self._transport.reconnects and self._state == LOST:
+                    self._end(self._why)
+                    return
+                self._ending.wait(wait)
+                wait = min(2 * wait, LONGEST_WAIT)
+            self._end("Closed.")
+        except EOFError as error:
+            with self._lock:
+                self._put(*self._reception.lose(self._arrival))
+            self._end(str(error) or "Nothing more will come.")
+        except DecoderError as error:
+            self._end(str(error))
+        except Exception as error:
+            self._end(f"The laboratory failed: {type(error).__name__}: {error}")
+            raise
+        finally:
+            self._free()
+            self.stop_recording()
+
+    def _free(self) -> None:
+        """Close the connection, and end what belongs to it."""
+        self._transport.close()
+        end = getattr(self._transport, "end", None)
+        if end is not None:
+            end()
+
+    def _read(self) -> None:
+        self._progress = SampleWatch(self._heard)
+        self._set(STREAMING, "Connected; nothing has come yet.")
+        while not self._ending.is_set():
+            chunk = self._transport.read(WAKE)
+            if chunk.data:
+                self._take(chunk)
+
+    def _take(self, chunk: Chunk) -> None:
+        with self._lock:
+            self._record(chunk)
+            self._heard, self._arrival = self._clock(), chunk.arrival
+            imu, fix = self._reception.take(chunk)
+            self._put(imu, fix)
+            self._tell_of_the_clock()
+            if len(imu) or len(fix):
+                self._first_bytes.end()
+                self._progress.sampled(self._heard)
+                if self._why != "Streaming.":
+                    self._set(STREAMING, "Streaming.")
+            else:
+                self._first_bytes.add(chunk)
+                self._progress.without(self._heard, self._reception.statistics.frames)
+
+    def _record(self, chunk: Chunk) -> None:
+        self._keep(lambda: self._writer.take(chunk) if self._writer else None)
+
+    def _put(self, imu: Any, fix: Any) -> None:
+        readings = self._reception.taken_readings()
+        if len(imu) or len(fix) or len(readings):
+            self._ring.append(imu, fix, readings)
+            with self._changed:
+                self._changed.notify_all()
+
+    def _keep(self, write: Callable[[], None]) -> None:
+        """Write to the recording; if that fails the stream goes on without it."""
+        try:
+            write()
+        except RecordingError as error:
+            self._stopped()
+            self._warning = str(error)
+            self._happened(str(error))
+
+    def _tell(self, event: Mapping[str, Any], now: float) -> None:
+        self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
+
+    def _lose(self, error: OSError, *, opened: bool) -> None:
+        """Note that the device is gone, or not there yet."""
+        why = cause_of(error)
+        first = self._state != LOST
+        self._reached |= opened
+        with self._lock:
+            if opened:
+                self._put(*self._reception.lose(self._arrival))
+                self._first_bytes = FirstBytes()
+                self._tell_of_the_clock()
+                self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
+                if self._writer is not None:
+                    self._tell({DEVICE_LOST: why}, self._arrival)
+        again = "it is tried again." if self._transport.reconnects else "it ends here."
+        self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", told=first)
+
+    def _tell_of_the_clock(self) -> None:
+        for event in self._reception.watch.told():
+            self._happened(event.text)
+
+    def _happened(self, text: str) -> None:
+        self._events = (*self._events, Event(self._clock(), text))[-MOST_EVENTS:]
+
+    def _set(self, state: str, why: str, told: bool = True) -> None:
+        self._state, self._why = state, why
+        if told:
+            self._happened(why)
+        with self._changed:
+            self._changed.notify_all()
+
+    def _end(self, why: str) -> None:
+        self._set(ENDED, why)
+
+
+def _rate(times: Any) -> float:
+    return (
+        float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 and times[-1] > times[0] else 0.0
+    )

@@ -1,0 +1,96 @@
+"""Source opening: an address becomes a source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lab.base.registry import find
+from lab.data.streams.address import Address
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.raw_recording import NEW_AXES
+from lab.data.streams.recorded_log import reception_of
+from lab.data.streams.replay import Replay
+from lab.data.streams.sensor_server import SensorServerTransport
+from lab.data.streams.serial_port import SerialPort
+from lab.data.streams.source import Source
+from lab.data.streams.tcp_connection import TcpConnection
+from lab.data.streams.transport import Transport
+from lab.data.streams.udp_listener import UdpListener
+
+SPEEDS = (0.1, 10.0)
+"""Speeds of a replay that are accepted; beside them ``max``."""
+
+
+def open_source(address: str | Address | Transport, **options: str) -> Source:
+    """Return the source of an address; it reads from the beginning of a ``with``, or of `Source.start`.
+
+    >>> import lab.live
+    >>> with lab.live.open("serial:/dev/ttyUSB0?baud=115200&protocol=vectornav") as source:
+    ...     read = source.since()
+
+    Parameters
+    ----------
+    address
+        An address as `lab.data.streams.address.FORMS` shows, or a transport of one's own.
+    options
+        Further options, as they may stand in the address: ``protocol``, ``columns`` of text, ``axes``,
+        ``rate`` [Hz] of a device without a clock.
+
+    Raises
+    ------
+    TransportError
+        If the address or an option is not accepted.
+    DecoderError, ColumnMapError
+        If protocol or columns are not accepted.
+    MissionError, SettingError
+        If a simulated device cannot fly the mission.
+    """
+    if isinstance(address, str):
+        address = Address.of(address)
+    if isinstance(address, Address):
+        address = Address(address.kind, address.place, {**address.options, **options})
+        options = dict(address.options)
+        transport: Transport = _maker(address.kind)(address)
+    else:
+        transport = address
+    known = transport.header if isinstance(transport, Replay) else {}
+    given = {
+        name: value for name, value in options.items() if name in ("protocol", "columns", "axes", "rate")
+    }
+    reception = reception_of(known, **given)
+    source = Source(transport, reception, {"name": options.get("name", "")})
+    if isinstance(transport, Replay) and "axes" not in options:
+        transport.tell = lambda event: _follow(source, event)
+    return source
+
+
+def _maker(kind: str) -> Callable[[Address], Transport]:
+    """Return what makes a transport of an address; that of a simulation is registered by `lab.live`."""
+    return _TRANSPORTS[kind] if kind in _TRANSPORTS else find("source", kind)
+
+
+def _follow(source: Source, event: Mapping[str, Any]) -> None:
+    """Take over from a recording what changed while it was made."""
+    if NEW_AXES in event:
+        source.axes = AxisMap.of(str(event[NEW_AXES]))
+
+
+def _replay(address: Address) -> Replay:
+    address.check(("speed",))
+    fast = address.options.get("speed") == "max"
+    speed = float("inf") if fast else address.number("speed", 1.0, *SPEEDS)
+    given = {
+        name: address.options[name] for name in ("protocol", "columns", "rate") if name in address.options
+    }
+    return Replay(Path(address.place), speed, **given)
+
+
+_TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {
+    "serial": SerialPort,
+    "udp": UdpListener,
+    "tcp": TcpConnection,
+    "replay": _replay,
+    "sensorserver": lambda address: SensorServerTransport(f"sensorserver:{address.place}"),
+}

@@ -1,0 +1,89 @@
+"""Unfinished recordings: raw recordings of which nobody has made a mission yet, or thrown away.
+
+A file beside the recording marks it while it runs and until somebody decides, so a browser that is reloaded
+or a server that is killed loses none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+from lab.data.streams.raw_recording import FLUSH, SUFFIX
+
+MARK: Final = ".unfinished"
+"""Added to the name of a recording for the file that marks it."""
+RUNS: Final = 3 * FLUSH
+"""Age of the last bytes below which another process may still record [s]: they are flushed each `FLUSH`."""
+
+SETTLED: Final = 2_000_000_000
+"""Age of the last change of a folder from which another one has another time [ns]: the 2 s of FAT."""
+
+
+def mark(path: Path) -> None:
+    """Mark a recording that begins; raises `OSError`."""
+    _marked(path).touch()
+
+
+def unmark(path: Path) -> None:
+    """Remove the mark of a recording: it is a mission now, or its owner was told why not."""
+    with contextlib.suppress(OSError):
+        _marked(path).unlink()
+
+
+def discard(path: Path) -> None:
+    """Delete an unfinished recording, with its mark; raises `OSError`."""
+    path.unlink(missing_ok=True)
+    unmark(path)
+
+
+class UnfinishedRecordings:
+    """The unfinished recordings in a folder, which is read again only when its entries have changed."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._entries = 0  # when the entries of the folder changed, when it was read [ns]
+        self._marked: list[Path] = []
+
+    def found(self, folder: Path, running: Collection[Path] = ()) -> list[Path]:
+        """Return the unfinished recordings, the newest first.
+
+        Parameters
+        ----------
+        folder
+            The folder, which need not exist.
+        running
+            Recordings of this process that still run; they are left out, as those of other processes are.
+        """
+        self._read(folder)
+        found = []
+        for path in self._marked:
+            try:
+                changed = path.stat().st_mtime
+            except OSError:  # it was never begun, or somebody deleted it
+                unmark(path)
+                continue
+            if path not in running and time.time() - changed > RUNS:
+                found.append((changed, path))
+        return [path for _, path in sorted(found, reverse=True)]
+
+    def _read(self, folder: Path) -> None:
+        """Find the marked recordings, if the folder may have others than before."""
+        try:
+            entries = folder.stat().st_mtime_ns
+        except OSError:
+            entries = 0
+        if folder == self._folder and entries == self._entries:
+            return
+        marks = folder.glob(f"*{SUFFIX}{MARK}")
+        self._marked = [one.with_name(one.name.removesuffix(MARK)) for one in marks]
+        # Two changes within a tick of the file system have the same time: a young one is not believed.
+        settled = time.time_ns() - entries > SETTLED
+        self._folder, self._entries = (folder if settled else None), entries
+
+
+def _marked(path: Path) -> Path:
+    return path.with_name(path.name + MARK)

@@ -1,0 +1,111 @@
+"""Innovations: datasets of the fixes the filter used: innovations, their whiteness, and consistency."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency as statistics
+from lab.analysis.errors import error_state
+from lab.analysis.fix_causes import of_fixes
+from lab.experiment.datasets.labelled import EAST_NORTH_UP, labelled
+from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
+from lab.navigation.filters.error_models import POS
+from lab.navigation.filters.kalman import MEASUREMENTS
+from lab.run.run import Run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+FloatArray = NDArray[np.float64]
+
+
+def innovations(run: Run) -> xr.Dataset:
+    """Return innovations, their σ, and NIS; see `Result.innovations`."""
+    nu, S = run.solution_arrays.innovation, run.solution_arrays.innovation_covariance
+    sigma = np.where(np.isnan(nu), np.nan, np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+    measured = np.isfinite(nu).sum(axis=1)
+    degrees = int(measured.max()) if measured.any() else MEASUREMENTS
+    nis = _of_used_fixes(run, np.nan_to_num(nu), S)
+    rejected = run.solution_arrays.fix_rejected.astype(np.float64)
+    dims = ("time_gps", "axis")
+    dataset = labelled(
+        run,
+        position=(dims, east_north_up(nu[:, :3]), "m", "position innovation"),
+        velocity=(dims, east_north_up(nu[:, 3:]), "m/s", "velocity innovation"),
+        position_sigma=(dims, east_north_up_sizes(sigma[:, :3]), "m", "σ of the position innovation"),
+        velocity_sigma=(dims, east_north_up_sizes(sigma[:, 3:]), "m/s", "σ of the velocity innovation"),
+        nis=(("time_gps",), nis, "", f"NIS, {degrees} degrees of freedom"),
+        rejected=(("time_gps",), rejected, "", "1 for a fix rejected by the gate"),
+    )
+    dataset.nis.attrs["degrees"] = degrees
+    return dataset
+
+
+def normalised(found: xr.Dataset) -> FloatArray:
+    """Return the innovations of the fixes used (m, 6) in their σ: position, then velocity, east, north, up.
+
+    What the receiver of a log does not measure is NaN.
+
+    Parameters
+    ----------
+    found
+        What `innovations` returned.
+    """
+    used = np.isfinite(found["nis"].values)
+    parts = [(found[name] / found[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
+    return np.concatenate(parts, axis=1)
+
+
+def autocorrelation(run: Run, found: xr.Dataset) -> xr.Dataset:
+    """Return the autocorrelation of the innovations; see `Result.autocorrelation`."""
+    values = normalised(found)
+    r = statistics.autocorrelation(np.nan_to_num(values))
+    r[:, np.isnan(values).all(axis=0)] = np.nan
+    dims = ("lag", "axis")
+    dataset = labelled(
+        run,
+        position=(dims, r[:, :3], "", "autocorrelation of the position innovations"),
+        velocity=(dims, r[:, 3:], "", "autocorrelation of the velocity innovations"),
+    ).assign_coords(lag=np.arange(r.shape[0]))
+    return dataset.assign_attrs(band=statistics.whiteness_band(values.shape[0]))
+
+
+def consistency(run: Run) -> xr.Dataset:
+    """Return NEES after each fix; see `Result.consistency`."""
+    solution, truth = run.solution_arrays, run.known_truth("consistency")
+    samples = np.maximum(solution.fix_sample, 0)
+    scale = run.true_scale if solution.scale.size else None
+    further = run.true_further() if solution.further.size else None
+    x = error_state(solution, samples, truth, run.true_bias, scale, further)
+    nees = _of_used_fixes(run, x, solution.fix_covariance)
+    used = of_fixes(solution.fix_covariance, np.flatnonzero(solution.fix_sample >= 0))
+    degrees = int(statistics.uncertain(used).size) if used.size else 0
+    label = f"NEES, {degrees} degrees of freedom" if degrees else "NEES, not known"
+    dataset = labelled(run, nees=(("time_gps",), nees, "", label))
+    dataset.nees.attrs["degrees"] = degrees
+    return dataset
+
+
+def position_covariance(run: Run) -> xr.DataArray:
+    """Return the covariance of the position error; see `Result.position_covariance`."""
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    P = NED_TO_ENU @ run.solution_arrays.fix_covariance[:, POS, POS] @ NED_TO_ENU.T
+    return xr.DataArray(
+        P,
+        dims=("time_gps", "axis", "axis_2"),
+        coords={"time_gps": run.fixes.time, "axis": EAST_NORTH_UP, "axis_2": EAST_NORTH_UP},
+        attrs={"units": "m²", "long_name": "covariance of the position error"},
+    )
+
+
+def _of_used_fixes(run: Run, vectors: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Return the normalised squares (m,) of vectors at the fixes; NaN where the filter used none."""
+    used = np.flatnonzero(run.solution_arrays.fix_sample >= 0)
+    squares = np.full(run.fixes.time.shape, np.nan)
+    squares[used] = statistics.normalised_squares(vectors[used], of_fixes(covariances, used))
+    return squares

@@ -1,0 +1,268 @@
+"""Sweeping: an experiment run over values of settings and over seeds, on all processors.
+
+Of each run, only some numbers are kept. They stay in a cache, so the same sweep is there at once, and a
+sweep that was ended goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from itertools import product
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.blas_threads import OneBlasThread
+from lab.base.cache import StageCache, digest
+from lab.base.parameters.setting_help import value_text
+from lab.base.parameters.settings import SettingError
+from lab.base.progress import Progress
+from lab.experiment.ensembles.ensemble import QUANTITIES, UNITS
+from lab.experiment.ensembles.seeds import memory_of, seed_numbers, thread_count
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.experiment.sweep import Sweep
+from lab.missions import LogMission, mission
+from lab.run.memory import at_once
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+KEPT = StageCache(limit=4 * 2**20)
+"""The numbers of single runs by their settings: 16,000 runs with 250 bytes each."""
+WIDE = len(QUANTITIES)
+TOLD_EVERY = 0.1
+"""Shortest time between two reports of the progress [s]."""
+
+
+class Swept(NamedTuple):
+    """A swept setting: its path, the name of its dimension, and its values."""
+
+    path: str
+    dim: str
+    values: list[Any]
+
+
+class Numbers(NamedTuple):
+    """The numbers of one run in the order of `measure`, and why they are NaN; empty if they are not."""
+
+    values: FloatArray
+    refusal: str
+
+
+@OneBlasThread()
+def sweep(
+    experiment: Experiment,
+    settings: Mapping[str, Sequence[Any]],
+    seeds: int | Sequence[int],
+    progress: Progress | None,
+    workers: int | None,
+) -> Sweep:
+    """Run all combinations of values with all seeds; see `Experiment.sweep`."""
+    swept = read(experiment, settings)
+    points = list(combinations(experiment, swept))
+    numbers = seeds_of(experiment, points, seeds)
+    hashes = {name: mission(name).content_hash for name in {point.mission for point in points}}
+    keys = [
+        digest(hashes[point.mission], {**point.to_dict(), "seed": None}, point.hidden) for point in points
+    ]
+
+    def one(index: int, seed: int) -> Numbers:
+        return KEPT.get("run", f"{keys[index]} {seed}", lambda: run(points[index], seed))
+
+    # Runs with the same seed follow one another, because they share the stages before the swept setting.
+    tasks = [(index, seed) for seed in numbers for index in range(len(points))]
+    found: dict[tuple[int, int], Numbers] = {}
+    threads = at_once(max(map(memory_of, points)), thread_count(workers))
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
+    told = time.monotonic()
+    try:
+        running = {pool.submit(one, *task): task for task in tasks}
+        for future in as_completed(running):
+            found[running.pop(future)] = future.result()
+            now = time.monotonic()
+            if progress is not None and (now > told + TOLD_EVERY or not running):
+                told = now
+                progress(f"{len(found)} of {len(tasks)} runs", len(found) / len(tasks))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    refusals = Counter(one.refusal for one in found.values() if one.refusal)
+    if refusals.total() == len(tasks):
+        raise ValueError(f"No run of the sweep is possible: {refusals.most_common(1)[0][0]}")
+    values = np.array([[found[index, seed].values for seed in numbers] for index in range(len(points))])
+    return Sweep(
+        experiment.mission,
+        tuple(one.path for one in swept),
+        dataset(experiment, swept, numbers, values),
+        tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items()),
+    )
+
+
+def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[Swept]:
+    """Return the swept settings; each value has been accepted by its setting.
+
+    Raises
+    ------
+    SettingError
+        If there is no such setting, or a value is not accepted, missing or given twice.
+    """
+    if not isinstance(settings, Mapping) or not settings:
+        raise SettingError(
+            'sweep: no setting named; accepted is, for instance, {"sensors.gyro.noise_density": [0.01, 0.1]}'
+        )
+    swept = []
+    for path, given in settings.items():
+        if not isinstance(path, str):
+            raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
+        if path == "seed":
+            raise SettingError("seed: every sweep runs over seeds; give their number or a list as `seeds`")
+        if isinstance(given, str) or not hasattr(given, "__iter__"):
+            raise SettingError(f"{path}: {given!r} is one value; accepted is a list of values")
+        values = [value.tolist() if isinstance(value, np.ndarray | np.generic) else value for value in given]
+        if not values:
+            raise SettingError(f"{path}: there is no value in the list")
+        twice = [value for at, value in enumerate(values) if value in values[:at]]
+        if twice:
+            raise SettingError(f"{path}: {twice[0]!r} is in the list twice")
+        trial = experiment.copy()
+        for value in values:
+            trial.set(path, value)
+        swept.append(Swept(path, dim_of(path, settings), values))
+    return swept
+
+
+def dim_of(path: str, paths: Mapping[str, object]) -> str:
+    """Return the name of a setting's dimension: the end of its path that no other swept setting has."""
+    words = path.split(".")
+    ends = (words[-count:] for count in range(1, len(words) + 1))
+    own = next(end for end in ends if sum(other.split(".")[-len(end) :] == end for other in paths) == 1)
+    return "_".join(own)
+
+
+def combinations(experiment: Experiment, swept: list[Swept]) -> Iterator[Experiment]:
+    """Iterate over the experiments of all combinations of values, the last setting fastest."""
+    for values in product(*(one.values for one in swept)):
+        point = experiment.copy()
+        pairs = [(one.path, value) for one, value in zip(swept, values, strict=True)]
+        # The other form of a setting depends on further settings.
+        for path, value in sorted(pairs, key=lambda pair: pair[0] in point.OTHER_FORMS):
+            point.set(path, value)
+        yield point
+
+
+def seeds_of(experiment: Experiment, points: list[Experiment], seeds: int | Sequence[int]) -> tuple[int, ...]:
+    """Return the seed of each run.
+
+    Raises
+    ------
+    ValueError
+        If there is none, one is no whole number, or there are several for a sensor log.
+    """
+    numbers = tuple(dict.fromkeys(seed_numbers(experiment, seeds)))
+    logs = [name for name in {one.mission for one in points} if isinstance(mission(name), LogMission)]
+    if logs and len(numbers) > 1:
+        raise ValueError(
+            f"seeds: {len(numbers)} runs of the sensor log {logs[0]} would all be the same, since it has no "
+            "random draws; accepted is seeds=1"
+        )
+    return numbers
+
+
+def run(point: Experiment, seed: int) -> Numbers:
+    """Return the numbers of one run; NaN and the reason if it is refused or diverges."""
+    mine = point.copy()
+    mine.set("seed", seed)
+    try:
+        return Numbers(measure(mine.run()), "")
+    except ValueError as error:
+        return Numbers(np.full(3 * WIDE + 4, np.nan), str(error))
+
+
+def measure(result: Result) -> FloatArray:
+    """Return rms, maximum and σ of nine errors, NEES, its degrees, NIS and its degrees, in this order."""
+    squares, count, largest = np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE)
+    variances, samples = np.zeros(WIDE), 0
+    for part in result.parts():
+        sigma = nine(part.sigma)
+        variances += np.sum(sigma**2, axis=0)
+        samples += len(sigma)
+        if result.lacks("errors"):
+            continue
+        errors = np.abs(nine(part.errors))
+        known = np.isfinite(errors)
+        squares += np.sum(errors**2, axis=0, where=known)
+        count += known.sum(axis=0)
+        largest = np.maximum(largest, np.max(errors, axis=0, where=known, initial=0.0))
+    rms = np.sqrt(np.divide(squares, count, out=np.full(WIDE, np.nan), where=count > 0))
+    largest[count == 0] = np.nan
+    nis = result.innovations["nis"]
+    nees = None if result.lacks("consistency") else result.consistency["nees"]
+    tests = [
+        number
+        for test in (nees, nis)
+        for number in (
+            (np.nan, np.nan) if test is None else (average(test.values), float(test.attrs["degrees"]))
+        )
+    ]
+    return np.concatenate((rms, largest, np.sqrt(variances / samples), tests))
+
+
+def nine(group: xr.Dataset) -> FloatArray:
+    """Return position, velocity and attitude of a dataset in one array (n, 9)."""
+    return np.concatenate([group[name].values for name in ("position", "velocity", "attitude")], axis=1)
+
+
+def average(values: FloatArray) -> float:
+    """Return the mean of the known values; NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else np.nan
+
+
+def dataset(
+    experiment: Experiment, swept: list[Swept], seeds: tuple[int, ...], values: FloatArray
+) -> xr.Dataset:
+    """Return the numbers (points, seeds, k) of all runs with their dimensions and units."""
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    dims = [one.dim for one in swept]
+    shaped = values.reshape(*(len(one.values) for one in swept), len(seeds), -1)
+    errors = (("rms", "root mean square error"), ("max", "largest error"), ("sigma", "rms of the filter's σ"))
+    variables: dict[str, Any] = {
+        name: (
+            (*dims, "seed", "quantity"),
+            shaped[..., at * WIDE : (at + 1) * WIDE],
+            {"long_name": words},
+        )
+        for at, (name, words) in enumerate(errors)
+    }
+    for at, name in enumerate(("nees", "nees_degrees", "nis", "nis_degrees"), 3 * WIDE):
+        words = "expected value" if name.endswith("degrees") else "mean over the fixes"
+        about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": ""}
+        variables[name] = ((*dims, "seed"), shaped[..., at], about)
+    coords: dict[str, Any] = {one.dim: coordinate(experiment, one) for one in swept}
+    coords |= {
+        "seed": list(seeds),
+        "quantity": list(QUANTITIES),
+        "unit": ("quantity", list(UNITS)),
+    }
+    return xr.Dataset(variables, coords, {"mission": experiment.mission})
+
+
+def coordinate(experiment: Experiment, swept: Swept) -> tuple[str, list[Any], dict[str, str]]:
+    """Return the values of a setting as a coordinate: numbers, or texts if any value is no number."""
+    declaration = experiment.declaration(swept.path)
+    plain = all(isinstance(value, Real) and not isinstance(value, bool) for value in swept.values)
+    texts = [value_text(declaration, value) for value in swept.values]
+    about = {
+        "units": getattr(declaration, "unit", ""),
+        "long_name": declaration.label or swept.dim,
+        "setting": swept.path,
+    }
+    return swept.dim, swept.values if plain else texts, about

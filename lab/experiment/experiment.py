@@ -1,0 +1,103 @@
+"""Experiment: all settings of one run, which is computed into a `Result`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lab.base.parameters.setting_help import is_changed
+from lab.base.progress import Progress
+from lab.base.registry import find
+from lab.experiment.log_run import run_log
+from lab.experiment.result import Result, Runnable
+from lab.experiment.stages import CACHE, Stages
+from lab.experiment.sweep import Sweep
+from lab.missions import LogMission, mission
+from lab.navigation.algorithm import Algorithm
+
+
+class Experiment(Runnable):
+    """One run: a mission, a seed, and all settings.
+
+    >>> from lab import Experiment
+    >>> experiment = Experiment(mission="montreal", seed=3)
+    >>> experiment.set("sensors.gyro.noise_density", 0.02)
+    >>> result = experiment.run()
+    """
+
+    def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
+        """Compute this experiment; stages that were computed for the same settings are reused.
+
+        A sensor log is navigated without simulation: the settings of the sensors are then the filter's
+        assumptions, and settings of the simulation, such as the seed, have no effect
+        (`lab.experiment.log_run`).
+
+        Parameters
+        ----------
+        progress
+            Called with a sentence about the current stage and the fraction done, from 0 to 1.
+        algorithm
+            The user's navigator, in place of the one of the settings; its solution is never cached.
+
+        Raises
+        ------
+        MissionError
+            If the mission cannot be found or read.
+        SettingError
+            If settings are incompatible, or the navigator cannot work with them.
+        ValueError
+            If the flight cannot be navigated, such as across a pole, or the filter diverges to values that
+            are not finite; if there is not enough memory (`TooLongError`); or if the `algorithm` fails
+            (`AlgorithmError`).
+        """
+        settings, tell = self.copy(), progress or (lambda _stage, _fraction: None)
+        found = mission(settings.mission)
+        if isinstance(found, LogMission):
+            return run_log(settings, found, CACHE, tell, algorithm)
+        return Stages(settings, found, tell, algorithm).result()
+
+    def sweep(
+        self,
+        settings: Mapping[str, Sequence[Any]],
+        seeds: int | Sequence[int] = 20,
+        progress: Progress | None = None,
+        *,
+        workers: int | None = None,
+    ) -> Sweep:
+        """Run all combinations of values of settings over seeds, on all processors.
+
+        Runs that were done before are taken from a cache. An interrupt, or an exception raised by `progress`,
+        ends the sweep; the runs that are done stay in the cache.
+
+        Parameters
+        ----------
+        settings
+            The values of each setting by its dotted path, such as
+            ``{"sensors.gyro.noise_density": [0.01, 0.03, 0.1]}``, in the unit of the setting.
+        seeds
+            Number of runs of each combination, from the seed of the experiment on, or the seed of each; a
+            sensor log has one.
+        progress
+            Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
+            notebook shows a bar.
+        workers
+            Number of threads; by default one for each processor. There are fewer if so many runs at once do
+            not fit into the memory.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting, or it does not accept a value.
+        MissionError
+            If the mission cannot be found or read.
+        ValueError
+            If there is no seed, or more than one for a log, or no thread, or no run is possible. If only
+            some runs are impossible, their values are NaN, and `Sweep.refused` has the reasons.
+        """
+        with find("experiment", "progress")(progress) as tell:
+            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers)
+        return found
+
+    def __repr__(self) -> str:
+        changed = sum(map(is_changed, self.leaves()))
+        return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"

@@ -1,0 +1,466 @@
+"""Result: the user interface of a run: its datasets with units, its tables, its verdict, its files.
+
+A result is a `Run` with its arrays. Users read it as `xarray.Dataset`s, which are built at their first use:
+degrees, datasheet units for the sensors, east-north-up. There are results of a simulation
+(`lab.experiment.simulated_result`) and of a sensor log (`lab.experiment.log_result`).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from param.parameterized import ParameterizedABC
+
+from lab.analysis import budget, feedforward, observability
+from lab.analysis.verdicts import linear_verdict, state_advice, suggestion, trial
+from lab.analysis.verdicts.algorithm_verdict import judge
+from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.verdicts.run_evidence import Filtered, evidence_of
+from lab.analysis.verdicts.trial import Repeatable
+from lab.analysis.verdicts.verdict import Verdict
+from lab.base import result_files
+from lab.base.histories import made_when_asked
+from lab.base.html_frame import HtmlFrame
+from lab.base.notebook_card import NotebookCard
+from lab.base.progress import Progress
+from lab.base.registry import find
+from lab.experiment.datasets import aiding, flight, innovations, sensors, tables
+from lab.experiment.result_plots import ResultPlots
+from lab.motion.frames.projection import Projection
+from lab.navigation.algorithm import Algorithm
+from lab.navigation.filters.error_models import ATT
+from lab.run.experiment_settings import ExperimentSettings
+from lab.run.memory import give_back
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lab.analysis.identification.identification import Identification
+
+
+DATASETS = (
+    "truth",
+    "solution",
+    "errors",
+    "sigma",
+    "state_sigma",
+    "imu",
+    "gps",
+    "track",
+    "sensor_errors",
+    "innovations",
+    "autocorrelation",
+    "consistency",
+)
+"""Names of the datasets of every result, as in files."""
+
+
+DRAWN = 2**16
+"""Samples of a long flight among which a drawing chooses the some thousand points of a path: in four hours
+one each 0.22 s, in which an aircraft at 60 m/s moves a 5000th of the drawing of a flight of 65 km."""
+
+
+class Runnable(ExperimentSettings, ParameterizedABC):
+    """Settings that can be run: the part of the experiment that a result needs."""
+
+    @abstractmethod
+    def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
+        """Compute the experiment; see `lab.experiment.experiment.Experiment.run`."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result(NotebookCard, Repeatable):
+    """The result of one run.
+
+    The datasets are made from the arrays at their first use. Two threads may both make the same one. Some
+    datasets of a sensor log are unknown: `lacks` gives the reason, and reading one raises `ResultError`.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The settings of the run. The arrays are those of `Run`.
+    """
+
+    CARD = "result"
+
+    experiment: Runnable
+
+    @property
+    @abstractmethod
+    def realisation(self) -> str:
+        """Text that distinguishes runs with the same settings: ``"seed 1"``; empty for a log."""
+
+    @property
+    @abstractmethod
+    def has_temperature(self) -> bool:
+        """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
+
+    @cached_property
+    def free_run(self) -> feedforward.FreeRun:
+        """How far the navigator runs free."""
+        return feedforward.free_run_of(self)
+
+    @made_when_asked
+    def truth(self) -> xr.Dataset:
+        """The true flight; for a log, its reference."""
+        return flight.truth(self)
+
+    @made_when_asked
+    def solution(self) -> xr.Dataset:
+        """The estimated flight."""
+        return flight.solution(self)
+
+    @made_when_asked
+    def errors(self) -> xr.Dataset:
+        """Errors of the solution: estimate minus truth; for a log, minus its reference, or NaN."""
+        return flight.errors(self)
+
+    @made_when_asked
+    def sigma(self) -> xr.Dataset:
+        """One standard deviation of the errors, according to the filter."""
+        return flight.sigma(self)
+
+    @made_when_asked
+    def state_sigma(self) -> xr.Dataset:
+        """One standard deviation of all error states, according to the filter; each in its own unit."""
+        return flight.state_sigma(self)
+
+    @made_when_asked
+    def imu(self) -> xr.Dataset:
+        """Output of the IMU as mean rates over each sample; for a simulation, also of a perfect IMU."""
+        return sensors.imu(self)
+
+    @made_when_asked
+    def temperature(self) -> xr.Dataset:
+        """Temperature of the IMU in each sample interval, and the reading of its thermometer."""
+        return sensors.temperature(self)
+
+    @cached_property
+    def gps(self) -> xr.Dataset:
+        """The GPS fixes and, if simulated, their errors; those of a log as used, reduced to the IMU."""
+        return sensors.gps(self, self.projection)
+
+    @made_when_asked
+    def track(self) -> xr.Dataset:
+        """True and estimated path in metres on the map; for a log, the reference, if any, is the true one."""
+        return flight.track(self, self.projection)
+
+    @cached_property
+    def drawn_track(self) -> xr.Dataset:
+        """The track for a drawing: of a long flight, some `DRAWN` samples, evenly spaced, and the last."""
+        samples = self.time.size
+        if not self.is_long:
+            return self.track
+        chosen = np.append(np.arange(0, samples - 1, -(-samples // DRAWN)), samples - 1)
+        return flight.track(self, self.projection, chosen)
+
+    def places(self, samples: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the estimated easting, northing and height (m, 3) of some samples (m,) [m]."""
+        if self.is_long:
+            there, samples = flight.track(self, self.projection, samples), np.arange(samples.size)
+        else:
+            there = self.track
+        track = there.sel(path="estimated")
+        return np.stack([track[name].values[samples] for name in ("easting", "northing", "height")], axis=-1)
+
+    @cached_property
+    def projection(self) -> Projection:
+        """Map projection of the flight."""
+        latitude, longitude = self._origin
+        return Projection.at(float(latitude), float(longitude))
+
+    @property
+    @abstractmethod
+    def _origin(self) -> tuple[float, float]:
+        """Latitude and longitude [rad] of the centre of the projection."""
+
+    @made_when_asked
+    def sensor_errors(self) -> xr.Dataset:
+        """Estimated biases with σ, and the true ones if simulated; with 21 states also scale factors."""
+        return sensors.sensor_errors(self)
+
+    @made_when_asked
+    def further_states(self) -> xr.Dataset:
+        """Estimates and σ of the further states of the filter, and their true values if simulated.
+
+        Each state has its `unit`. Empty for a filter that has the states of the IMU only.
+        """
+        return aiding.further_states(self)
+
+    @cached_property
+    def aiding(self) -> xr.Dataset:
+        """Innovations of the measurements besides GPS (navigator minus measurement), and their σ.
+
+        Each has its `kind` and `unit`; `used` is false for those that the gate rejected. Empty without other
+        sensors.
+        """
+        return aiding.aiding(self)
+
+    @cached_property
+    def innovations(self) -> xr.Dataset:
+        """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used.
+
+        A fix rejected by the gate keeps its innovation, and has no NIS. Unmeasured components of a real
+        receiver are NaN. Attribute `degrees` of `nis`: number of measurements per fix.
+        """
+        return innovations.innovations(self)
+
+    @cached_property
+    def autocorrelation(self) -> xr.Dataset:
+        """Normalised autocorrelation of the innovations; attribute `band`: half-width of the 95 % band."""
+        return innovations.autocorrelation(self, self.innovations)
+
+    @cached_property
+    def consistency(self) -> xr.Dataset:
+        """NEES of the states after each fix; attribute `degrees` of `nees`: states that have a variance.
+
+        NaN with 0 degrees if no fix was used, or a user's algorithm gave no covariance.
+        """
+        return innovations.consistency(self)
+
+    @cached_property
+    def budget(self) -> xr.Dataset:
+        """Error budget: the contribution of each source to the σ of the errors; see `budget.error_budget`."""
+        return budget.error_budget(self)
+
+    @cached_property
+    def observability(self) -> xr.Dataset:
+        """Reduction of σ by manoeuvre; see `observability.observability`."""
+        return observability.observability(self)
+
+    @cached_property
+    def position_covariance(self) -> xr.DataArray:
+        """Covariance of the position error after each fix, east, north, up [m²]."""
+        return innovations.position_covariance(self)
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile."""
+        return tables.summary(self, None if self.is_long else self.errors, moments=False)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict on the filter, from errors and innovations."""
+        if self.evidence.nees is None:
+            return self.innovation_verdict
+        found = self._of_linear(judge(self.evidence), self.evidence)
+        return found if self.algorithm else state_advice.of_simulated(found, self.experiment, self.belief.P0)
+
+    @cached_property
+    def tried_verdict(self) -> Verdict:
+        """The verdict with the effect of its advice; advice that makes things worse is not given.
+
+        It also has suggestions, for what is not wrong. This takes three runs and more; `verdict` is the same
+        without trials.
+        """
+        found = self.verdict
+        if trial.can_be_tried(found, self.algorithm):
+            found = trial.tried(found, [self])
+        return suggestion.with_suggestions(found, self)
+
+    @cached_property
+    def innovation_verdict(self) -> Verdict:
+        """The verdict from the innovations alone, as for a flight with unknown truth.
+
+        Causes with large factors are tried, beside faults of a log; see `identification.contradiction`.
+        """
+        from lab.analysis.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
+
+        evidence = self.evidence.without_truth()
+        judged = judge(evidence)
+        found = explained(self, judged)
+        if found is judged:
+            found = self._of_linear(found, evidence)
+        if self.algorithm:
+            return found
+        if self.recorded is None:
+            return state_advice.of_simulated(found, self.experiment, self.belief.P0)
+        return state_advice.of_log(found, self)
+
+    def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
+        """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""
+        navigator = self.experiment.navigator
+        found = linear_verdict.judge(verdict, evidence, navigator)
+        return feedforward.judge(self.free_run, found, navigator, evidence.nees)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
+        if self.is_long:
+            give_back()  # what tables and plots have left
+        filtered = self.filtered
+        if self.is_long:
+            give_back()
+        return evidence_of(self, filtered)
+
+    @property
+    def filtered(self) -> Filtered:
+        """The filter's own run: for a smoothed run, its forward run, otherwise the solution.
+
+        For a long simulated flight that was smoothed, without most histories; see `renavigation.filtered`.
+        """
+        if self.algorithm or not self.experiment.navigator.smoother:
+            return Filtered(self.solution_arrays)
+        alone = self.experiment.copy()
+        alone.set("navigator.smoother", False)
+        return Filtered(alone.run().solution_arrays)
+
+    def repeated(self, experiment: ExperimentSettings) -> Result:
+        """Return the run with a changed copy of its settings."""
+        assert isinstance(experiment, Runnable)
+        return experiment.run()
+
+    @cached_property
+    def coverage(self) -> pd.DataFrame:
+        """Table of the errors in their σ: mean, and percentage within ±1σ and ±3σ."""
+        self.known_truth("coverage")
+        parts = ((part.errors, part.sigma) for part in self.parts())
+        return tables.coverage(parts, self.time.size)
+
+    @cached_property
+    def whiteness(self) -> pd.DataFrame:
+        """Table of the innovations in their σ: mean, variance, and whether they are white.
+
+        The columns are those of `lab.analysis.consistency.whiteness_table`. Components that the receiver of a
+        log does not measure have no row.
+        """
+        return tables.whiteness(self.innovations)
+
+    @cached_property
+    @abstractmethod
+    def remarks(self) -> tuple[str, ...]:
+        """Remarks on the reliability of the result, such as a saturated sensor, rejected or missing fixes."""
+
+    def _run_remarks(self) -> list[str]:
+        """Return remarks about the run itself."""
+        remarks = []
+        for sensor, measured in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
+            if measured.saturated:
+                part = 100 * measured.saturated / measured.increments.size
+                remarks.append(
+                    f"The {sensor}s saturated (sensors.{sensor}.range) in {measured.saturated} values, "
+                    f"{part:.2g} % of all; the filter does not model this."
+                )
+        rejected = int(self.solution_arrays.fix_rejected.sum())
+        if rejected:
+            remarks.append(
+                f"The filter rejected {rejected} of {self.fixes.time.size} GPS fixes as implausible "
+                f"(navigator.gate {self.experiment.navigator.gate:g})."
+            )
+        recovered = int(self.solution_arrays.fix_recovered.sum())
+        if recovered:
+            remarks.append(
+                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: several fixes in a "
+                "row were so implausible that the filter took itself to be wrong; it raised P and used the "
+                "fix."
+            )
+        straight = observability.straight_remark(self)
+        remarks += [straight] if straight else []
+        beyond = feedforward.remark(self.free_run, self.experiment.navigator)
+        # A navigator that is far off contradicts all that is measured.
+        remarks += [beyond] if beyond else aiding.larger_than_assumed(self)
+        start = float(np.sqrt(np.diag(self.belief.P0)[ATT].max()))
+        wide = "" if self.algorithm else linear_verdict.remark(start, self.experiment.navigator)
+        remarks += [wide] if wide else []
+        if not self.fixes.time.size:
+            remarks.append(
+                "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
+                "free."
+            )
+        return remarks
+
+    def identify(self, progress: Progress | None = None) -> Identification:
+        """Identify the sensors from the innovations: noise, bias drive, R, latency and lever arm.
+
+        The result has the most likely values with error bars, and the accuracy of the prediction of fixes
+        withheld for 10 s, before and after; see `lab.analysis.identification.identification`.
+
+        Parameters
+        ----------
+        progress
+            Called with a phrase and the fraction done, from 0 to 1.
+
+        Raises
+        ------
+        ResultError
+            If a user's algorithm navigated, or there are too few fixes.
+        """
+        from lab.analysis.identification.identify import identify  # noqa: PLC0415 - a run needs none of it
+
+        return identify(self, self.verdict, progress)
+
+    @property
+    def plot(self) -> ResultPlots:
+        """The plots of this result, such as ``result.plot.errors()``; Tab completes their names."""
+        return ResultPlots(self)
+
+    def view3d(self, *, dark: bool = True, height: int = 500) -> HtmlFrame:
+        """Return the flight in three dimensions, for a notebook: paths, fixes, and 3σ ellipsoids.
+
+        Parameters
+        ----------
+        dark
+            Whether the background is dark.
+        height
+            Height of the frame [px].
+        """
+        frame: HtmlFrame = find("result", "view3d")(self, dark=dark, height=height)
+        return frame
+
+    def explore(self) -> Any:
+        """Return the plots of this result as one Panel layout, for a notebook that ran ``pn.extension()``.
+
+        A tab for each page of the dashboard that shows one result. All time axes are linked, and two sliders
+        move the visible stretch of time and the time cursor.
+        """
+        return find("result", "explore")(self)
+
+    def datasets(self) -> dict[str, xr.Dataset]:
+        """Return all known datasets of this run by name; some only if their settings make them meaningful."""
+        names = (*DATASETS, *(["temperature"] if self.has_temperature else []))
+        names += ("further_states",) if self.solution_arrays.further.shape[1] else ()
+        names += ("aiding",) if self.aids.time.size else ()
+        return {name: getattr(self, name) for name in names if not self.lacks(name)}
+
+    def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write all datasets as groups of one netCDF file, the settings in its attributes.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is not given.
+        FileNotFoundError
+            If the folder does not exist.
+        """
+        title = f"INS Lab: {self.mission.title}"
+        settings = self.experiment.to_toml()
+        result_files.write_netcdf(Path(path), self.datasets, title, settings, overwrite=overwrite)
+
+    def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
+        """Write each dataset as a csv file with units in the column names, and the settings as TOML.
+
+        Raises
+        ------
+        FileExistsError
+            If one of the files exists and `overwrite` is not given.
+        """
+        settings = self.experiment.to_toml()
+        result_files.write_csv(Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite)
+
+    @property
+    def overview(self) -> tuple[str, pd.DataFrame]:
+        """Name and content of the main table: the errors, or the innovations if the errors are unknown."""
+        return ("whiteness", self.whiteness) if self.lacks("summary") else ("summary", self.summary)
+
+    def __repr__(self) -> str:
+        _, table = self.overview
+        lines = table.to_string(index=False, float_format=lambda value: f"{value:.4g}")
+        name = ", ".join(part for part in (self.mission.name, self.realisation) if part)
+        return "\n".join((f"Result of {name}:", lines, *self.remarks))

@@ -1,1 +1,0 @@
-"""Decoders: the bytes of sensors and receivers become samples, and samples become such bytes."""

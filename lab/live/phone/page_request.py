@@ -1,0 +1,116 @@
+"""Page request: what the page on a phone sends in one request, checked."""
+
+from __future__ import annotations
+
+import math
+import re
+from itertools import pairwise
+from typing import Any, Final, NamedTuple, TypeGuard
+
+from lab.data.protocols.json_rows import number, parsed, rows_of
+from lab.data.protocols.phone_line import MOST_FIXES, MOST_SAMPLES, PhoneLine, Row, direction, whole
+from lab.data.protocols.samples import NAN
+
+MOST_BATCHES: Final = 100
+"""Most batches of one request: 10 s of them. A page sends at most 60 at once."""
+_DEVICE: Final = re.compile(r"[\w-]{8,64}", re.ASCII)
+_RADIAL_95: Final = math.sqrt(-2 * math.log(0.05))
+"""Radius that holds 95 % of the positions, in σ of each horizontal axis (Rayleigh distribution): 2.45."""
+_TWO_SIDED_95: Final = 1.96
+"""Half of the interval that holds 95 % of the heights, in σ (normal distribution)."""
+
+
+class PageRequest(NamedTuple):
+    """A request of the page.
+
+    Attributes
+    ----------
+    device : str
+        Random name that the page gave its phone.
+    run : int
+        When the page was loaded [ms since 1970]; the batches of each run are numbered from 0.
+    name : str
+        What the owner typed, of any length and kind.
+    oldest : int
+        Number of the oldest batch that the page still has or will make.
+    waiting : int
+        Batches that wait on the phone, those of the request included.
+    batches : list of PhoneLine
+        In order.
+    """
+
+    device: str
+    run: int
+    name: str
+    oldest: int
+    waiting: int
+    batches: list[PhoneLine]
+
+
+def page_request_of(body: bytes) -> PageRequest | None:
+    """Return what a request says; None if it is anything else than a request of the page."""
+    said = parsed(body)
+    if not isinstance(said, dict):
+        return None
+    device, name, batches = said.get("device"), said.get("name"), said.get("batches")
+    run, oldest, origin = whole(said.get("run")), whole(said.get("oldest")), number(said.get("origin"))
+    if not is_device(device) or not isinstance(name, str) or min(run, oldest) < 0 or math.isnan(origin):
+        return None
+    if not isinstance(batches, list) or len(batches) > MOST_BATCHES:
+        return None
+    apple = said.get("apple") is True
+    lines = []
+    for batch in batches:
+        line = _line_of(batch, origin / 1000, apple)
+        if line is None:
+            return None
+        lines.append(line)
+    if any(one.number >= two.number for one, two in pairwise(lines)):
+        return None
+    waiting = max(whole(said.get("waiting")), 0)
+    return PageRequest(device, run, name, oldest, waiting, lines)
+
+
+def is_device(value: Any) -> TypeGuard[str]:
+    """Return whether something out of JSON is the name of a device."""
+    return isinstance(value, str) and _DEVICE.fullmatch(value) is not None
+
+
+def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
+    if not isinstance(batch, dict):
+        return None
+    imu = rows_of(batch.get("imu"), 7, MOST_SAMPLES)
+    fixes = rows_of(batch.get("fix"), 9, MOST_FIXES)
+    count = whole(batch.get("number"))
+    if imu is None or fixes is None or count < 0:
+        return None
+    for row in imu:
+        row[0] = round(row[0] / 1000, 6)
+    return PhoneLine(
+        count,
+        origin,
+        whole(batch.get("first")),
+        apple=apple,
+        up=direction(batch.get("up")),
+        imu=imu,
+        fix=[_fix(row, apple) for row in fixes],
+    )
+
+
+def _fix(row: Row, apple: bool) -> Row:
+    """Return a fix of a browser as of `PhoneLine`; its accuracies hold 95 % of all cases."""
+    time, utc, latitude, longitude, height, level, vertical, speed, course = row
+    # Apple's system gives heights above the sea, whatever the specification says.
+    return [
+        round(time / 1000, 6), utc / 1000, latitude, longitude, height, level / _RADIAL_95,
+        vertical / _TWO_SIDED_95, *velocity(speed, course), NAN, float(apple),
+    ]  # fmt: skip
+
+
+def velocity(speed: float, course: float) -> tuple[float, float, float]:
+    """Return the velocity north, east and down [m/s] of a speed and a course [°]; down is unknown.
+
+    At rest a phone leaves out the course, and any course will do.
+    """
+    turn = math.radians(0.0 if math.isnan(course) and speed == 0 else course)
+    return speed * math.cos(turn), speed * math.sin(turn), NAN

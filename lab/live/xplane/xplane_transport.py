@@ -1,0 +1,267 @@
+"""X-Plane transport: simulated sensors in the aircraft of a running X-Plane, as one source of bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+
+from lab.base.parameters.counted import counted, were
+from lab.data.protocols import xplane_packets
+from lab.data.protocols.catalogue import ENCODERS
+from lab.data.protocols.decoder import Encoder
+from lab.data.protocols.samples import Samples, joined
+from lab.data.streams.address import MAX_SEED, Address, computer_and_port
+from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.transport import Chunk, TransportError
+from lab.data.streams.xplane_live import PORT, RATES, SILENCE
+from lab.experiment.experiment import Experiment
+from lab.live.simulated.simulated_flight import fix_rows, imu_rows
+from lab.live.xplane.flight import XPlaneFlight
+from lab.live.xplane.frames import BrokenFlightError
+from lab.motion.truth.growing_truth import GrowingTruth
+from lab.sensors.cards import card
+from lab.sensors.sensor_stream import Sensed
+from lab.sensors.suite import SensorSuite
+
+SENSOR_RATES = (10.0, 1000.0)
+"""Rates of simulated sensors in X-Plane [Hz]: the curve of its motion has its knots at this rate."""
+_BUFFER = 2**20
+"""Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
+_LARGEST = 2**16
+"""Largest packet taken [bytes]: the largest of UDP."""
+_TOLD = 60.0
+"""Time for which the reason of a new flight is told [s]: nobody looks at a page all the time."""
+_MOST = 64
+"""Most packets taken at once, before the samples go on: half a second at 50 Hz."""
+
+
+class XPlaneTransport:
+    """Asks X-Plane for its motion and sends what simulated sensors measure on it; a `Transport`.
+
+    The bytes are those of a real device, and their arrival is the time of their last sample on the line of
+    time of the flight: the simulator's clock, not the network, times them.
+
+    Parameters
+    ----------
+    address
+        The address it was opened by.
+    host, port
+        Where X-Plane listens.
+    flight
+        The sensors, and what becomes of the packets.
+    encoder
+        The protocol of the device.
+    frames
+        Positions to ask for [Hz]; X-Plane sends at most one in a frame.
+    axes
+        How the device is mounted.
+    """
+
+    reconnects = True
+
+    def __init__(
+        self,
+        address: str,
+        host: str,
+        port: int,
+        flight: XPlaneFlight,
+        encoder: Encoder,
+        frames: float,
+        axes: AxisMap | None = None,
+    ) -> None:
+        self.address = address
+        self._place = host, port
+        self._where = f"X-Plane at {host}:{port}"
+        self._flight = flight
+        self._encoder = encoder
+        self._frames = frames
+        self._axes = axes or AxisMap()
+        self._socket: socket.socket | None = None
+        self._peer = ("", 0)
+        self._opened = self._asked = self._heard = 0.0
+        self._foreign = 0
+        self._why = ""  # the flight broke, which the next `read` reports
+        self._broke: tuple[str, float] = ("", 0.0)  # why and when the flight last broke
+
+    @property
+    def truth(self) -> GrowingTruth:
+        """The true motion of the aircraft."""
+        return self._flight.truth
+
+    @property
+    def remark(self) -> str:
+        """What comes from X-Plane, or why nothing does, in sentences; empty if there is nothing to say."""
+        now = time.monotonic()
+        found = self._flight.frames.remarks(now)
+        silent = now - max(self._heard, self._opened)
+        if silent > SILENCE and self._heard > self._opened:
+            found = [
+                f"{self._where} has sent nothing for {silent:.0f} s: is it paused, loading or closed?",
+                *found,
+            ]
+        elif silent > SILENCE:
+            found = [
+                f"{self._where} has not answered for {silent:.0f} s: is X-Plane running with a flight "
+                "loaded, are host and port those of its Settings, Network, are incoming connections "
+                "accepted there, and does no firewall stand between?"
+            ]
+        why, when = self._broke
+        if why and now - when < _TOLD:
+            found.insert(0, f"A new flight began {now - when:.0f} s ago, since {why}.")
+        if self._foreign:
+            found.append(f"{counted(self._foreign, 'packet')} from elsewhere {were(self._foreign)} not used.")
+        return " ".join(found)
+
+    def open(self) -> None:
+        """Ask for the motion.
+
+        Raises
+        ------
+        OSError
+            If there is no such computer, or the network cannot be used.
+        """
+        found = socket.getaddrinfo(*self._place, socket.AF_INET, socket.SOCK_DGRAM)
+        self._peer = (str(found[0][4][0]), self._place[1])
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            self._socket.bind(("", 0))
+            self._ask(self._frames)
+        except OSError:
+            self.close()
+            raise
+        self._opened = self._asked = time.monotonic()
+        self._flight.begin_anew()
+        self._why = ""
+
+    def _ask(self, rate: float) -> None:
+        """Ask for packets at a rate; a rate of zero ends them."""
+        assert self._socket is not None
+        for packet in xplane_packets.requests(rate):
+            self._socket.sendto(packet, self._peer)
+
+    def read(self, longest: float) -> Chunk:
+        """Wait for packets, and return the bytes that the sensors send by them.
+
+        Raises
+        ------
+        OSError
+            If the flight does not go on, as after a jump, or the network failed.
+        """
+        assert self._socket is not None
+        self._report()
+        found: list[Samples] = []
+        wait = longest
+        for _ in range(_MOST):
+            packet = self._packet(wait)
+            if packet is None:
+                break
+            wait = 0.0
+            try:
+                found += [self._rows(one) for one in self._flight.take(packet, time.monotonic())]
+            except BrokenFlightError as why:
+                self._why, self._broke = str(why), (str(why), time.monotonic())
+                break
+        now = time.monotonic()
+        if now - max(self._heard, self._asked) > SILENCE / 2:
+            # X-Plane drops its subscribers when it restarts.
+            self._asked = now
+            self._ask(self._frames)
+        samples = joined(found)
+        if not len(samples.imu):
+            self._report()
+            return Chunk(now, b"")
+        latest = self._flight.epoch + float(samples.imu["time"][-1])
+        return Chunk(latest, self._encoder.encode(samples.imu, samples.fix))
+
+    def _rows(self, sensed: Sensed) -> Samples:
+        rate = self._flight.rate
+        triads = sensed.gyro.increments * rate, sensed.accelerometer.increments * rate
+        return Samples(
+            imu_rows(sensed.time, *triads, self._axes), fix_rows(sensed.fixes, self._flight.sensors.gps)
+        )
+
+    def _report(self) -> None:
+        if self._why:
+            raise ConnectionError(self._why)
+
+    def _packet(self, longest: float) -> bytes | None:
+        """Return the next packet of X-Plane, or None if none comes in time."""
+        assert self._socket is not None
+        deadline = time.monotonic() + longest
+        while True:
+            self._socket.settimeout(max(deadline - time.monotonic(), 0.0))
+            try:
+                packet, sender = self._socket.recvfrom(_LARGEST)
+            except (TimeoutError, BlockingIOError):
+                return None
+            except ConnectionError:  # on Windows, after an unreachable port
+                return None
+            if sender[0] == self._peer[0]:
+                self._heard = time.monotonic()
+                return packet
+            self._foreign += 1
+
+    def close(self) -> None:
+        """End the packets, and free the port; may be repeated."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._ask(0.0)
+            self._socket.close()
+            self._socket = None
+
+
+def open_xplane(address: Address) -> XPlaneTransport:
+    """Return the simulated sensors in a running X-Plane of an address of the kind ``xplane``.
+
+    Their errors are those of the laboratory's own sensors, or of the card that the address names.
+
+    Raises
+    ------
+    TransportError
+        If an option is not accepted.
+    """
+    experiment = Experiment(mission="montreal")
+    if "card" in address.options:
+        card(address.options["card"]).load(experiment)
+    return xplane_transport(address, experiment.sensors)
+
+
+def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> XPlaneTransport:
+    """Return simulated sensors in a running X-Plane.
+
+    Parameters
+    ----------
+    address
+        An address of the kind ``xplane``.
+    sensors
+        Their errors; a card in the address is not looked at.
+    seed
+        Of their random numbers, if the address gives none.
+
+    Raises
+    ------
+    TransportError
+        If an option is not accepted.
+    """
+    address.check(("card", "hz", "seed", "frames", "device", "mounted"))
+    options = address.options
+    place = address if ":" in address.place else Address(address.kind, f"{address.place}:{PORT}", options)
+    device = options.get("device", "vectornav")
+    if device not in ENCODERS:
+        raise TransportError(f"{device!r} is no device; accepted are {', '.join(ENCODERS)}")
+    mounted = options.get("mounted")
+    flight = XPlaneFlight(
+        sensors,
+        address.whole("seed", seed, 0, MAX_SEED),
+        address.number("hz", 100.0, *SENSOR_RATES, "Hz"),
+    )
+    return XPlaneTransport(
+        str(address),
+        *computer_and_port(place),
+        flight,
+        ENCODERS[device](),
+        address.number("frames", 50.0, *RATES, "Hz"),
+        AxisMap.of(mounted) if mounted else None,
+    )

@@ -1,0 +1,1 @@
+"""Alignment: the start of a navigator at rest or in motion: attitude, heading, biases and P0."""

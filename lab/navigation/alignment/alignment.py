@@ -1,0 +1,527 @@
+"""Alignment: the start of a navigator with recorded sensors.
+
+At rest, the accelerometers show the vertical, and the gyros show their bias. In motion, the acceleration of
+the fixes is subtracted first. The heading comes from `lab.navigation.alignment.initial_heading`; the gyros
+carry it back to the start. If no sensor or motion shows it, it stays unknown. P. D. Groves, *Principles of
+GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.data.checks.velocity_matching import turned
+from lab.motion.frames import earth
+from lab.motion.frames.displacement import displaced
+from lab.motion.frames.rotation import quaternion_from_euler, wrap
+from lab.navigation.alignment.initial_heading import (
+    UNKNOWN,
+    Found,
+    Hints,
+    by_antennas,
+    by_course,
+    by_magnetometer,
+    by_velocity,
+    contradict,
+    shows_course,
+    surest,
+)
+from lab.navigation.alignment.rest_alignment import LEAST_FORCE
+from lab.navigation.filters.error_models import ACCEL_BIAS
+from lab.navigation.lever_arm import turns
+from lab.navigation.solution import Belief, Fixes, Imu, Start
+
+FloatArray = NDArray[np.float64]
+
+REST_SPEED = 0.5
+"""Speed below which a vehicle may be at rest [m/s]."""
+NO_VERTICAL_SIGMA = 1.0
+"""σ of the initial vertical velocity if none is measured [m/s]."""
+_REST_SIGMAS = 3.5
+"""And in σ of a receiver's velocity in an axis: at rest, the speed is larger in 0.2 % of the fixes."""
+_MOST_REST_SPEED = 2.0
+"""Largest such speed, however poor the receiver is [m/s]: that of a fast walker."""
+
+_REST_RATE = np.radians(2.0)
+"""Largest σ of the gyros within a second of rest [rad/s]: above that of engines and noise, below that of
+handling."""
+_REST_FORCE = 0.4
+"""Largest σ of the accelerometers within a second of rest, and twice the largest change of their mean
+[m/s²]."""
+_SECOND = 1.0
+"""Length of the intervals in which rest and turns are detected [s]."""
+_LEVELLING = 2.0
+"""Averaging time of the specific force that gives the vertical in motion [s]."""
+_AROUND = 1.1
+"""Margin around the alignment within which fixes are used [s]: enough for a receiver at 1 Hz."""
+_LONGEST_REST = 60.0
+"""Longest part of a rest that is used [s]."""
+_TILT_IN_MOTION = np.radians(3.0)
+"""σ of roll and pitch after levelling in motion [rad]: an unknown acceleration of 0.5 m/s²."""
+_STRAIGHT = np.radians(2.0)
+"""Largest rate of the course in straight motion [rad/s]."""
+_STRAIGHT_SIGMA = np.radians(0.3)
+"""σ of a gyro bias from straight motion, and smallest σ of one from velocity matching [rad/s]."""
+_LEAST_STRAIGHT = 10
+"""Fewest seconds of straight motion for a gyro bias."""
+_HIDDEN = 0.15
+"""Part of a turn that an IMU does not see about its own vertical: a bank of 30° hides a seventh."""
+_SCATTER = 0.35
+"""Largest scatter of a course about the turns of the gyros that shows their bias [rad]: the noise of fixes
+that just show a course is 1/3 (`COURSE_SIGMAS`), a change from one side to straight ahead 0.4."""
+_ROUNDS = 3
+"""Number of iterations of levelling and heading, each with the result of the previous one."""
+_LEAST_FAST = 0.5
+"""Part of the fixes about a second that must show a course, for the second to be judged."""
+_ACCELERATION = 2.0
+"""σ of the mean acceleration over `_LEVELLING` if no velocity shows it [m/s²]: a car turns and brakes so."""
+_LEAST_FOR_SLOPE = 3
+"""Fewest fixes by which an acceleration is taken: a line through two has no redundancy."""
+_REST_NOISE = np.radians(0.02)
+"""σ of a mean rate at rest over 1 s: the white noise of a MEMS gyro, about its density [rad/s/√Hz]."""
+_LATE = 0.05  # smallest lateness of the fixes that is reported [s]
+_LATE_SIGMAS = 5  # and in its σ: beyond doubt, since people then change the log
+
+
+class Alignment(NamedTuple):
+    """The start of a navigator.
+
+    Attributes
+    ----------
+    start : Start
+        Position, velocity and attitude of the IMU at the first sample.
+    gyro_bias : (3,) array
+        Initial gyro bias [rad/s].
+    attitude_sigma : (3,) array
+        σ of the attitude error, north, east, down, from noise, motion and heading alone [rad]. Tilts also err
+        by the accelerometers' errors; see `lab.navigation.alignment.start_covariance`.
+    gyro_bias_sigma : (3,) array
+        σ of the gyro bias [rad/s].
+    velocity_sigma : (3,) array
+        σ of the velocity of the antenna, north, east, down [m/s].
+    rate : (3,) array
+        Rate of rotation in b, by which the velocity of the antenna differs [rad/s]; zero at rest.
+    force_n : (3,) array
+        Specific force in n by which roll and pitch were found [m/s²]: acceleration minus gravity.
+    rest : float
+        Duration of the rest at the start [s].
+    heading : Found
+        The initial heading and its source.
+    """
+
+    start: Start
+    gyro_bias: FloatArray
+    attitude_sigma: FloatArray
+    gyro_bias_sigma: FloatArray
+    velocity_sigma: FloatArray
+    rate: FloatArray
+    force_n: FloatArray
+    rest: float
+    heading: Found
+
+    @property
+    def remark(self) -> str:
+        """Description of how the start was found."""
+        levelled = (
+            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same rest"
+            if self.rest
+            else "Levelled in motion with the acceleration from the fixes, gyro biases from the motion too"
+        )
+        if not self.heading.source:
+            return (
+                f"{levelled}; the heading is unknown, since no motion and no sensor shows it. "
+                "navigator.initial_heading sets it."
+            )
+        heading = f"heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
+        return " ".join((f"{levelled}; {heading}", *_late(self.heading), *_askew(self.heading)))
+
+
+def _late(found: Found) -> tuple[str, ...]:
+    """Return a sentence about the clock of the fixes, if the heading was found with a lateness."""
+    late, sigma = found.late, found.late_sigma
+    if not abs(late) > max(_LATE, _LATE_SIGMAS * sigma):
+        return ()
+    return (
+        f"The same motion shows that the fixes are {abs(late):.2f} s {'late' if late > 0 else 'early'} "
+        f"(σ {sigma:.2f} s); set latency_s of the log accordingly.",
+    )
+
+
+def _askew(found: Found) -> tuple[str, ...]:
+    """Return a sentence about the axes of the IMU, if the course contradicts the heading."""
+    apart = np.degrees(found.course_apart)
+    if not np.isfinite(apart):
+        return ()
+    return (
+        f"The axis that was assumed to point forward is {apart:.0f}° from the course. If the vehicle moves "
+        f"where its nose points, the IMU is mounted at this angle: mounting_deg = [0, 0, {apart:.0f}] in "
+        "log.toml corrects the axes, or --axes of the import.",
+    )
+
+
+EXACT = Belief(P0=np.zeros((15, 15)), R=np.eye(6), noise=np.zeros(12), decay=np.zeros(6))
+"""What a filter assumes of exact sensors and an antenna at the IMU."""
+
+
+def align(
+    imu: Imu,
+    fixes: Fixes,
+    velocity_sigma: FloatArray,
+    hints: Hints | None = None,
+    assumed: Belief = EXACT,
+) -> Alignment:
+    """Return the start of a navigator.
+
+    Parameters
+    ----------
+    imu, fixes
+        The measurements; the fixes are those of the antenna, with all three velocities.
+    velocity_sigma : (m, 3) array
+        σ of the velocities [m/s]; see `lab.navigation.alignment.start_fixes`.
+    hints
+        Further information about vehicle and heading.
+    assumed
+        The filter's assumptions: the lever arm, the noise of the sensors, and the biases of the
+        accelerometers. The mean rate at rest has at least the noise of a usual MEMS gyro.
+    """
+    hints = Hints() if hints is None else hints
+    rest = _rest(imu, fixes, velocity_sigma)
+    position, velocity = (
+        _at_start(imu.time[0], fixes, values) for values in (fixes.position, fixes.velocity_n)
+    )
+    velocity, start_sigma = _start_velocity(
+        velocity, velocity_sigma[max(0, np.searchsorted(fixes.time, imu.time[0], "right") - 1)], rest
+    )
+    length = rest or _LEVELLING
+    force = _mean_force(imu, length) if rest else _force_at_start(imu)
+    g = float(earth.gravity(np.sin(position[0]), position[2]))
+    acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
+    force_n = acceleration - (0, 0, g)
+    bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
+    found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
+    if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
+        bias, bias_sigma = _bias_of_motion(imu, found)
+    tilt = _unsteadiness(imu, rest, assumed) / g if rest else float(np.hypot(_TILT_IN_MOTION, spread / g))
+    if np.isnan(hints.given):
+        bias_sigma_of_force = float(np.sqrt(np.diag(assumed.P0)[ACCEL_BIAS].max()))
+        of_all = float(np.hypot(tilt, bias_sigma_of_force / g))
+        found = _with_compass(imu, hints, found, (force, force_n), of_all, length, position)
+    heading, heading_sigma = found.heading, found.sigma
+    roll, pitch = level(force, force_n, heading)
+    q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
+    if rest:
+        # At rest, the gyros measure the Earth's rate and their bias; of the Earth's rate, the vertical part
+        # is known.
+        up = (
+            Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
+        )
+        bias = bias - up
+        noise = np.maximum(_REST_NOISE, np.sqrt(assumed.noise[:3]))
+        bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
+    rate = np.zeros(3) if rest else turns(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
+    shift, swing = antenna(q_nb, assumed.lever_arm, rate)
+    return Alignment(
+        Start(
+            displaced(position[None], -mean_turned(shift, force_n, heading_sigma)[None])[0],
+            velocity - mean_turned(swing, force_n, heading_sigma),
+            q_nb,
+        ),
+        bias,
+        np.array([tilt, tilt, heading_sigma]),
+        bias_sigma,
+        start_sigma,
+        rate,
+        force_n,
+        rest,
+        found,
+    )
+
+
+def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return displacement (3,) [m] and velocity (3,) [m/s] of an antenna relative to the IMU, in n.
+
+    The rotation of the Earth moves an antenna at 10 m by less than 1 mm/s, and is neglected.
+
+    Parameters
+    ----------
+    q_nb : (4,) array
+        Attitude.
+    arm, rate : (3,) arrays
+        Lever arm [m] and rate of rotation [rad/s], in b.
+    """
+    C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
+    return C_nb @ arm, C_nb @ np.cross(rate, arm)
+
+
+def mean_turned(vector_n: FloatArray, force_n: FloatArray, sigma: float) -> FloatArray:
+    """Return the mean (3,) of a vector that is fixed to the vehicle, over the errors of its heading, in n.
+
+    A vehicle that was levelled by a specific force is turned about this force if its heading is wrong. The
+    mean of cos ψ is exp(−σ²/2): of an arm with an unknown heading at rest, the vertical part remains.
+
+    Parameters
+    ----------
+    vector_n : (3,) array
+        The vector, with the heading found.
+    force_n : (3,) array
+        The specific force, in any unit.
+    sigma
+        σ of the heading [rad].
+    """
+    axis = about(force_n)
+    along = axis * (axis @ vector_n) / (axis @ axis)
+    return np.asarray(along + np.exp(-(sigma**2) * (axis @ axis) / 2) * (vector_n - along))
+
+
+def about(force_n: FloatArray) -> FloatArray:
+    """Return the attitude error (3,) of one radian of heading, after levelling by a specific force in n."""
+    return np.asarray(force_n / force_n[2])
+
+
+def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
+    """Return the σ of the level specific force at rest, apart from the accelerometers' errors [m/s²].
+
+    It is the noise of the mean, and what the means of the seconds differ by beyond their noise: the vehicle
+    at rest rocks and settles.
+    """
+    density = float(assumed.noise[3:6].max())
+    ends = imu.time[0] + _SECOND * np.arange(int(rest / _SECOND) + 1)
+    total = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dvelocity, axis=0)))
+    means = np.diff([np.interp(ends, imu.time, column) for column in total.T], axis=1) / _SECOND
+    beyond = max(0.0, float(means.var(axis=1, ddof=1).max()) - density / _SECOND)
+    return float(np.sqrt(density / rest + beyond + LEAST_FORCE**2))
+
+
+def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:
+    """Return the velocity (3,) at the start and its σ.
+
+    A vehicle at rest has a speed below `REST_SPEED`, and one in motion climbs by `NO_VERTICAL_SIGMA`. Where a
+    receiver knows less, the velocity is zero with this σ.
+    """
+    sigma_of_zero = np.array([np.inf, np.inf, NO_VERTICAL_SIGMA])
+    if rest:
+        sigma_of_zero[:] = REST_SPEED
+    return np.where(sigma > sigma_of_zero, 0.0, velocity), np.minimum(sigma, sigma_of_zero)
+
+
+def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float, float]:
+    """Return the roll and pitch [rad] that rotate a specific force measured in b to that in n.
+
+    Parameters
+    ----------
+    force : (3,) array
+        Specific force in b [m/s²].
+    force_n : (3,) array
+        The same in n: acceleration minus gravity [m/s²].
+    heading
+        Heading [rad].
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    ahead, right, down = c * force_n[0] + s * force_n[1], c * force_n[1] - s * force_n[0], force_n[2]
+    across = float(np.hypot(force[1], force[2]))
+    # Without a force across the forward axis, as of a device that stands on its nose, any roll will do.
+    roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1]) if across else 0.0
+    below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
+    pitch = np.arctan2(below, force[0]) - np.arctan2(down, ahead)
+    return float(wrap(roll)), float(wrap(pitch))
+
+
+def _rest(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> float:
+    """Return the duration of the rest from the first sample on, in whole seconds; 0 if below two [s]."""
+    start = imu.time[0]
+    seconds = int(min(imu.time[-1] - start, _LONGEST_REST))
+    dt = np.diff(imu.time)[:, None]
+    rates, forces = imu.dtheta / dt, imu.dvelocity / dt
+    slow = np.clip(_REST_SIGMAS * velocity_sigma[:, :2].max(axis=1), REST_SPEED, _MOST_REST_SPEED)
+    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1) / slow
+    level_force = forces[: max(1, np.searchsorted(imu.time, start + _SECOND))].mean(axis=0)
+    for second in range(seconds):
+        window = slice(*np.searchsorted(imu.time[1:], [start + second, start + second + _SECOND]))
+        if window.stop - window.start < 2:
+            return _at_least_two(second)
+        moving = speed[(fixes.time >= start + second) & (fixes.time < start + second + _SECOND)]
+        still = (
+            rates[window].std(axis=0).max() < _REST_RATE
+            and forces[window].std(axis=0).max() < _REST_FORCE
+            and np.abs(forces[window].mean(axis=0) - level_force).max() < _REST_FORCE / 2
+            and (not moving.size or float(np.median(moving)) < 1)
+        )
+        if not still:
+            return _at_least_two(second)
+    return _at_least_two(seconds)
+
+
+def _at_least_two(seconds: int) -> float:
+    return float(seconds) if seconds >= 2 else 0.0
+
+
+def _mean_rate(imu: Imu, length: float) -> FloatArray:
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + length, "right")) - 1)
+    return np.asarray(imu.dtheta[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
+
+
+def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
+
+    A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the course
+    shows the bias about the vertical; where it does not, the bias is zero, and its σ is the mean rate of the
+    whole record.
+    """
+    ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
+    angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    rates = np.diff([np.interp(ends, imu.time, column) for column in angle.T], axis=1).T / _SECOND
+    fast = shows_course(fixes, velocity_sigma)
+    if fast.sum() >= 2:
+        course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
+        turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
+        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > _LEAST_FAST
+        straight = known & (np.abs(turn) < _STRAIGHT)
+        if straight.sum() >= _LEAST_STRAIGHT:
+            return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
+    mean = _mean_rate(imu, float(imu.time[-1] - imu.time[0]))
+    if fast.sum() < 2 or np.ptp(fixes.time[fast]) < _LEAST_STRAIGHT:
+        return np.zeros(3), np.abs(mean)
+    return _along_course(imu, fixes.time[fast], course, mean)
+
+
+def _along_course(
+    imu: Imu, time: FloatArray, course: FloatArray, mean: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias (3,) by which the IMU turned more than the course, and its σ [rad/s].
+
+    A vehicle may begin backwards: then its course turns by π, and twice the course does not. If it was
+    carried aside, the course does not show the bias.
+
+    Parameters
+    ----------
+    imu
+        Samples of a vehicle that follows its nose.
+    time, course : (m,) arrays
+        Course [rad] at times [s].
+    mean : (3,) array
+        Mean rate of the whole record, the σ about level axes [rad/s].
+    """
+    turning = np.interp(time, imu.time, _turned(imu, np.zeros(3)))
+    apart = np.unwrap(2 * (course - turning)) / 2
+    since = time - time.mean()
+    slope = float(since @ apart) / float(since @ since)
+    scatter = float(np.std(apart - apart.mean() - slope * since))
+    if scatter > _SCATTER:
+        return np.zeros(3), np.abs(mean)
+    # The errors of neighbouring fixes depend on each other: one in a second counts.
+    noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
+    hidden = _HIDDEN * abs(slope + float(np.polyfit(since, turning, 1)[0]))
+    down = _down(imu)
+    level = mean - down * float(mean @ down)
+    sigma = float(np.linalg.norm((noise, hidden, _STRAIGHT_SIGMA)))
+    return -slope * down, np.hypot(np.abs(level), np.abs(down) * sigma)
+
+
+def _down(imu: Imu) -> FloatArray:
+    """Return the vertical (3,) in b of a nearly level IMU."""
+    force = _mean_force(imu, _LEVELLING)
+    return np.asarray(-force / np.linalg.norm(force))
+
+
+def _force_at_start(imu: Imu) -> FloatArray:
+    """Return the mean specific force (3,) over `_LEVELLING`, in b of the first sample [m/s²]."""
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + _LEVELLING, "right")) - 1)
+    C = turned(imu.dtheta[:last])[:-1].as_matrix()
+    return np.asarray(np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0]))
+
+
+def _mean_force(imu: Imu, length: float) -> FloatArray:
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + length, "right")) - 1)
+    return np.asarray(imu.dvelocity[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
+
+
+def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
+    """Return the value of the fixes (3,) at a time, interpolated; before the first fix, that of the first."""
+    after = int(np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1))
+    a, b = fixes.time[after - 1], fixes.time[after]
+    step = values[after] - values[after - 1]
+    if values is fixes.position:
+        step = np.array([step[0], wrap(step[1]), step[2]])
+    return np.asarray(values[after - 1] + step * (time - a) / (b - a))
+
+
+def _acceleration(
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, length: float
+) -> tuple[FloatArray, float]:
+    """Return the mean acceleration (3,) over the first seconds, and the larger horizontal σ [m/s²].
+
+    It is that of a line through the velocities, as far as they know it better than `_ACCELERATION`.
+    """
+    start = imu.time[0]
+    near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
+    if near.sum() < _LEAST_FOR_SLOPE:
+        return np.zeros(3), _ACCELERATION
+    time = fixes.time[near] - start
+    slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
+    variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
+    known = _ACCELERATION**2 / (_ACCELERATION**2 + variance)
+    return slope * known, float(np.sqrt((variance * known)[:2].max()))
+
+
+def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
+    """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
+    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _down(imu)
+    return np.concatenate(([0.0], np.cumsum(turned)))
+
+
+def _heading(
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints, bias: FloatArray, rest: float
+) -> Found:
+    """Return the heading at the first sample: given, or from antennas, course and velocities."""
+    turning = _turned(imu, bias)
+    vehicle = hints.vehicle
+    course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
+    antennas = by_antennas(imu, hints.headings, turning, rest)
+    matched = UNKNOWN
+    by_nose = vehicle.follows_nose and bool(course.source)
+    if not (by_nose and vehicle.name) or hints.forward_assumed:
+        before = bias if rest or vehicle.follows_nose else np.zeros(3)
+        matched = by_velocity(imu, fixes, velocity_sigma, before, rest)
+    if not np.isnan(hints.given):
+        given = Found(float(wrap(hints.given)), hints.given_sigma, "given", float(imu.time[0]))
+        return given._replace(gyro_bias=matched.gyro_bias, gyro_bias_sigma=matched.gyro_bias_sigma)
+    if by_nose and hints.forward_assumed:
+        # The IMU may be turned in the vehicle by any angle; the surer one is used.
+        if contradict(course, matched):
+            apart = float(wrap(matched.heading - course.heading))
+            course, matched = UNKNOWN, matched._replace(course_apart=apart)
+    elif by_nose:
+        # The course is used unless the specific force contradicts it: then the kind of vehicle is unknown.
+        course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
+        matched = UNKNOWN if course.source else matched
+    return surest((antennas, course, matched))
+
+
+def _bias_of_motion(imu: Imu, found: Found) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias found with the heading, or zero with the mean rate as its σ; and its σ."""
+    if found.gyro_bias is not None and found.gyro_bias_sigma is not None:
+        return found.gyro_bias, np.maximum(found.gyro_bias_sigma, _STRAIGHT_SIGMA)
+    return np.zeros(3), np.maximum(
+        np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0]))), _STRAIGHT_SIGMA
+    )
+
+
+def _with_compass(
+    imu: Imu,
+    hints: Hints,
+    found: Found,
+    forces: tuple[FloatArray, FloatArray],
+    tilt: float,
+    length: float,
+    position: FloatArray,
+) -> Found:
+    """Return the most certain heading, including that of the magnetometer."""
+    compass = found
+    for _ in range(_ROUNDS):  # in motion, the vertical depends on the heading
+        attitude = level(*forces, compass.heading)
+        compass = by_magnetometer(imu, hints.magnetometer, attitude, tilt, length, position)
+    return surest((found, compass))

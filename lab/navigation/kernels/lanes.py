@@ -1,0 +1,339 @@
+"""Lanes: eight runs of one filter abreast, with different measurements at the same times.
+
+Strapdown and propagation of P, at each sample, are computed for the eight runs together (`lane_step`). At a
+fix, each run in turn is copied into an ordinary filter, which takes the fix as in a single run, and back. No
+histories are stored: the samples to store are given.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.filters.error_models import NORTH_SLAVED, ErrorModel
+from lab.navigation.filters.filter import Filter, aligned_zeros
+from lab.navigation.filters.schedule import SLACK, Schedule
+from lab.navigation.kernels.compilation import embedded_kernel, is_ready, kernel, loop_kernel, separate_kernel
+from lab.navigation.kernels.driver import steps, take_measurements
+from lab.navigation.kernels.generation import Redecorated, Variant, generated
+from lab.navigation.kernels.lane_step import (
+    COVARIANCE,
+    INCREMENTS,
+    LANES,
+    gained,
+    lane_constants,
+    lane_kernels,
+    lane_step,
+    numbers,
+    size_of_lane,
+    wide_vectors,
+)
+from lab.navigation.kernels.propagation import STATES, WIDTH, X
+from lab.navigation.kernels.storage import store
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
+
+FloatArray = NDArray[np.float64]
+Samples = NDArray[np.int64]
+
+MOTION = strapdown.GYRO_BIAS
+"""Numbers of the motion in the state: position, velocity, attitude."""
+
+
+class Lane(NamedTuple):
+    """The input of one run.
+
+    Attributes
+    ----------
+    position, velocity_n : (m, 3) arrays
+        Its fixes, as of `Fixes`.
+    start, belief : Start, Belief
+        Its start, and the assumptions of its filter; noise and decay are those of all runs.
+    """
+
+    position: FloatArray
+    velocity_n: FloatArray
+    start: Start
+    belief: Belief
+
+
+class LaneSolution(NamedTuple):
+    """The solution of one run at some samples.
+
+    Attributes
+    ----------
+    solution : Solution
+        Histories with a row for each stored sample, and all data of the fixes; `fix_sample` counts all
+        samples.
+    motion : (l, 10) array
+        Position [rad], [m], velocity [m/s] and attitude at the samples of the path.
+    force : (k, 3) array
+        Sum of the velocity increments up to each stored sample, each resolved in n by the attitude after it
+        [m/s].
+    """
+
+    solution: Solution
+    motion: FloatArray
+    force: FloatArray
+
+
+class Counters(NamedTuple):
+    """What each run of a block keeps of a `Filter` besides state and covariance."""
+
+    counts: NDArray[np.int64]
+    clock: FloatArray
+    streak: FloatArray
+
+
+@kernel
+def _load(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
+    """Copy a run of the block into a filter without a pending estimate."""
+    for i in range(strapdown.LENGTH):
+        run.state[i] = buffer[i * LANES + lane]
+    at = COVARIANCE
+    for i in range(STATES):
+        for j in range(i, STATES):
+            p = buffer[at * LANES + lane]
+            run.w[WIDTH * i + j] = p
+            run.w[WIDTH * j + i] = p
+            at += 1
+        run.w[WIDTH * i + X] = 0.0
+    for i in range(run.counts.size):
+        run.counts[i] = kept.counts[lane, i]
+    for i in range(run.clock.size):
+        run.clock[i] = kept.clock[lane, i]
+    for i in range(run.streak.size):
+        run.streak[i] = kept.streak[lane, i]
+
+
+@kernel
+def _save(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
+    """Copy a filter back into its block."""
+    for i in range(strapdown.LENGTH):
+        buffer[i * LANES + lane] = run.state[i]
+    at = COVARIANCE
+    for i in range(STATES):
+        for j in range(i, STATES):
+            buffer[at * LANES + lane] = run.w[WIDTH * i + j]
+            at += 1
+    for i in range(run.counts.size):
+        kept.counts[lane, i] = run.counts[i]
+    for i in range(run.clock.size):
+        kept.clock[lane, i] = run.clock[i]
+    for i in range(run.streak.size):
+        kept.streak[lane, i] = run.streak[i]
+
+
+@separate_kernel
+def _fly(
+    buffer: FloatArray,
+    time: FloatArray,
+    increments: FloatArray,
+    first: int,
+    last: int,
+    decay: FloatArray,
+    noise: FloatArray,
+    lanes: int,
+) -> None:
+    """Advance a block from one sample to another, between fixes.
+
+    A kernel of its own: within a large one, the compiler no longer makes vectors of the loop over the runs.
+    The number of `lanes` is a variable, because it would unroll a loop with a constant one.
+    """
+    wide_vectors()
+    for k in range(first, last):
+        for i in range(6):
+            for lane in range(LANES):
+                buffer[(INCREMENTS + i) * LANES + lane] = increments[k, i, lane]
+        dt = time[k + 1] - time[k]
+        fading, added = lane_constants(decay, noise, dt)
+        for lane in range(lanes):
+            lane_step(buffer, lane, dt, fading, added)
+
+
+@loop_kernel
+def advance(
+    run: Filter,
+    buffer: FloatArray,
+    kept: Counters,
+    imu: Imu,
+    increments: FloatArray,
+    fixes: Fixes,
+    schedule: Schedule,
+    stops: Samples,
+    stored: Samples,
+    path: Samples,
+    out: Solution,
+    motion: FloatArray,
+    force: FloatArray,
+    lanes: int,
+) -> None:
+    """Advance a block over all samples, stopping at those with a fix and at those to store."""
+    at, r, s = 0, 0, 0
+    for stop in stops:
+        if stop > at:
+            _fly(buffer, imu.time, increments, at, stop, run.decay, run.noise, lanes)
+            at = stop
+            time, dt = imu.time[at], imu.time[at] - imu.time[at - 1]
+            if fixes.time[kept.counts[0, 0]] <= time + SLACK * dt:
+                for lane in range(LANES):
+                    _load(run, buffer, kept, lane)
+                    take_measurements(run, imu, fixes, out, at - 1, schedule, False)
+                    _save(run, buffer, kept, lane)
+        if s < path.size and path[s] == at:
+            for lane in range(LANES):
+                for i in range(MOTION):
+                    motion[lane, s, i] = buffer[i * LANES + lane]
+            s += 1
+        if r < stored.size and stored[r] == at:
+            for lane in range(LANES):
+                _load(run, buffer, kept, lane)
+                given = numbers(buffer, INCREMENTS, lane)
+                force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = gained(run.state, given)
+                store(out, lane * stored.size + r, run.state, run.w, run.T)
+            r += 1
+
+
+@functools.cache
+def _advance(model: ErrorModel) -> Callable[..., None]:
+    """Return the loop over all samples for a model, which is compiled, or loaded, when first called."""
+    parts = steps(model, summed=False)
+    kernels, constants = parts.variant.kernels, parts.variant.constants
+    title = f"Eight runs abreast of the filter {model.label}"
+    between = Variant({**kernels, **lane_kernels(model)}, constants)
+    fly = generated(f"fly {model.label}", f"{title}, between fixes.", [_fly], between)
+    # Embedded: a call with so many arrays takes a third of the time of a fix.
+    taking = Redecorated(take_measurements, embedded_kernel)
+    variant = Variant({**kernels, take_measurements: taking}, constants)
+    made = generated(f"lanes {model.label}", f"{title}.", [advance], variant, [parts, fly])
+    whole: Callable[..., None] = made[advance]
+    return whole
+
+
+def is_compiled(model: ErrorModel) -> bool:
+    """Return whether runs abreast of a model wait for no compiler: compiled here, or on the disk."""
+    return is_ready(_advance(model))
+
+
+def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
+    """Return whether a block of runs can be navigated abreast, with fixes and without other measurements.
+
+    The estimate must be zero between the fixes, P propagated at each sample, the frame north-slaved, and the
+    antenna at the IMU.
+    """
+    return (
+        model.mechanization == NORTH_SLAVED
+        and schedule.feedback
+        and schedule.correction_period == 0
+        and schedule.stride == 1
+        and belief.R.ndim == 2
+        and not belief.lever_arm.any()
+    )
+
+
+def navigate_lanes(
+    time: FloatArray,
+    increments: FloatArray,
+    fix_time: FloatArray,
+    runs: Sequence[Lane],
+    schedule: Schedule,
+    model: ErrorModel,
+    stored: Samples,
+    path: Samples,
+) -> list[LaneSolution]:
+    """Navigate up to eight runs abreast.
+
+    Parameters
+    ----------
+    time : (n + 1,) array
+        Times of the IMU samples of all runs [s].
+    increments : (n, 6, LANES) array
+        Angle [rad] and velocity increments [m/s] of each sample of each run; those of unused lanes repeat
+        a run.
+    fix_time : (m,) array
+        Times of validity of the fixes of all runs [s].
+    runs
+        The runs.
+    schedule, model
+        Those of `navigator.navigate`; see `fits`.
+    stored, path
+        Samples, increasing, at which everything, and the motion only, is stored.
+    """
+    # Unused lanes repeat the last run.
+    lanes = [*runs, *[runs[-1]] * (LANES - len(runs))]
+    fixes = _all_fixes(fix_time, lanes)
+    filters = [Filter.begin(lane.start, lane.belief, float(time[0]), model) for lane in lanes]
+    buffer, kept = _block(filters, fix_time.size + 1)
+    out = Solution.empty(LANES * stored.size, fixes.time.size, model.blocks)
+    motion = np.empty((LANES, path.size, MOTION))
+    force = np.empty((LANES, stored.size, 3))
+    none = np.empty((0, 3))
+    fixed = np.searchsorted(time, fix_time - SLACK * float(time[1] - time[0]))
+    last = time.size - 1
+    stops = np.zeros(time.size, dtype=np.bool_)
+    for samples in (stored, path, fixed[fixed <= last], last):
+        stops[samples] = True
+    _advance(model)(
+        filters[0],
+        buffer.reshape(-1),
+        kept,
+        read_only(Imu(time, none, none)),
+        increments,
+        fixes,
+        schedule,
+        np.flatnonzero(stops),
+        stored,
+        path,
+        out,
+        motion,
+        force,
+        LANES,
+    )
+    return [
+        LaneSolution(_part(out, lane, stored.size, fix_time.size), motion[lane], force[lane])
+        for lane in range(len(runs))
+    ]
+
+
+def _all_fixes(time: FloatArray, lanes: Sequence[Lane]) -> Fixes:
+    """Return the fixes of all runs one after the other; after those of a run, one that is never due."""
+    never = np.zeros((1, 3))
+    return read_only(
+        Fixes(
+            np.tile(np.append(time, np.inf), len(lanes)),
+            np.concatenate([part for lane in lanes for part in (lane.position, never)]),
+            np.concatenate([part for lane in lanes for part in (lane.velocity_n, never)]),
+        )
+    )
+
+
+def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Counters]:
+    """Return the numbers of some filters side by side, and what else they keep; each has so many fixes."""
+    states = filters[0].P.shape[0]
+    buffer = aligned_zeros(LANES * size_of_lane(states)).reshape(-1, LANES)
+    buffer[: strapdown.LENGTH] = np.stack([run.state[: strapdown.LENGTH] for run in filters], axis=1)
+    upper = np.triu_indices(states)
+    buffer[COVARIANCE : COVARIANCE + upper[0].size] = np.stack([run.P[upper] for run in filters], axis=1)
+    counts = np.stack([run.counts for run in filters])
+    counts[:, 0] = fixes * np.arange(LANES)
+    clock, streak = (np.stack([getattr(run, name) for run in filters]) for name in ("clock", "streak"))
+    return buffer, Counters(counts, clock, streak)
+
+
+_OF_FIXES = tuple(name for name in Solution._fields if name.startswith(("fix_", "innovation")))
+
+
+def _part(out: Solution, lane: int, stored: int, fixes: int) -> Solution:
+    """Return the solution of one run."""
+    samples = slice(lane * stored, (lane + 1) * stored)
+    own = slice(lane * (fixes + 1), lane * (fixes + 1) + fixes)
+    taken = {
+        name: values[own if name in _OF_FIXES else samples]
+        for name, values in out._asdict().items()
+        if not name.startswith("aid_")
+    }
+    return out._replace(**taken)

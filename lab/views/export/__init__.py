@@ -1,0 +1,63 @@
+"""Export: flights as files for other programs: KML for Google Earth, GPX for maps, our own flight csv.
+
+>>> from lab import Experiment, export_track
+>>> export_track(Experiment(mission="montreal").run(), "montreal.kml")
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from lab.base.files.atomic_file import atomic_file
+from lab.experiment.result import Result
+from lab.missions import Mission, write_flight_csv
+from lab.views.export import gpx, kml
+from lab.views.export.tracks import Tracks, recording_of, tracks_of
+
+TEXTS = {".kml": kml.text, ".gpx": gpx.text}
+ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz")
+"""Endings of the files that can be written."""
+
+__all__ = ["ENDINGS", "Tracks", "export_track", "tracks_of"]
+
+
+def export_track(source: Result | Mission, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write where a flight was into a file, of the kind its ending says; it appears whole or not at all.
+
+    Parameters
+    ----------
+    source
+        A run: its true path, its estimated path and its GPS fixes. Or a mission: its path as recorded, of a
+        log its reference and its fixes.
+    path
+        Ends with ``.kml`` or ``.gpx``; or with ``.csv`` or ``.csv.gz`` for a flight csv, which holds one path
+        with its attitude: the estimated one of a run, the recorded one of a mission.
+    overwrite
+        True replaces a file that is there.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is not given.
+    MissionError
+        If a mission cannot be read, or the flight csv of a log, whose attitude has gaps, is requested.
+    ValueError
+        For another ending.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    if not path.name.lower().endswith(ENDINGS):
+        raise ValueError(f"{path}: accepted are names ending in {', '.join(ENDINGS)}")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; nothing was written. overwrite=True replaces it")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
+    kind = path.suffix.lower()
+    if kind not in TEXTS:
+        write_flight_csv(path, recording_of(source))
+        return
+    content = TEXTS[kind](tracks_of(source)).encode()
+    with atomic_file(path) as file:
+        file.write(content)

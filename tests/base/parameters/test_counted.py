@@ -1,0 +1,37 @@
+"""Numbers of things: one of them is in the singular, wherever a live stream is described."""
+
+from __future__ import annotations
+
+import pytest
+
+from lab.base.parameters.counted import counted, were
+from lab.data.protocols.recognition import Candidate
+
+
+@pytest.mark.parametrize(
+    ("count", "what", "text"),
+    [
+        (0, "sample", "0 samples"),
+        (1, "sample", "1 sample"),
+        (2, "fix", "2 fixes"),
+        (1, "fix", "1 fix"),
+        (3, "batch", "3 batches"),
+    ],
+)
+def test_one_is_singular(count, what, text):
+    assert counted(count, what) == text
+
+
+def test_the_verb_follows():
+    assert (were(0), were(1), were(2)) == ("were", "was", "were")
+
+
+def test_the_evidence_for_a_protocol():
+    evidence = Candidate("NMEA", 1, 0, 1, 1, 1.0, 1).evidence
+    assert (
+        evidence
+        == "NMEA: 1 frame that passed its check in 1 byte (100% of them), 0 failed; 1 sample and 1 fix."
+    )
+    evidence = Candidate("NMEA", 3, 1, 2, 2, 0.5, 200).evidence
+    assert "3 frames that passed their check in 200 bytes" in evidence
+    assert evidence.endswith("2 samples and 2 fixes.")

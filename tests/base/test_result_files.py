@@ -1,0 +1,37 @@
+"""Result files on a disk that is full: the message says so, and nothing is left behind."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lab.base import result_files
+from lab.base.result_files import write_netcdf
+
+resource = pytest.importorskip("resource", reason="this system has no limit of a file's size")
+
+
+@pytest.fixture
+def full(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let no file get larger than the parameter [bytes], and have the disk say that it has no room."""
+    before, usage = resource.getrlimit(resource.RLIMIT_FSIZE), shutil.disk_usage("/")
+    monkeypatch.setattr(result_files.shutil, "disk_usage", lambda _folder: usage._replace(free=0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (request.param, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("full", [0, 4000, 40_000], indirect=True)
+@pytest.mark.usefixtures("full")
+def test_a_full_disk_is_named_whenever_it_is_full(tmp_path: Path) -> None:
+    """The netCDF library calls it a lack of permission if it cannot write the first bytes."""
+    dataset = xr.Dataset({"error": ("time", np.arange(20_000.0))})
+    path = tmp_path / "run.nc"
+    with pytest.raises(OSError, match=r"No space left on device: .*run\.nc'"):
+        write_netcdf(path, lambda: {"errors": dataset}, "run", "", overwrite=False)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,115 @@
+"""FlightGear's own logs: whatever the titles, the flight that was flown; and no other program's csv."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from writers import flightgear_csv as writer
+from writers import jsbsim_csv as jsbsim_writer
+
+from lab.data.files import flightgear_csv, jsbsim_csv
+from lab.data.formats import read_raw, reader_of
+from lab.missions import MissionError, Recording, mission, prepare_import
+
+PATHS = (
+    "Time", "/position/longitude-deg", "/position/latitude-deg", "/position/altitude-ft",
+    "/orientation/heading-deg", "/orientation/pitch-deg", "/orientation/roll-deg",
+    "/velocities/speed-north-fps", "/velocities/speed-east-fps", "/velocities/speed-down-fps", "/controls/x",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flown() -> Recording:
+    return mission("montreal").recording
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Return a function that writes columns and reads them as FlightGear's."""
+
+    def read(logged: dict[str, np.ndarray], delimiter: str = ",", units=None):
+        path = tmp_path / "fg_log.csv"
+        path.write_bytes(writer.text(logged, delimiter))
+        assert reader_of(path).name == flightgear_csv.NAME
+        return read_raw(path, units)
+
+    return read
+
+
+def check(flight, flown: Recording, height: float = 1.0) -> None:
+    np.testing.assert_allclose(flight.time - flight.time[0], flown.time - flown.time[0], atol=2e-7)
+    np.testing.assert_allclose(flight.latitude, flown.latitude, atol=2e-9)
+    np.testing.assert_allclose(flight.longitude, flown.longitude, atol=2e-9)
+    np.testing.assert_allclose(flight.height, flown.height * height, rtol=1e-6)
+    if flight.velocity_n is not None:
+        np.testing.assert_allclose(flight.velocity_n, flown.velocity_n, atol=1e-6)
+        np.testing.assert_allclose(np.sin(flight.euler - flown.euler), 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("titles", [writer.TITLES, PATHS])
+def test_titles_and_paths_give_the_flight(file, flown, titles, delimiter):
+    logged = dict(zip(titles, writer.columns(flown).values(), strict=True))
+    check(file(logged, delimiter), flown)
+
+
+def test_units_in_the_titles_count(file, flown):
+    logged = writer.columns(flown)
+    metres = {
+        "Time (s)": logged["Time"],
+        " Latitude [deg]": logged["Latitude (deg)"],
+        "longitude-deg": logged["Longitude (deg)"],
+        "Altitude (m MSL)": flown.height,
+        "Roll (rad)": flown.euler[:, 0],
+        "Pitch_deg": logged["Pitch (deg)"],
+        "True Heading (degrees)": logged["Heading (deg)"],
+        "vn (m/s)": flown.velocity_n[:, 0],
+        "ve (kt)": flown.velocity_n[:, 1] * 3600 / 1852,
+        "vd (ft/min)": flown.velocity_n[:, 2] * 60 / 0.3048,
+    }
+    check(file(metres), flown)
+    check(file(metres, units={"Altitude (m MSL)": "ft"}), flown, height=0.3048)
+
+
+def test_milliseconds_are_told_by_the_speed(file, flown):
+    rows = np.arange(0, len(flown.time), 10)
+    logged = {title: value[rows] for title, value in writer.columns(flown).items()}
+    seconds = logged["Time"]
+    logged["Time"] = np.round(1000 * seconds)
+    flight = file(logged)
+    np.testing.assert_allclose(flight.time, seconds, atol=6e-4)
+    assert any("milliseconds" in remark for remark in flight.remarks)
+    # Every ten seconds, which are seconds.
+    rows = np.arange(0, len(flown.time), int(10 / (flown.time[1] - flown.time[0])))
+    logged = {title: value[rows] for title, value in writer.columns(flown).items()}
+    logged["Time"] = np.round(logged["Time"])
+    np.testing.assert_array_equal(file(logged).time, logged["Time"])
+
+
+def test_the_report_finds_nothing_wrong(tmp_path, flown):
+    path = tmp_path / "fg_log.csv"
+    path.write_bytes(writer.write(flown))
+    assert prepare_import(path).report.verdict == "plausible"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"Time,Latitude,Longitude,Altitude\n0,45,7,100\n1,45,7,100\n",  # in what units?
+        b"Time,Latitude (deg),Longitude (deg)\n12:00:00,45,7\n12:00:01,45,7\n",
+        b"Latitude (deg),Longitude (deg),Altitude (ft)\n45,7,100\n45,7,100\n",
+        b"time_s,latitude_deg,longitude_deg\n0,45,7\n",
+    ],
+)
+def test_what_is_not_sure_is_not_taken(text):
+    assert not flightgear_csv.recognises(text)
+    assert not jsbsim_csv.recognises(text)
+
+
+def test_a_file_of_jsbsim_is_none_of_flightgear(flown, tmp_path):
+    head = jsbsim_writer.write(flown)[:65536]
+    assert not flightgear_csv.recognises(head)
+    path = tmp_path / "x.csv"
+    path.write_bytes(b"Time,Latitude,Longitude\n0,1,2\n")
+    with pytest.raises(MissionError, match="has no header with time, latitude and longitude in units"):
+        flightgear_csv.read([path], {})

@@ -1,0 +1,132 @@
+"""Exports of loggers whose headings, units or heights are easily taken for something else."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from foreign_tables import UNIX, motion, table
+
+from lab.base.parameters.units import FOOT, KNOT
+from lab.data.files.fields import SEA_LEVEL
+from lab.data.formats import read_raw
+from lab.missions import MissionError
+from lab.missions.flight_import import read_log
+
+FLU = np.array((1, -1, -1))
+KMH = 1 / 3.6
+MPH = 0.44704
+TAKEOFF = 40.0
+"""Height of the place of take-off [m]."""
+
+
+def track(made):
+    """Return the fixes as columns: time, latitude, longitude, height, speed, course."""
+    _, gnss = made
+    return np.column_stack((gnss[:, :4], *motion(gnss)))
+
+
+def moment(seconds, form):
+    return datetime.fromtimestamp(UNIX + seconds, UTC).strftime(form)
+
+
+def test_blanks_in_the_headings_of_a_glass_cockpit_separate_nothing(tmp_path, made):
+    points = track(made)
+    header = (
+        "Session Time,System Time,GPS Fix Quality,Number of Satellites,GPS Date & Time,Latitude (deg),"
+        "Longitude (deg),GPS Altitude (feet),Ground Speed (knots),Ground Track (deg),Magnetic Heading (deg),"
+        "Indicated Airspeed (knots),Pressure Altitude (ft),Lateral Accel (g),Vertical Accel(g)"
+    )
+    rows = [
+        [t, moment(t, "%H:%M:%S"), 2, 9, moment(t, "%Y-%m-%d %H:%M:%S"), lat, lon, h / FOOT, v / KNOT, c, 9.0,
+         v / KNOT, h / FOOT + 90, 0.0, 1.0]
+        for t, lat, lon, h, v, c in points
+    ]  # fmt: skip
+    flight = read_raw(table(tmp_path / "dynon.csv", header, rows))
+    np.testing.assert_allclose(np.degrees(flight.latitude), points[:, 1], atol=1e-9)
+    np.testing.assert_allclose(flight.height, points[:, 3], atol=1e-6)
+    assert flight.velocity_n is not None  # by speed and Ground Track
+
+
+def test_heights_above_the_takeoff_are_not_called_above_sea_level(tmp_path, made):
+    header = "time(millisecond),latitude,longitude,relative_altitude(feet),ascent_x,speed(mph),max_a,max_b,c"
+    points = track(made)
+    above = (points[:, 3] - TAKEOFF) / FOOT
+    rows = [
+        [1000 * t, lat, lon, h, h, v / MPH, above.max(), above.max(), 0.0]
+        for (t, lat, lon, _, v, _), h in zip(points, above, strict=True)
+    ]
+    flight = read_raw(table(tmp_path / "drone.csv", header, rows))
+    assert SEA_LEVEL not in flight.remarks
+    assert any("above the place of take-off" in remark for remark in flight.remarks)
+
+
+def test_an_acceleration_by_its_unit_below_is_no_sigma(tmp_path, made):
+    header = (
+        "Time,GPS Speed,GPS Heading,GPS Altitude,GPS PosAccuracy,GPS Latitude,GPS Longitude,VerticalAcc\n"
+        "s,km/h,deg,m,mm,deg,deg,g\n"
+    )
+    rows = [[t, v / KMH, c, h, 2000.0, lat, lon, 0.98] for t, lat, lon, h, v, c in track(made)]
+    before = "Format,AiM CSV File\nSample Rate,1\n\n"
+    flight = read_raw(table(tmp_path / "aim.csv", header, rows, before=before))
+    assert not any("VerticalAcc" in remark for remark in flight.remarks)
+    assert any("GPS PosAccuracy over 1.515" in remark for remark in flight.remarks)
+
+
+def test_speed_of_an_arduino_in_kmph(tmp_path, made):
+    points = track(made)
+    rows = [[1000 * t, lat, lon, h, v / KMH, c] for t, lat, lon, h, v, c in points]
+    flight = read_raw(table(tmp_path / "log.csv", "millis,lat,lng,alt,speed_kmph,course", rows))
+    assert flight.velocity_n is not None
+    np.testing.assert_allclose(np.hypot(*flight.velocity_n[:, :2].T), points[:, 4], rtol=1e-6)
+
+
+def test_minutes_and_seconds_since_the_takeoff_of_a_dji_record(tmp_path, made):
+    points = track(made)
+    points[:, 0] += 55 - points[0, 0]  # beyond a minute
+    header = "OSD.flyTime,OSD.latitude,OSD.longitude,OSD.altitude [ft],OSD.hSpeed [MPH]"
+    rows = [
+        [f"{int(t // 60)}m {t % 60:.1f}s", lat, lon, h / FOOT, v / MPH] for t, lat, lon, h, v, _ in points
+    ]
+    flight = read_raw(table(tmp_path / "dji.csv", header, rows, before="sep=,\n"))
+    np.testing.assert_allclose(np.diff(flight.time), np.diff(points[:, 0]), atol=0.11)
+
+
+def test_an_imu_of_ros_is_no_phone(tmp_path, made):
+    """REP 103: x forward, y left, z up; a robot at rest does not show which axis is forward."""
+    imu, gnss = made
+    still = gnss.copy()
+    still[:, 1:4] = gnss[0, 1:4]
+    still[:, 1] += 1e-7 * np.arange(len(still))
+    stamps = [[f"{round((UNIX + t) * 1e9)}"] for t in imu[:, 0]]
+    rng = np.random.default_rng(1)
+    samples = np.column_stack((rng.normal(0, 1e-3, (len(imu), 3)), rng.normal(0, 0.02, (len(imu), 3))))
+    samples[:, 5] += 9.81
+    head = ",".join(
+        ("%time", *(f"field.{name}.{axis}" for name in ("angular_velocity", "linear_acceleration")
+                    for axis in "xyz"))
+    )  # fmt: skip
+    one = table(tmp_path / "imu.csv", head, [[*a, *b] for a, b in zip(stamps, samples, strict=True)])
+    two = table(
+        tmp_path / "fix.csv", "%time,field.latitude,field.longitude,field.altitude",
+        [[f"{round((UNIX + row[0]) * 1e9)}", *row[1:4]] for row in still],
+    )  # fmt: skip
+    log = read_log([one, two])
+    assert any(remark.startswith("Axes: forward is x, right is -y, down is -z") for remark in log.repairs)
+
+
+def test_an_imu_alone_is_told_that_a_receiver_is_missing(tmp_path, made):
+    imu, _ = made
+    header = "time_s," + ",".join(f"{name}_{axis}" for name in ("gyro", "acc") for axis in "xyz")
+    path = table(tmp_path / "imu.csv", header, imu)
+    with pytest.raises(MissionError, match="It has an IMU, but no positions of a receiver") as refused:
+        read_log([path])
+    assert "import the two files together" in str(refused.value)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S:%f"])
+def test_a_date_with_the_time_of_the_day_is_a_time_stamp(tmp_path, made, form):
+    points = track(made)
+    rows = [[moment(t, form)[:-3], lat, lon, h, v, c] for t, lat, lon, h, v, c in points]
+    path = table(tmp_path / "record.csv", "Date,gps_lat,gps_lng,gps_alt,gps_speed,gps_bearing", rows)
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.time - flight.time[0], points[:, 0] - points[0, 0], atol=2e-3)

@@ -1,0 +1,111 @@
+"""Streams of an autopilot: they are cut at resets of its filter, and slow ones are reported as slow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from raw_flights import weave
+from scipy.spatial.transform import Rotation
+
+from lab.data.files.streams import Stream, flight_of
+from lab.data.rebuild.derived_motion import body_rates
+from lab.missions.flight_import import prepare_flight
+from lab.motion.frames.rotation import quaternion_from_euler
+
+SECONDS, RESET = 60.0, 10.04
+
+
+def streams(
+    velocity_rate: float = 10.0, attitude_rate: float = 25.0, position_rate: float = 5.0
+) -> tuple[Stream, Stream, Stream]:
+    """Return velocity, position and attitude of a flight that weaves."""
+    v, p, a = (
+        weave(np.arange(0.0, SECONDS, 1 / rate)) for rate in (velocity_rate, position_rate, attitude_rate)
+    )
+    place = np.column_stack((p.latitude, p.longitude, p.height))
+    return (
+        Stream.of("velocity", v.time, v.velocity_n),
+        Stream.of("position", p.time, place),
+        Stream.of("attitude", a.time, quaternion_from_euler(a.euler)),
+    )
+
+
+def flight(velocity: Stream, position: Stream, attitude: Stream):
+    return flight_of(
+        Path("log"), "test", velocity, position, attitude, units=(), remarks=(), vehicle="rotary wing"
+    )
+
+
+def turned(stream: Stream, degrees: float, counted: bool) -> Stream:
+    """Return the attitude with a heading that was wrong by some degrees before the reset."""
+    before = stream.time < RESET
+    wrong = Rotation.from_euler("z", -degrees, degrees=True) * Rotation.from_quat(
+        stream.values, scalar_first=True
+    )
+    values = np.where(before[:, None], wrong.as_quat(scalar_first=True), stream.values)
+    return replace(stream, values=values, counter=(~before).astype(float) if counted else None)
+
+
+@pytest.mark.parametrize(("degrees", "counted"), [(12.0, False), (170.0, False), (12.0, True), (2.0, True)])
+def test_a_reset_of_the_heading_is_no_rotation(degrees, counted):
+    velocity, position, attitude = streams()
+    raw = flight(velocity, position, turned(attitude, degrees, counted))
+    assert [round(reset.time, 3) for reset in raw.resets] == [RESET]
+    made = prepare_flight(raw)
+    assert made.flight.started == pytest.approx(RESET)
+    said = next(row.value for row in made.report.rows if row.name == "Resets")
+    assert float(said.split("the attitude by ")[1].split("°")[0]) == pytest.approx(degrees, abs=0.5)
+    assert made.report.verdict == "plausible", made.report
+    rates = np.degrees(np.linalg.norm(body_rates(made.recording.time, made.recording.euler), axis=1))
+    truth = weave(made.flight.raw.time + RESET)
+    assert rates.max() < 1.1 * np.degrees(np.linalg.norm(body_rates(truth.time, truth.euler), axis=1)).max()
+
+
+@pytest.mark.parametrize("counted", [False, True])
+def test_a_reset_of_velocity_and_position_rings_on_neither_side(counted):
+    velocity, position, attitude = streams()
+    late, there = velocity.time >= RESET, position.time >= RESET
+    velocity = replace(
+        velocity,
+        values=velocity.values + np.where(late, 0.0, 8.0)[:, None] * (1.0, 0.0, 0.0),
+        counter=late.astype(float) if counted else None,
+    )
+    position = replace(
+        position,
+        values=position.values + np.where(there, 0.0, 60.0 / 6.4e6)[:, None] * (1.0, 0.0, 0.0),
+        counter=there.astype(float) if counted else None,
+    )
+    raw = flight(velocity, position, attitude)
+    assert {reset.change.split(" by ")[0] for reset in raw.resets} == {"the velocity", "the position"}
+    truth = weave(raw.time)
+    off = raw.velocity_n[:, 0] - truth.velocity_n[:, 0]
+    np.testing.assert_allclose(np.where(raw.time < RESET, off - 8.0, off), 0.0, atol=0.02)
+    made = prepare_flight(raw)
+    assert made.flight.started >= RESET
+    assert made.report.verdict == "plausible"
+
+
+def test_a_lively_flight_and_a_hard_landing_are_no_resets():
+    rng = np.random.default_rng(6)
+    velocity, position, attitude = streams()
+    shaking = Rotation.from_rotvec(np.radians(rng.normal(scale=3.0, size=(len(attitude.time), 3))))
+    values = (Rotation.from_quat(attitude.values, scalar_first=True) * shaking).as_quat(scalar_first=True)
+    landed = velocity.values + np.where(velocity.time < 50.0, 0.0, 2.0)[:, None] * (0.0, 0.0, 1.0)
+    assert not flight(replace(velocity, values=landed), position, replace(attitude, values=values)).resets
+
+
+def test_what_is_interpolated_is_told_with_its_own_rate_and_noise():
+    velocity, position, attitude = streams(velocity_rate=5.0, attitude_rate=200.0)
+    rng = np.random.default_rng(2)
+    noisy = velocity.values + rng.normal(scale=0.2, size=velocity.values.shape)
+    raw = flight(replace(velocity, what="GPS velocity", values=noisy), position, attitude)
+    assert dict(raw.rates) == pytest.approx({"velocity": 5.0, "position": 5.0})
+    report = prepare_flight(raw).report
+    rate = next(row.value for row in report.rows if row.name == "Rate")
+    assert "200 Hz" in rate and "the velocity (recorded at 5 Hz)" in rate
+    # White noise of 0.2 m/s five times a second: differentiated it is some 0.2 · 5 · √2 m/s², not 0.
+    rough = next(row.value for row in report.rows if row.name == "From velocity")
+    assert 0.5 < float(rough.removeprefix("noise of the acceleration ").split()[0]) < 10

@@ -1,0 +1,157 @@
+"""Fixes and samples in units, frames and signs that a heading does not name, or names in a rare way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sensor_logs import tables
+
+from lab.data.sheets.column_names import heading_of
+from lab.data.sheets.sheet import read_sheet
+from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_imu import imu_of
+from lab.missions import MissionError
+
+
+def fixes(header, rows):
+    text = "\n".join((header, *(",".join(f"{x:.12g}" for x in row) for row in rows)))
+    return fixes_of([read_sheet("gps.csv", text.encode())])
+
+
+def track(made):
+    """Return time [s], latitude, longitude [°], height [m], velocity north, east [m/s]."""
+    return made[1][:, :6].copy()
+
+
+def speed_and_course(made):
+    north, east = track(made)[:, 4:].T
+    return np.hypot(north, east), np.degrees(np.arctan2(east, north)) % 360
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("m/s", 1), ("km/h", 3.6), ("kt", 3600 / 1852), ("cm/s", 100), ("mm/s", 1000)]
+)
+def test_the_unit_of_velocities_is_found_by_the_positions(made, unit, factor):
+    rows = track(made)
+    rows[:, 4:] *= factor
+    found = fixes("time,lat,lon,alt,vn,ve", rows)
+    np.testing.assert_allclose(found.gnss.velocity_n[:, :2], track(made)[:, 4:], rtol=1e-4, atol=1e-3)
+    assert any(f"vn in {unit} (" in remark for remark in found.remarks)
+    named = fixes("time,lat,lon,alt,vn [m/s],ve [m/s]", rows)  # wrong, but not a guess: refused later
+    np.testing.assert_allclose(named.gnss.velocity_n[:, :2], rows[:, 4:])
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("0.01°", 100), ("1e-5°", 1e5)])
+def test_whole_numbers_of_a_course(made, unit, factor):
+    speed, course = speed_and_course(made)
+    found = fixes(
+        "time,lat,lon,alt,speed,course",
+        np.column_stack((track(made)[:, :4], speed, np.rint(course * factor))),
+    )
+    np.testing.assert_allclose(found.gnss.velocity_n[:, :2], track(made)[:, 4:], atol=0.01)
+    assert any(f"course in {unit} (guessed" in remark for remark in found.remarks)
+
+
+def test_heights_above_the_limit_of_receivers_are_mm(made):
+    rows = track(made)
+    rows[:, 3] = 30.5 + 1.003 * np.arange(len(rows))
+    high = rows * [1, 1, 1, 1000, 1, 1]
+    np.testing.assert_allclose(fixes("time,lat,lon,alt,vn,ve", high).gnss.position[:, 2], rows[:, 3])
+    # A heading that says m is believed.
+    np.testing.assert_allclose(fixes("time,lat,lon,alt_m,vn,ve", high).gnss.position[:, 2], high[:, 3])
+
+
+def test_latitudes_beyond_the_poles_are_refused_or_dropped(made):
+    rows = track(made)
+    rows[:, 2] = 120.0 + np.arange(len(rows)) * 1e-5
+    with pytest.raises(MissionError, match=r"beyond ±90°, and the longitudes are not: .* swapped; accepted"):
+        fixes("time,lon,lat,alt", rows[:, :4])
+    rows[3, 1:3] = 999.0
+    assert len(fixes("time,lat,lon,alt", rows[:, :4]).gnss.time) == len(rows) - 1
+
+
+def test_longitudes_from_0_to_360(made):
+    rows = track(made)
+    around = rows.copy()
+    around[:, 2] %= 360
+    assert (rows[:, 2] < 0).all()
+    np.testing.assert_allclose(
+        fixes("time,lat,lon,alt", around[:, :4]).gnss.position,
+        fixes("time,lat,lon,alt", rows[:, :4]).gnss.position,
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "sign"),
+    [
+        ("vel_enu_0", "east", 1), ("velocity_y_enu", "north", 1), ("vel_enu_u", "up", 1),
+        ("v_x_ned", "north", 1), ("vel_ned[2]", "down", 1), ("nwu_velocity.y", "east", -1),
+        ("velocity_west", "east", -1), ("vel_w", "east", -1), ("v_south", "north", -1),
+        ("baroaltitude", "height", 1), ("geoaltitude", "height", 1),
+        ("Speed 2D (m/s)", "speed", 1), ("gps_speed_3d", "speed", 1), ("Speed2D", "speed", 1),
+    ],
+)  # fmt: skip
+def test_components_of_velocities_in_other_frames(text, quantity, sign):
+    found = heading_of(text)
+    assert (found.quantity, found.sign) == (quantity, sign)
+
+
+def test_a_vertical_acceleration_is_no_accuracy():
+    assert heading_of("VerticalAcc (g)") is None
+    assert heading_of("VerticalAcc (m)").quantity == "vertical_sigma"
+
+
+def test_the_receivers_height_is_better_than_the_barometers():
+    assert heading_of("geoaltitude").rank < heading_of("baroaltitude").rank
+
+
+@pytest.mark.parametrize("text", ["vx", "velocity_x", "linear_velocity.x", "wind_vel_x", "vel_ned_enu_x"])
+def test_velocities_without_a_frame_are_not_read(text):
+    assert heading_of(text) is None
+
+
+def imu(header, factors):
+    """Return the samples of an IMU that turns slowly in the units of a file."""
+    time = np.arange(0, 5, 0.01)
+    rates = np.outer(np.sin(time), [0.2, 0.1, 0.3])
+    forces = np.column_stack((np.zeros((time.size, 2)), np.full(time.size, -9.80665)))
+    rows = np.column_stack((time, rates * factors[0], forces * factors[1]))
+    text = "\n".join((header, *(",".join(f"{x:.12g}" for x in row) for row in rows)))
+    found = imu_of([read_sheet("imu.csv", text.encode())])
+    np.testing.assert_allclose(found.samples, np.column_stack((rates, forces)), rtol=1e-9, atol=1e-9)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("rate", "per_rad", "force", "per_metre"),
+    [
+        ("deg/h", 3600 * 180 / np.pi, "ug", 1e6 / 9.80665), ("rpm", 30 / np.pi, "cm/s^2", 100),
+        ("mdps", 1000 * 180 / np.pi, "Gal", 100), ("°/hr", 3600 * 180 / np.pi, "mm/s²", 1000),
+    ],
+)  # fmt: skip
+def test_rare_units_in_headings(rate, per_rad, force, per_metre):
+    header = ",".join(
+        ("time", *(f"gyro_{a} [{rate}]" for a in "xyz"), *(f"acc_{a} [{force}]" for a in "xyz"))
+    )
+    imu(header, (per_rad, per_metre))
+
+
+def test_millidegrees_beside_mg_are_found_by_their_size():
+    found = imu("time,gx,gy,gz,ax,ay,az", (1000 * 180 / np.pi, 1000 / 9.80665))
+    assert found.gyro.unit == "m°/s" and found.gyro.source.startswith("guessed")
+
+
+@pytest.mark.parametrize("start", [0, 30, 60, 90, 130])
+def test_cm_per_s2_are_not_read_as_milli_g(start):
+    rows = tables(start, start + 60).imu
+    header = "time,gx,gy,gz,ax,ay,az"
+
+    def found(per_metre, units=None):
+        lines = (",".join(f"{x:.9g}" for x in row) for row in rows * ([1.0] * 4 + [per_metre] * 3))
+        return imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
+
+    with pytest.raises(MissionError, match=r"in cm/s² \(981\) or in mg .*--unit HEADING=cm/s²"):
+        found(100)
+    named = found(100, dict.fromkeys(("ax", "ay", "az"), "[cm/s²]"))
+    np.testing.assert_allclose(named.samples[:, 3:], rows[:, 4:], rtol=1e-6, atol=1e-6)
+    assert found(1000 / 9.80665).accelerometer.unit == "mg"

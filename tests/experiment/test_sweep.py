@@ -1,0 +1,183 @@
+"""Sweep: numbers of single runs, a cache that computes nothing twice, errors that name the setting."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sensor_logs import tables, write
+
+from lab.base.parameters.settings import SettingError
+from lab.experiment.ensembles import sweeping
+from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.experiment import Experiment
+from lab.experiment.sweep import Sweep
+
+DENSITIES = [0.3, 0.02]
+SEEDS = 3
+
+
+def small() -> Experiment:
+    experiment = Experiment(mission="los_angeles", seed=4)
+    experiment.trajectory.imu_rate = 20
+    return experiment
+
+
+@pytest.fixture(scope="module")
+def swept() -> Iterator[Sweep]:
+    sweeping.KEPT.clear()
+    yield small().sweep({"sensors.gyro.noise_density": DENSITIES, "navigator.r_scale": [1.0, 0.1]}, SEEDS)
+    sweeping.KEPT.clear()
+
+
+def test_each_number_is_that_of_the_run_alone(swept: Sweep) -> None:
+    alone = small()
+    alone.update({"seed": 6, "sensors": {"gyro": {"noise_density": 0.02}}, "navigator": {"r_scale": 0.1}})
+    result = alone.run()
+    at = swept.dataset.sel(noise_density=0.02, r_scale=0.1, seed=6)
+    assert np.allclose(at.rms, result.summary["rms"], rtol=1e-12)
+    assert np.allclose(at["max"], result.summary["max"], rtol=1e-12)
+    heading = float(np.sqrt((result.sigma.attitude.sel(angle="heading") ** 2).mean()))
+    assert float(at.sigma.sel(quantity="attitude heading")) == pytest.approx(heading, rel=1e-12)
+    assert float(at.nees) == pytest.approx(float(result.consistency.nees.mean()), rel=1e-12)
+    assert float(at.nis) == pytest.approx(float(result.innovations.nis.mean()), rel=1e-12)
+    assert float(at.nees_degrees) == 15
+
+
+def test_it_agrees_with_an_ensemble_and_has_dimensions_with_units(swept: Sweep) -> None:
+    experiment = small()
+    experiment.set("sensors.gyro.noise_density", 0.3)
+    ensemble = run_ensemble(experiment, SEEDS)
+    there = swept.dataset.sel(noise_density=0.3, r_scale=1.0)
+    assert np.allclose(there.rms, ensemble.rms)
+    assert swept.dims == ("noise_density", "r_scale")
+    assert swept.dataset.rms.dims == ("noise_density", "r_scale", "seed", "quantity")
+    assert swept.dataset.noise_density.attrs["units"] == "°/s/√Hz"
+    assert swept.dataset.noise_density.values.tolist() == DENSITIES
+    assert swept.dataset.seed.values.tolist() == [4, 5, 6]
+    assert swept.dataset.unit.values.tolist() == ["m"] * 3 + ["m/s"] * 3 + ["°"] * 3
+
+
+def test_nothing_is_computed_twice_and_an_interrupted_sweep_goes_on(
+    swept: Sweep, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[int] = []
+    run = sweeping.run
+    stopped = threading.Event()
+    stopped.set()
+
+    def counted(point: Experiment, seed: int) -> sweeping.Numbers:
+        # The second run does not end before the sweep is interrupted.
+        assert len(runs) != 1 or stopped.wait(60)
+        runs.append(seed)
+        return run(point, seed)
+
+    monkeypatch.setattr(sweeping, "run", counted)
+    monkeypatch.setattr(sweeping, "TOLD_EVERY", 0.0)
+    wider = {"sensors.gyro.noise_density": [*DENSITIES, 0.1], "navigator.r_scale": [1.0, 0.1]}
+    small().sweep(wider, SEEDS)
+    assert sorted(runs) == [4, 4, 5, 5, 6, 6]
+
+    def stop(_words: str, _fraction: float) -> None:
+        stopped.set()
+        raise KeyboardInterrupt
+
+    runs.clear()
+    stopped.clear()
+    with pytest.raises(KeyboardInterrupt):
+        small().sweep({"sensors.gps.period": [1.0, 2.0]}, 4, stop, workers=1)
+    assert len(runs) < 8
+    told: list[float] = []
+    small().sweep({"sensors.gps.period": [1.0, 2.0]}, 4, lambda _words, done: told.append(done), workers=1)
+    assert len(runs) == 8
+    assert told[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, "no setting named"),
+        ({"sensors.gyro.noise": [1]}, "no setting 'noise' in sensors.gyro. Did you mean"),
+        ({"sensors.gyro.noise_density": [0.1, 99]}, "99: not accepted.* from 0 to 10 °/s/√Hz"),
+        ({"sensors.gyro.noise_density": 0.1}, "is one value; accepted is a list"),
+        ({"navigator.model": "phi"}, "is one value; accepted is a list"),
+        ({"sensors.gps.period": []}, "no value in the list"),
+        ({"sensors.gps.period": [1, 1.0]}, "in the list twice"),
+        ({"seed": [1, 2]}, "give their number or a list as `seeds`"),
+        ({1: [0.1]}, "1 is no name of a setting"),
+    ],
+)
+def test_an_error_names_the_setting_its_unit_and_its_bounds(settings: dict[Any, Any], words: str) -> None:
+    with pytest.raises(SettingError, match=words):
+        small().sweep(settings)
+    with pytest.raises(ValueError, match="contains no run"):
+        small().sweep({"sensors.gps.period": [1]}, 0)
+
+
+@pytest.mark.parametrize("seeds", [1.5, "12", [1, 2.5], [None], None])
+def test_seeds_that_are_no_whole_numbers_are_refused(seeds: Any) -> None:
+    with pytest.raises(ValueError, match=r"seeds: .* no whole number; accepted is a number from 1"):
+        small().sweep({"sensors.gps.period": [1]}, seeds)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, float("nan"), "two"])
+def test_a_number_of_threads_that_is_none_is_refused(workers: Any) -> None:
+    words = "accepted is a whole number from 1"
+    with pytest.raises(ValueError, match=words):
+        small().sweep({"sensors.gps.period": [1.0, 2.0]}, 2, workers=workers)
+    with pytest.raises(ValueError, match=words):
+        run_ensemble(small(), 2, workers=workers)
+
+
+def test_runs_that_the_settings_forbid_are_missing_with_the_reason() -> None:
+    some = small().sweep({"navigator.model": ["phi", "nonlinear"], "navigator.smoother": [True]}, 1)
+    (reason,) = some.refused
+    assert reason.startswith("1 of 2 runs: ")
+    assert "smoother" in reason
+    assert np.isnan(some.dataset.rms.sel(model="nonlinear")).all()
+    assert np.isfinite(some.dataset.rms.sel(model="phi")).all()
+    assert "smoother" in str(some._repr_html_())
+    with pytest.raises(ValueError, match="No run of the sweep is possible"):
+        small().sweep({"navigator.model": ["nonlinear"], "navigator.smoother": [True]}, 1)
+
+
+def test_a_sensor_log_is_swept_with_one_run_and_its_errors_may_be_unknown(tmp_path: Path) -> None:
+    folder = write(tmp_path / "drive", tables(60, 100))
+    (folder / "ref.csv").unlink()
+    experiment = Experiment(mission=str(folder))
+    with pytest.raises(ValueError, match="accepted is seeds=1"):
+        experiment.sweep({"navigator.r_scale": [1.0, 0.1]})
+    data = experiment.sweep({"navigator.r_scale": [1.0, 0.1]}, 1).dataset
+    assert np.isnan(data.rms).all()
+    assert np.isnan(data.nees).all()
+    assert (data.sigma > 0).all()
+    assert float(data.nis.sel(r_scale=0.1).mean()) > float(data.nis.sel(r_scale=1.0).mean())
+
+
+def test_two_settings_with_the_same_name_have_dimensions_of_their_own() -> None:
+    paths = ["sensors.gyro.bias", "sensors.accelerometer.bias", "sensors.gps.period"]
+    assert [sweeping.dim_of(path, dict.fromkeys(paths)) for path in paths] == [
+        "gyro_bias",
+        "accelerometer_bias",
+        "period",
+    ]
+
+
+def test_the_plot_shows_the_mean_of_the_runs_with_their_band(swept: Sweep) -> None:
+    first = next(iter(swept.sel(r_scale=1.0).plot(["attitude heading"])))
+    heading = swept.dataset.rms.sel(r_scale=1.0, quantity="attitude heading").sortby("noise_density")
+    curve = first.Curve.II
+    assert np.allclose(curve.dimension_values(0), sorted(DENSITIES))
+    assert np.allclose(curve.dimension_values(1), np.sqrt((heading**2).mean("seed")))
+    low, high = (first.Area.I.dimension_values(column) for column in (1, 2))
+    assert (low < curve.dimension_values(1)).all()
+    assert np.allclose(high, heading.quantile(0.95, "seed"))
+    assert len(swept.plot()) == 5
+    with pytest.raises(ValueError, match="no quantity 'speed'; accepted are position"):
+        swept.plot(["speed"])
+    with pytest.raises(ValueError, match="0 settings vary"):
+        swept.sel(r_scale=1.0, noise_density=0.3).plot()

@@ -1,0 +1,101 @@
+"""Simulated device: it loses nothing that it was not told to lose; what finds no room comes late."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+
+import numpy as np
+import pytest
+from test_source import until
+
+from lab.data.protocols.catalogue import decoder_of
+from lab.live.simulated import simulated_device
+from lab.live.simulated.simulated_device import SimulatedDevice
+from lab.live.simulated.simulated_flight import REST, SimulatedFlight
+from lab.live.simulated.simulated_link import Link, PseudoTerminal, TcpServer
+
+RATE = 1000.0
+
+
+@pytest.fixture(scope="module")
+def flight() -> SimulatedFlight:
+    return SimulatedFlight.of(REST, RATE, rest=3.0)
+
+
+class Narrow:
+    """A line that takes few bytes at a time, and none while it is stopped."""
+
+    address = "narrow"
+    has_reader = True
+
+    def __init__(self, most: int) -> None:
+        self.most, self.taken = most, bytearray()
+
+    def plug(self) -> None:
+        """Nothing: it is there."""
+
+    def unplug(self) -> None:
+        """Nothing: it stays there."""
+
+    def write(self, data: bytes) -> int:
+        """Take the first bytes."""
+        self.taken += data[: self.most]
+        return min(len(data), self.most)
+
+
+def assert_all_came(data: bytes, flight: SimulatedFlight) -> None:
+    found = decoder_of("vectornav").feed(data)
+    np.testing.assert_allclose(found.imu["time"], flight.imu["time"], atol=2e-9)
+    np.testing.assert_allclose(found.imu["rate"], flight.imu["rate"], atol=1e-6)
+
+
+def test_what_finds_no_room_comes_late_and_in_order(flight):
+    line = Narrow(0)
+    with SimulatedDevice(flight, "vectornav", line) as device:
+        until(lambda: device.late > 0.5)
+        assert not line.taken
+        line.most = 37  # less than a frame
+        until(lambda: device.finished)
+        assert device.late == 0.0
+    assert device.latest > 0.5
+    assert device.refused == 0
+    assert_all_came(bytes(line.taken), flight)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+def test_a_reader_that_is_held_up_gets_every_sample(flight):
+    line, data = PseudoTerminal(), bytearray()
+    with SimulatedDevice(flight, "vectornav", line) as device:
+        reader = os.open(device.address.removeprefix("serial:"), os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        until(lambda: device.late > 0.2)  # the terminal is full
+
+        def read() -> bool:
+            over = device.finished
+            try:
+                data.extend(os.read(reader, 65536))
+            except BlockingIOError:
+                return over
+            return False
+
+        until(read)
+        os.close(reader)
+    assert device.refused == 0
+    assert_all_came(bytes(data), flight)
+
+
+def test_what_nobody_reads_is_gone_and_counted(flight, monkeypatch):
+    monkeypatch.setattr(simulated_device, "PATIENCE", 0.2)
+    lines: list[Link] = [Narrow(0), TcpServer()]
+    for line in lines:
+        with SimulatedDevice(flight, "vectornav", line) as device:
+            until(lambda device=device: device.refused > 1000 and device.late < 1.0)
+    with SimulatedDevice(flight, "vectornav", TcpServer()) as device:
+        until(lambda: device.sent > 300)
+        before = device.refused  # what is due is counted before it is delivered
+        until(lambda: device.refused > before)
+        host, port = device.address.removeprefix("tcp:").split(":")
+        with socket.create_connection((host, int(port))) as client:
+            found = decoder_of("vectornav").feed(client.recv(4096, socket.MSG_WAITALL))
+    assert found.imu["time"][0] > 0.3  # nothing from before
