@@ -17,29 +17,12 @@ DIRECTIVES = ("fmt:", "type:", "noqa")
 """Beginnings of comments that are for tools and say nothing of a number."""
 ROOT = FILES[0].parents[0]
 JUDGES = (
-    *(
-        "readers",
-        "repair",
-        "importing",
-        "logs",
-        "recordings",
-        "missions",
-        "analysis",
-        "lessons",
-        "identification",
-    ),
-    *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
-    *("navigation/initial_heading.py", "navigation/log_navigation.py", "navigation/log_readings.py"),
-    *("navigation/rest_alignment.py", "navigation/standstill.py", "sensors/suite.py", "log_reference.py"),
-    "flying",
-    *("live", "phone", "xplane"),
-    *(
-        "log_run.py",
-        "navigation/driver.py",
-        "navigation/observation.py",
-        "navigation/reference.py",
-        "parameters",
-    ),
+    *("base/files", "base/parameters", "data", "motion/recordings", "missions", "analysis", "flying", "live"),
+    *("classroom/lessons", "navigation/alignment", "navigation/algorithm.py", "navigation/belief.py"),
+    *("navigation/checks.py", "navigation/log_navigation.py", "navigation/log_readings.py"),
+    *("navigation/standstill.py", "navigation/reference.py", "navigation/kernels/driver.py"),
+    *("navigation/filters/observation.py", "sensors/suite.py", "run/log_reference.py"),
+    "experiment/log_run.py",
 )
 """Rooms and files that refuse, repair or judge what a user brings."""
 COMPARING = {"allclose", "clip", "isclose", "max", "maximum", "min", "minimum", "percentile", "quantile"}

@@ -23,6 +23,7 @@ from lab.analysis.verdicts import fix_evidence as module
 from lab.analysis.verdicts.evidence import Evidence, Reference, Squares, evidence
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES
 from lab.analysis.verdicts.innovation_evidence import offered
+from lab.analysis.verdicts.innovation_verdict import Explanation, _preferred
 from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.verdict import judge
@@ -402,3 +403,10 @@ def test_numbers_of_a_diverged_filter_are_written_as_people_write_them():
     texts = [" ".join((one.sentence, one.advice, one.evidence)) for one in verdict.findings]
     assert any(re.search(r"by \d{4,}\.", text) for text in texts)  # the numbers are that large
     assert not any(re.search(r"\de[+-]\d", text) for text in texts), texts
+
+
+@pytest.mark.parametrize(("size", "first"), [(0.2, "R"), (0.02, "GPS correlation")])
+def test_an_r_too_large_by_decades_is_not_preferred_to_correlated_fixes(size: float, first: str) -> None:
+    """Few fixes with correlated errors have small innovations; a smaller R would follow these errors."""
+    explained = [Explanation("GPS correlation", "GPS", 100.0, 1.0), Explanation("R", "GPS", 97.0, size)]
+    assert _preferred(explained)[0].name == first

@@ -23,6 +23,7 @@ from lab.analysis.identification.likelihood import Parameter, Seen, maximise
 from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
 from lab.analysis.verdicts.aid_verdict import QUANTITIES as AIDS
 from lab.analysis.verdicts.finding import (
+    LARGE,
     MATTERS,
     RATIO,
     Change,
@@ -47,9 +48,6 @@ from lab.navigation.solution import Imu
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LARGE = 30.0
-"""Factor on a variance from which it is tried before it is stated: noise 5 times larger than a data sheet or
-a calibration at rest says is rare, and an error of the data needs such factors."""
 CONSISTENT = MATTERS**2
 """NIS per degree of freedom up to which innovations are as large as the filter says, for a whole flight:
 1.5 × in size."""

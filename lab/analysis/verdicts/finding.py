@@ -21,6 +21,9 @@ MATTERS = 1.5
 """Smallest factor of a wrong variance that is reported. In the steady state of filters of a random walk and
 of a constant velocity, an R that is wrong by it makes σ of the error at most 1.3 % larger; a factor of 3, up
 to 10 %."""
+LARGE = 30.0
+"""Factor on a variance from which it is tried before it is stated: noise 5 times larger than a data sheet or
+a calibration at rest says is rare, and an error of the data needs such factors."""
 CONFIDENCE = 0.95
 """Probability that the interval of a factor contains it. A convention."""
 MANY_SIGMA = 4.0

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import (
+    LARGE,
     MATTERS,
     RATIO,
     Change,
@@ -147,9 +148,12 @@ def explanations(seen: Innovations) -> list[Explanation]:
 
 
 def _preferred(found: list[Explanation]) -> list[Explanation]:
-    """Return explanations with a plain R too large before correlated fixes that explain hardly more."""
+    """Return explanations with a plain R too large before correlated fixes that explain hardly more.
+
+    An R too large by more than `LARGE` is not plain: few fixes whose errors are correlated look like it.
+    """
     best = found[0]
-    plain = [one for one in found if one.name.startswith("R") and one.size < 1]
+    plain = [one for one in found if one.name.startswith("R") and 1 / LARGE < one.size < 1]
     if best.name != CORRELATION or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
         return found
     return [plain[0], *(one for one in found if one is not plain[0])]
