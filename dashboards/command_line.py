@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dashboards import serve_command
 from lab.cli import app, main
+from lab.cli.app import COMMANDS
 
 __all__ = ["app", "main"]
 
-app.command("serve", epilog=serve_command.EXAMPLES)(serve_command.serve)
+COMMANDS["serve"] = (
+    "dashboards.serve_command:serve",
+    "Serve the dashboard, and open it in a browser if there is a screen.",
+)

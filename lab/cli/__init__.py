@@ -8,46 +8,86 @@ message and exit code 2. Commands import their dependencies when they run, so th
 
 from __future__ import annotations
 
-from lab.cli import (
-    allan,
-    budget,
-    cards,
-    compare,
-    export,
-    fly,
-    grade,
-    homework,
-    identify,
-    import_flight,
-    lesson,
-    live,
-    missions,
-    notebooks,
-    record,
-    run,
-    warm,
-)
-from lab.cli.app import app, main
+from lab.cli.app import COMMANDS, app, main
 
 __all__ = ["app", "main"]
 
 # In the order of the help; `dashboards.command_line` adds the last one, which serves the dashboard.
-app.command("missions")(missions.list_missions)
-app.command("run", epilog=run.EXAMPLES)(run.run)
-app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
-app.command("budget", epilog=budget.EXAMPLES)(budget.error_budget)
-app.command("identify", epilog=identify.EXAMPLES)(identify.identify)
-app.command("fly", epilog=fly.EXAMPLES)(fly.fly)
-app.command("import", epilog=import_flight.EXAMPLES)(import_flight.import_flight)
-app.command("record", epilog=record.EXAMPLES)(record.record)
-app.add_typer(live.live, epilog=live.EXAMPLES)
-app.command("export", epilog=export.EXAMPLES)(export.export)
-app.command("rename")(missions.rename)
-app.command("delete")(missions.delete)
-app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
-app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
-app.add_typer(lesson.lesson, epilog=lesson.EXAMPLES)
-app.add_typer(homework.homework, epilog=homework.EXAMPLES)
-app.command("grade", epilog=grade.EXAMPLES)(grade.grade)
-app.add_typer(notebooks.notebooks, epilog=notebooks.EXAMPLES)
-app.command("warm", epilog=warm.EXAMPLES)(warm.warm)
+COMMANDS |= {
+    "missions": (
+        "lab.cli.missions:list_missions",
+        "List all missions: those that ship with the lab, and your own.",
+    ),
+    "run": (
+        "lab.cli.run:run",
+        "Navigate a mission; show the errors, and whether the filter states them correctly.",
+    ),
+    "compare": (
+        "lab.cli.compare:compare",
+        "Compare error models on the same flights: errors, consistency, time, verdict.",
+    ),
+    "budget": (
+        "lab.cli.budget:error_budget",
+        "Show the contribution of each source of error to the errors of a mission's solution.",
+    ),
+    "identify": (
+        "lab.cli.identify:identify",
+        "Find noise, latency and lever arm from the innovations, and whether they predict withheld fixes.",
+    ),
+    "fly": (
+        "lab.cli.fly:fly",
+        "Fly a mission's plan and record it.",
+    ),
+    "import": (
+        "lab.cli.import_flight:import_flight",
+        "Report on a recorded flight of any known format, rebuild it, and add it to your own missions.",
+    ),
+    "record": (
+        "lab.cli.record:record",
+        "Record a mission from a running X-Plane.",
+    ),
+    "live": (
+        "lab.cli.live:live",
+        "Streams of sensors: find, watch, record, navigate with and simulate them.",
+    ),
+    "export": (
+        "lab.cli.export:export",
+        "Write the path of a mission: KML for Google Earth, GPX for maps, or a flight csv.",
+    ),
+    "rename": (
+        "lab.cli.missions:rename",
+        "Give a mission of your own another name.",
+    ),
+    "delete": (
+        "lab.cli.missions:delete",
+        "Delete a mission of your own and its recording; missions that ship cannot be deleted.",
+    ),
+    "cards": (
+        "lab.cli.cards:list_cards",
+        "List the cards of real sensors, or show one with its sources, assumed and missing terms.",
+    ),
+    "allan": (
+        "lab.cli.allan:allan",
+        "Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit.",
+    ),
+    "lesson": (
+        "lab.cli.lesson:lesson",
+        "Lessons of the page: list them, and check one of your own.",
+    ),
+    "homework": (
+        "lab.cli.homework:homework",
+        "Homework with hidden settings: make it, work with it, hand it in.",
+    ),
+    "grade": (
+        "lab.cli.grade:grade",
+        "Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each.",
+    ),
+    "notebooks": (
+        "lab.cli.notebooks:notebooks",
+        "The lessons for Jupyter: list them, and copy them into a folder.",
+    ),
+    "warm": (
+        "lab.cli.warm:warm",
+        "Compile the filter ahead for every combination of settings, so that nobody waits for it.",
+    ),
+}

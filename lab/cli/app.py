@@ -7,14 +7,15 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from lab.base.blas_threads import OneBlasThread
-from lab.base.parameters.settings import SettingError
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.setting_error import SettingError
 from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
-from lab.missions import MissionError
 
 
 class CommandError(ValueError):
@@ -53,9 +54,46 @@ class Commands(typer.core.TyperGroup):
         return answer
 
 
+COMMANDS: dict[str, tuple[str, str]] = {}
+"""The commands in the order of the help: the function or group of each, as ``"module:name"``, and its
+summary."""
+
+
+class AllCommands(Commands):
+    """The commands of `COMMANDS`; each is imported when it is asked for, so that help appears at once."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name, imported now."""
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            self.commands[cmd_name] = _imported(cmd_name)
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the names and summaries of all commands."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+
+def _imported(name: str) -> Any:
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    home = import_module(module)
+    found = getattr(home, attribute)
+    if isinstance(found, typer.Typer):
+        group = typer.main.get_command(found)
+        group.epilog = home.EXAMPLES
+        return group
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    alone.command(name, epilog=getattr(home, "EXAMPLES", None))(found)
+    return typer.main.get_command(alone)
+
+
 app = typer.Typer(
     name="ins-lab",
-    cls=Commands,
+    cls=AllCommands,
     invoke_without_command=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

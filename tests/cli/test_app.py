@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from asking import ask, process, refused
 
-from lab.cli.app import plain
+from lab.cli.app import COMMANDS, plain
 
 
 def test_alone_it_prints_help_with_every_command_and_examples() -> None:
@@ -166,3 +166,28 @@ def test_output_to_a_full_disk_is_reported(command: list[str]) -> None:
         )
     assert answer.returncode == 2
     assert answer.stderr == "ins-lab: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_summary_of_a_command_is_that_of_its_own_help(name: str) -> None:
+    summary = COMMANDS[name][1]
+    own = ask(name, "--help")
+    assert own.exit_code == 0
+    assert summary in " ".join(own.stdout.split())
+
+
+def test_help_imports_no_command_and_no_numbers() -> None:
+    code = "\n".join(
+        (
+            "import sys",
+            "from dashboards.command_line import main",
+            "try: main()",
+            "except SystemExit: print(*sys.modules)",
+        )
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True
+    )
+    loaded = answer.stdout.splitlines()[-1].split()
+    assert "lab.cli.app" in loaded
+    assert not {"numpy", "param", "numba", "pandas", "lab.cli.run", "dashboards.serve_command"} & set(loaded)

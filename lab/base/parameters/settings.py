@@ -15,16 +15,13 @@ import numpy as np
 import param
 
 from lab.base.notebook_card import NotebookCard
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_help import listing, paragraph
 from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, describe
 from lab.base.parameters.setting_text import MAX_PATH, value_of
 
 _MAX_SHOWN = 60
 """Most characters of a value that a message shows."""
-
-
-class SettingError(ValueError):
-    """An unknown setting, or a value that it does not accept; the message says what is accepted."""
 
 
 class Derived(NamedTuple):
