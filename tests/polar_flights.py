@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.motion.frames import earth, rotation
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 FLIGHTS: dict[str, dict[str, float]] = {
     "straight over the north pole": {"miss": 0.0},

@@ -14,11 +14,9 @@ import pandas as pd
 import pyins._numba_integrate
 import pyins.strapdown
 import pyins.util
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
-
-FloatArray = NDArray[np.float64]
 
 
 class Path(NamedTuple):

@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan_covariance import LETTERS, covariance
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
-
-FloatArray = NDArray[np.float64]
 
 PER_OCTAVE = 3
 """Averaging times in each factor of two."""

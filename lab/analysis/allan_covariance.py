@@ -23,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 LETTERS = "QNBKR"
 """Quantisation noise, white noise, bias instability, random walk and ramp: each of unit coefficient."""

@@ -46,6 +46,7 @@ from lab.analysis.errors import euler_sigma
 from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.parameters.settings import SettingError
 from lab.base.parameters.units import TO_SI
@@ -60,7 +61,6 @@ from lab.sensors.imu_errors import OFF_DIAGONAL
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 
 QUANTITIES = (
     *("position east", "position north", "position up"),

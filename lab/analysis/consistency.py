@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from lab.base.arrays import FloatArray
+
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
 
 AT_ONCE = 1024
 """Epochs whose covariances are inverted together, with some 20 kB each at 21 states."""

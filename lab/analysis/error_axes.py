@@ -16,12 +16,10 @@ Trans. AES 11 (1975).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth, ecef
 from lab.navigation.filters.error_models import ATT, POS, VEL
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST = 1e-15
 """Smallest cos L, which stands for all below: 6 nm from a pole, where a filter bounds tan L, too."""

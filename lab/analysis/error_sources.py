@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.transition import N
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from lab.navigation.alignment.rest_alignment import Aligned
     from lab.run.experiment_settings import ExperimentSettings
 
-FloatArray = NDArray[np.float64]
 
 STAGE = 1.0
 """Spacing of the processes that model flicker, in the logarithm of their correlation times."""

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_axes import output_map
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import displacement
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 
 def position_error(position: FloatArray, truth: Truth) -> FloatArray:

@@ -15,13 +15,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.verdicts import aid_verdict
 from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, is_right
 from lab.analysis.verdicts.linear_verdict import UNEXPLAINED
 from lab.analysis.verdicts.sums import Squares
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.motion.frames import ecef
 from lab.navigation.filters import blocks
@@ -34,8 +34,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu, Start
 from lab.run.run import Run
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-FloatArray = NDArray[np.float64]
 
 LINEAR = np.radians(0.8)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on

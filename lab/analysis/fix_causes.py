@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.imu_columns import write_imu_columns
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
-
-FloatArray = NDArray[np.float64]
 
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""

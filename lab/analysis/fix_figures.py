@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import SINGULAR
+from lab.base.arrays import FloatArray
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.kernels import compilation
 from lab.navigation.kernels.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import Vector, get, radii
 
-FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]
 
 TURN = 2 * math.pi  # [rad]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ATT, VEL
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-FloatArray = NDArray[np.float64]
 
 _ROWS, _COLUMNS = (["xyz".index(pair[k]) for pair in OFF_DIAGONAL] for k in (0, 1))
 """The sensor that each misalignment concerns, and the axis that it measures too."""

@@ -12,10 +12,10 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_sources import rounding
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.motion.frames import earth, ecef
 from lab.motion.frames.east_north_up import east_north_up
@@ -30,7 +30,6 @@ from lab.run.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 
-FloatArray = NDArray[np.float64]
 TriadErrors = imu.GyroErrors | imu.AccelerometerErrors
 
 TERMS = {

@@ -22,6 +22,7 @@ from lab.analysis.budget import (
     sigma_of_quantities,
 )
 from lab.analysis.gains import epochs_of
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation import strapdown
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-
-FloatArray = NDArray[np.float64]
 
 AT_REST = 0.5
 """Speed below which a vehicle is at rest [m/s]. On the shipped flights, 0.2 to 1.2 m/s give the same

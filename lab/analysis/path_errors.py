@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
+from lab.base.arrays import FloatArray
 from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.motion.truth.trajectory import Truth
-
-FloatArray = NDArray[np.float64]
 
 APART = 0.1
 """Time between two samples of the path [s]: errors change little in it, and the rms by 0.1 %."""

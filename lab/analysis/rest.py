@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import allan
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.files.text_blocks import check_file
 from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
@@ -20,8 +20,6 @@ from lab.sensors import imu
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
 from lab.sensors.suite import TRIADS, SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 LOG_COLUMNS = {
     "gyro": ("gx_rad_s", "gy_rad_s", "gz_rad_s"),

@@ -20,12 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.navigation.filters.error_models import A, B, G, P, V, gravity_gradient, skew
 from lab.navigation.kernels.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.strapdown import cross, get, gravity, matrix, plus, radii, rotate
-
-FloatArray = NDArray[np.float64]
 
 N, NAV, BIASES = 15, 9, 6
 """Number of error states, of navigation states among them, and of biases."""

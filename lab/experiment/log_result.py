@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.experiment.datasets import tables
 from lab.experiment.result import Result
 from lab.motion.truth.trajectory import Truth
@@ -17,7 +15,6 @@ from lab.run.run import Recorded
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
 
 NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
 """Data that are unknown for a log without a reference."""

@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.data.checks.full_scale import full_scales
 from lab.data.log.coverage import clock_text
@@ -35,7 +35,6 @@ from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.sensors.suite import OTHER_SENSORS
 
-FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 _IMU_TERMS = (

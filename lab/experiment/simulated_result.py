@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lab.analysis.verdicts.run_evidence import Filtered
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.experiment.result import Result
 from lab.motion.kinematics.ideal_imu import IdealImu
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.alignment.rest_alignment import Aligned
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

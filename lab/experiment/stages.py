@@ -13,8 +13,8 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.base.histories import LONG, SINGLE, kept
 from lab.base.parameters.settings import SettingError
@@ -67,7 +67,6 @@ from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
 
-FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 CACHE = StageCache(limit=256 * 2**20)

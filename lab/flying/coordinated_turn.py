@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.motion.frames.rotation import wrap
 
-FloatArray = NDArray[np.float64]
 Vehicle = Literal["aircraft", "car", "boat"]
 
 VEHICLES = get_args(Vehicle)

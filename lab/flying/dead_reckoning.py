@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 _CONVERGED = 1e-14
 """Change of the latitude in a round below which it is found [rad]: 0.1 µm."""

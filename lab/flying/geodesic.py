@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.earth import FLATTENING, SEMI_MAJOR_AXIS
-
-FloatArray = NDArray[np.float64]
 
 _SEMI_MINOR_AXIS = SEMI_MAJOR_AXIS * (1 - FLATTENING)
 """Polar radius [m]."""

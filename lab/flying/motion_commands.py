@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.flying.dead_reckoning import position
@@ -27,8 +27,6 @@ from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part
 from lab.motion.frames.rotation import C_nb_from_euler, wrap
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 SAMPLE = 0.05
 """Time between two samples of the recording [s]."""

@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import cached
-
-FloatArray = NDArray[np.float64]
 
 _REACHED = 1e-4
 """What is left of a target that is reached [rad], [rad/s], [m/s]: far below what sensors show."""

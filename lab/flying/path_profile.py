@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 PEAK = 1.875
 """Largest slope of the smooth step."""

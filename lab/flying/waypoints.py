@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -30,8 +30,6 @@ from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, 
 from lab.motion.frames.displacement import longer_above, metres_per_radian
 from lab.motion.frames.rotation import wrap
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 SAMPLE = 0.05
 """Longest time between two samples of the recording [s]."""

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.navigation.filters.error_models import ATT
-
-FloatArray = NDArray[np.float64]
 
 
 class Anchor(NamedTuple):

@@ -14,9 +14,9 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.data.streams.rolling import Rolling
 from lab.live.anchor import Anchor, with_heading
@@ -38,8 +38,6 @@ from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import SHORTEST, SPAN, still_seconds
 from lab.sensors.imu import misalignment
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 LONGEST_MEAN: Final = 60.0
 """Longest time over which the sensors are averaged at rest if the heading is known [s]: then the estimate

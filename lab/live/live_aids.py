@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.base.parameters.units import si
 from lab.data.streams.live_log import magnetometer_of
@@ -30,8 +31,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 READINGS: Final = {
     "time": ((), np.float64),

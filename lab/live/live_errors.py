@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.streams.true_motion import TrueMotion
 from lab.live.live_state import LiveHistory
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 
 class LiveErrors(NamedTuple):

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.streams.rolling import Rolling
 from lab.live.live_aids import NONE, LiveAids
 from lab.navigation.aids import NO_AIDS
@@ -29,8 +30,6 @@ from lab.navigation.navigator import advance
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, Held, at_rest, standing_still
-
-FloatArray = NDArray[np.float64]
 
 BACK: Final = 20.0
 """How far the filter can go back [s]: rest is known after ten seconds and a fix two seconds later, and a fix

@@ -24,6 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
 from lab.base.parameters.settings import SettingError
 from lab.data.clock.reading_times import NO_READINGS
@@ -57,8 +58,6 @@ from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import load
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 KEPT: Final = 120.0
 """How long samples are kept [s]: at 1 kHz in 100 MB. A start is sought among them."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.velocity_matching import WINDOW
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import MIN_OVERLAP
@@ -22,8 +22,6 @@ from lab.navigation.alignment.start_fixes import start_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST
-
-FloatArray = NDArray[np.float64]
 
 AGAIN: Final = 10.0
 """Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and

@@ -8,10 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.streams.intake import Counts
 from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian
-
-FloatArray = NDArray[np.float64]
 
 WAITING: Final = "waiting"
 """No sample has come."""

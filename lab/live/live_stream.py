@@ -7,14 +7,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.navigation.alignment.alignment import Alignment
-
-FloatArray = NDArray[np.float64]
 
 POSITION_LIMIT: Final = 100.0
 """Largest σ north or east with which a position is shown [m]: ten times that of a poor fix."""

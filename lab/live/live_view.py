@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, COASTING, NAVIGATING, WAITING, LiveState
 from lab.live.live_stream import POSITION_LIMIT, Sample, Stream
 from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.standstill import SHORTEST
-
-FloatArray = NDArray[np.float64]
 
 COASTS_AFTER: Final = 3.0
 """Time without a fix after which the navigator coasts [s]: two missing ones of a receiver at 1 Hz."""

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.log.auxiliary_data import AuxiliaryData, Series
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.live.live_stream import Stream
-
-FloatArray = NDArray[np.float64]
 
 
 def log_of_stream(

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import allan
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import held_out, outages
+from lab.base.arrays import FloatArray
 from lab.data.log.sensor_log import SensorLog
 from lab.live.live_verdict import batch_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import TRIADS, SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 LEAST_HZ: Final = 20.0
 """Lowest frequency at which noise is compared [Hz]. The mission Montréal has motion up to 15 Hz:

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.allan import AllanDeviation
 from lab.analysis.rest import Record
+from lab.base.arrays import FloatArray
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.live_log import log_of
 from lab.live.live_verdict import batch_of
@@ -34,7 +34,6 @@ from lab.motion.recordings.recording import Recording
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import TRIADS, SensorSuite
 
-FloatArray = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 
 TWINS: Final = 10

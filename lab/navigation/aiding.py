@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.navigation import aids
 from lab.navigation.aids import Aids
@@ -18,8 +19,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 CONDITION_PERIOD = 1.0
 """Time between two measurements of a condition [s]: slip is assumed white from one to the next."""

@@ -18,13 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.blocks import NO_STATE
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.propagation import STATES
 from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
-
-FloatArray = NDArray[np.float64]
 
 BAROMETER_BIAS = HEADING_SENSOR_BIAS = ODOMETER_SCALE = WIND = AIRSPEED_SCALE = NO_STATE
 """First states of the blocks with these names (`propagation.layout_constants`)."""

@@ -7,13 +7,13 @@ from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.python_file import described
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 
-FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
 
 ASYMMETRIC = 1e-6

@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up_sizes
@@ -21,8 +21,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import OTHER_SENSORS, TRIADS, SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 PLAUSIBLE = 0.999
 """Fraction of the good fixes that a robust filter without a gate counts as plausible."""

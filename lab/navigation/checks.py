@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.motion.frames.ecef import near_pole
 from lab.navigation.filters.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.filters.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 
 def check_mechanization(settings: NavigatorSettings) -> None:

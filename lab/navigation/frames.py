@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown, wander
 from lab.navigation.filters.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filters.further_columns import with_blocks
@@ -24,8 +24,6 @@ from lab.navigation.kernels.generation import interpreted
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import PREVIOUS_VELOCITY, Q_NB, VELOCITY
-
-FloatArray = NDArray[np.float64]
 
 RETURN = math.sin(strapdown.MAX_LATITUDE - math.radians(0.1))
 """Sine of the latitude below which a navigator is north-slaved again: 11 km further from the pole than the

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation.solution import Imu
-
-FloatArray = NDArray[np.float64]
 
 AROUND: Final = 5.0
 """Time before and after a gap whose motion stands for that in it [s]: a vehicle that begins to move in a gap

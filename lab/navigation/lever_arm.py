@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.navigation import strapdown
 from lab.navigation.kernels.compilation import kernel
@@ -30,8 +30,6 @@ from lab.navigation.strapdown import (
     rotate,
     rotation,
 )
-
-FloatArray = NDArray[np.float64]
 
 ATT, GYRO_BIAS, GYRO_SCALE = 6, 9, 15
 """Indices at which these error states begin."""

@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.settings import SettingError
 from lab.data.log.log_section import piece
@@ -54,7 +55,6 @@ from lab.navigation.standstill import at_rest, standing_still
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 
-FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes)
 
 UNKNOWN = 1e4

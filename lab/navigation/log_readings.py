@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.data.log.auxiliary_data import Magnetometer
 from lab.data.log.coverage import clock_text, span_text
@@ -19,8 +20,6 @@ from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 OF_ONE_NUMBER = ("barometer", "odometer", "airspeed")
 """Sensors whose readings are a `lab.data.log.auxiliary_data.Series` of a log."""

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters.blocks import LEVER_ARM, OF_AIDS
@@ -29,9 +29,6 @@ from lab.navigation.kernels.driver import driver
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
-
-FloatArray = NDArray[np.float64]
-
 
 PIECE = 2**14
 """Samples of a long flight that are navigated in one call, with some 420 bytes each at 21 states."""

@@ -15,9 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import skew, wrap
@@ -54,8 +54,6 @@ from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.navigation.strapdown import Vector
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-FloatArray = NDArray[np.float64]
 
 ACCEL, ACCEL_DRIFT = (slice(at, at + 3) for at in (strapdown.ACCEL_BIAS, strapdown.ACCEL_DRIFT))
 """Both parts of the accelerometer biases in the state of the navigator."""

@@ -11,9 +11,9 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.motion.frames.rotation import skew, wrap
 from lab.navigation import strapdown
@@ -23,8 +23,6 @@ from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS,
 from lab.navigation.filters.heading_observability import CHANCE, LEVEL, UNKNOWN
 from lab.navigation.filters.vertical_bias import MOST
 from lab.navigation.kernels import own_room
-
-FloatArray = NDArray[np.float64]
 
 
 def see_aid(

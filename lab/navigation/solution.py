@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.displacement import displaced
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import Aids
 from lab.navigation.filters import blocks
 from lab.navigation.filters.kalman import MEASUREMENTS
-
-FloatArray = NDArray[np.float64]
-
 
 HISTORIES = ("position", "velocity_n", "q_nb", "bias", "scale", "further", "variance", "covariance", "rest")
 """Arrays of a solution with one row for each sample."""

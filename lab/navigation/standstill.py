@@ -20,12 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.kernels.compilation import kernel
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.strapdown import Vector, get, matrix, put, rotate
-
-FloatArray = NDArray[np.float64]
 
 SPAN = 1.0
 """Time over which the gyros are averaged for one update [s]."""

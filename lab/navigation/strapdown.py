@@ -17,14 +17,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.ecef import NEAR_POLE
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 
-FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[float, float, float, float]

@@ -29,8 +29,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.navigation import strapdown
 from lab.navigation.kernels.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
@@ -59,7 +59,6 @@ from lab.navigation.strapdown import (
 if TYPE_CHECKING:
     from lab.navigation.solution import Solution
 
-FloatArray = NDArray[np.float64]
 
 Q_EW = strapdown.LENGTH  # position, scalar first
 AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and −sin L

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.kinematics.ideal_imu import IdealImu
@@ -16,8 +16,6 @@ from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import scale_error, slow_error_at
 from lab.sensors.suite import TRIADS
-
-FloatArray = NDArray[np.float64]
 
 
 def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: FloatArray) -> FloatArray:

@@ -7,13 +7,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from lab.base.arrays import FloatArray
 from lab.data.log.auxiliary_data import Comparison, Reference
 from lab.motion.frames.displacement import displacement, metres_per_radian
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 _LONGEST = 1.0
 """Longest time between two rows of a reference that is interpolated [s]."""

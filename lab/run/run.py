@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import LONG, made_when_asked
 from lab.missions import Mission, SensorLog
 from lab.motion.frames.rotation import euler_from_quaternion
@@ -30,9 +30,6 @@ from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
-
-FloatArray = NDArray[np.float64]
-
 
 AT_ONCE = 2**16
 """Samples in one part of a long flight, with some 600 bytes of datasets each."""

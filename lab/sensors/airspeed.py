@@ -13,8 +13,8 @@ and 16.2; W. Gracey, *Measurement of Aircraft Speed and Altitude*, NASA RP-1046 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
@@ -22,8 +22,6 @@ from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import processes, readings
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings, read, reading_times, scale_error
-
-FloatArray = NDArray[np.float64]
 
 _STEP = 1.0
 """Spacing of the samples of the wind [s]: the shortest correlation time."""

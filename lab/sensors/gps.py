@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
@@ -29,8 +30,6 @@ from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
-
-FloatArray = NDArray[np.float64]
 
 EAST_NORTH_UP = ("east", "north", "up")
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 import param
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import QuantityOrNone
 from lab.base.parameters.settings import SettingError, Settings
 from lab.base.parameters.units import si
@@ -22,8 +22,6 @@ from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
-
-FloatArray = NDArray[np.float64]
 
 HEADING, MAGNETOMETER = "heading", "magnetometer"
 """What the sensor measures, as in the settings."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import kept
 from lab.base.parameters.units import si
 from lab.sensors import processes
@@ -45,8 +46,6 @@ __all__ = [
     "with_vibration",
     "without_bias",
 ]
-
-FloatArray = NDArray[np.float64]
 
 
 class Measured(NamedTuple):

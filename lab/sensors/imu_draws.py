@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.sensors import processes
 from lab.sensors.draws import DrawStream, unit_draws
-
-FloatArray = NDArray[np.float64]
 
 
 class ImuDraws(NamedTuple):

@@ -9,8 +9,8 @@ and 16.2.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
@@ -19,8 +19,6 @@ from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, scale_error
-
-FloatArray = NDArray[np.float64]
 
 
 class OdometerErrors(Settings):

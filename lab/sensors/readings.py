@@ -10,17 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import param
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import Intervals, Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within
-
-FloatArray = NDArray[np.float64]
-
 
 NO_FIELD = np.zeros((0, 3))
 """No magnetic field, read-only."""

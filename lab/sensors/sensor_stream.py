@@ -10,16 +10,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.truth.growing_trajectory import FlownPiece
 from lab.sensors import gps, imu
 from lab.sensors.draws import DrawStream
 from lab.sensors.imu_draws import ImuDrawStream
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
-
-FloatArray = NDArray[np.float64]
 
 
 class Sensed(NamedTuple):

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 import param
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
 from lab.sensors.draws import Seed, unit_draws
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE = 25.0
 """Temperature of calibration, and of an IMU without a temperature profile [°C]."""

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.sensors import imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import Seed
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 
 class Conditions(NamedTuple):

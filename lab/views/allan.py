@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.allan import FLOOR, AllanDeviation
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import TO_SI, si
 from lab.sensors.suite import SensorSuite
 from lab.views.paired_curves import PairedCurves
-
-FloatArray = NDArray[np.float64]
 
 UNITS = {"gyro": "°/h", "accelerometer": "mg"}
 TITLES = {"gyro": "Gyros", "accelerometer": "Accelerometers"}

@@ -9,14 +9,13 @@ import numpy as np
 from bokeh.models.annotations import Title
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.views.figures import plain_figure
 from lab.views.parcel import Parcel
 from lab.views.quantities import BLUE, CURSOR, GREEN, ORANGE
 
-FloatArray = NDArray[np.float64]
 Shape = Literal["aircraft", "phone"]
 
 ELEVATION = np.radians(30.0)

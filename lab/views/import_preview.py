@@ -18,8 +18,8 @@ from bokeh.models.tools import PanTool, ResetTool, WheelZoomTool
 from bokeh.models.widgets.markups import PreText
 from bokeh.plotting import figure
 from bokeh.resources import INLINE
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.atomic_file import atomic_file
 from lab.missions.flight_import import FlightImport
 from lab.motion.frames import ecef
@@ -28,8 +28,6 @@ from lab.views.envelope import envelope, limits, thin_path
 from lab.views.figures import TimeAxis, plain_figure, set_ordinate, time_figure
 from lab.views.legend import add_legend
 from lab.views.quantities import ESTIMATE, FIXES
-
-FloatArray = NDArray[np.float64]
 
 POINTS = 2000
 """Largest number of drawn points of a curve or a path."""

@@ -11,6 +11,7 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
@@ -22,8 +23,6 @@ from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
 from lab.views.quantities import CURSOR, ESTIMATE, FIXES
 from lab.views.rolling_plot import RollingPlot
-
-FloatArray = NDArray[np.float64]
 
 WINDOWS = {"10 s": 10.0, "20 s": 20.0, "1 min": 60.0, "4 min": 240.0}
 """Lengths of time that are shown [s]."""

@@ -7,14 +7,12 @@ from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.views.envelope import limits
 from lab.views.figures import plain_figure, set_ordinate, tick_by_hand
 from lab.views.legend import add_legend
 from lab.views.quantities import AXIS_COLOURS
-
-FloatArray = NDArray[np.float64]
 
 BODY = ("x", "y", "z")
 

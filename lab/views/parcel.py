@@ -14,9 +14,8 @@ import numpy as np
 from bokeh.model import Model
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.sources import ColumnDataSource
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 UNPACK = """
 const {what} = cb_obj.data;

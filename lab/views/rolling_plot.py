@@ -18,15 +18,13 @@ from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tickers import FixedTicker
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.views.envelope import nice_limit
 from lab.views.figures import decade_ticks, plain_figure, set_ordinate, tick_by_hand
 from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
 from lab.views.quantities import AXIS_COLOURS
-
-FloatArray = NDArray[np.float64]
 
 NOTHING = ": none yet"
 """Words behind the title of a plot that has no value yet."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import trimesh
 import viser
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.east_north_up import NED_TO_ENU
 from lab.views.aircraft import LENGTH, aircraft
 from lab.views.envelope import thin_path
@@ -18,7 +18,6 @@ from lab.views.quantities import ESTIMATE, FIXES, TRUTH
 if TYPE_CHECKING:
     from lab.experiment.result import Result
 
-FloatArray = NDArray[np.float64]
 
 SEGMENTS = 4000
 """Largest number of drawn segments of a path."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import holoviews as hv
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.views.figures import decade_ticks
 from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from lab.experiment.sweep import Sweep
 
-FloatArray = NDArray[np.float64]
 
 DEFAULT = ("position", "velocity", "attitude heading")
 """The quantities that are drawn unless others are chosen."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.ecef import displacement, near_pole
-
-FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT = 320, 200
 """Size of the scalable drawing [px]."""

@@ -7,8 +7,8 @@ import pytest
 from numba.core.codegen import JITCodeLibrary
 from numba.core.errors import TypingError
 from numba.core.runtime import _nrt_python, rtsys
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation.kernels.compilation import (
     allocating_kernel,
     embedded_kernel,
@@ -18,8 +18,6 @@ from lab.navigation.kernels.compilation import (
     loop_kernel,
     passing_loop_kernel,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @inline_kernel

@@ -22,10 +22,10 @@ import pyins.measurements
 import pyins.util
 import pyins_reference
 import pytest
-from numpy.typing import NDArray
 from sized_models import with_states
 
 from lab.analysis.errors import position_error
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import seeds as many_seeds
 from lab.experiment.ensembles.seeds import run_ensemble
@@ -40,8 +40,6 @@ from lab.navigation.filters.error_models import MODELS
 from lab.navigation.navigator import Fixes, Imu, navigate
 
 pytestmark = pytest.mark.benchmark
-
-FloatArray = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import wrap
 from lab.navigation.navigator import Belief, Fixes, Imu, Solution, Start, navigate
 
-FloatArray = NDArray[np.float64]
 Vectors = Callable[[FloatArray], FloatArray]
 
 NO_FIXES = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))

@@ -8,17 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from aided_flights import flight, standing, starting, winding_road
-from numpy.typing import NDArray
 from scipy import stats
 
 from lab import Experiment
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.errors import error_state
+from lab.base.arrays import FloatArray
 from lab.experiment.result import Result
 from lab.navigation.aids import NORTHWARD
 from lab.navigation.filters import blocks
-
-FloatArray = NDArray[np.float64]
 
 SEEDS = 24
 RATE = 50.0

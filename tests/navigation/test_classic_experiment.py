@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
+from lab.base.arrays import FloatArray
 from lab.experiment.experiment import Experiment
 from lab.experiment.stages import CACHE
-
-FloatArray = NDArray[np.float64]
 
 MISSIONS = ("montreal", "los_angeles")
 SEEDS = 100

@@ -7,7 +7,6 @@ import pyins_reference
 import pytest
 from flown import fly
 from motions import NO_FILTER, NO_FIXES
-from numpy.typing import NDArray
 
 import lab.missions
 from lab.analysis.errors import attitude_error, position_error
@@ -16,8 +15,6 @@ from lab.motion.frames import earth, rotation
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
-
-FloatArray = NDArray[np.float64]
 
 
 def unaided(imu: Imu, truth: Truth) -> Solution:

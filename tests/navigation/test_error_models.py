@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import pymap3d
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from sized_models import with_states
 
+from lab.base.arrays import ComplexArray, FloatArray
 from lab.motion.frames import earth
 from lab.navigation import reference, strapdown
 from lab.navigation.filters.error_models import (
@@ -28,9 +28,6 @@ from lab.navigation.filters.error_models import (
     VEL,
     ErrorModel,
 )
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Below this an entry is nothing: the turn rate of the body cancels among the attitudes, but for its roundoff.
 ZERO = np.full((21, 21), 1e-20)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.imu_causes import _system_matrix
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ATT, GYRO_BIAS, MODELS
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.observation import felt_by_gyro
 from lab.navigation.solution import Belief
-
-FloatArray = NDArray[np.float64]
 
 ALL = (*blocks.SCALES, *blocks.MISALIGNMENTS, blocks.GYRO_G)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
+from lab.base.arrays import FloatArray
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
@@ -20,8 +20,6 @@ from lab.navigation.filters.sigma_points import displace
 from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.solution import Imu
-
-FloatArray = NDArray[np.float64]
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 DT = 0.005

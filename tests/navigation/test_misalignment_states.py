@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from lab import Experiment, card
 from lab.analysis.errors import error_state
+from lab.base.arrays import FloatArray
 from lab.experiment.stages import CACHE
 from lab.navigation import strapdown
 from lab.navigation.filters import blocks
@@ -27,8 +27,6 @@ from lab.navigation.filters.error_models import (
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.lever_arm import see_antenna
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-FloatArray = NDArray[np.float64]
 
 ROWS, COLUMNS = (tuple("xyz".index(pair[k]) for pair in OFF_DIAGONAL) for k in (0, 1))
 ALL = (*blocks.SCALES, *blocks.MISALIGNMENTS)

@@ -8,11 +8,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 from apart import apart
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
+from lab.base.arrays import FloatArray
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE, start
@@ -22,8 +22,6 @@ from lab.navigation.filters.error_models import MODELS
 from lab.navigation.filters.kalman import gate
 from lab.navigation.navigator import Fixes, Imu, Schedule, navigate
 from lab.sensors.cards import card
-
-FloatArray = NDArray[np.float64]
 
 SEEDS = 100
 RATE = 50.0

@@ -7,7 +7,6 @@ import pytest
 from apart import apart
 from flown import fly
 from motions import NO_FILTER, NO_FIXES
-from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
 from lab.experiment.experiment import Experiment
@@ -18,8 +17,6 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.kernels.driver import driver
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS
-
-FloatArray = NDArray[np.float64]
 
 
 def inputs(result: Result) -> tuple[Imu, Fixes, Start]:

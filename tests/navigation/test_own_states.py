@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import lab
 from lab import Experiment, run_ensemble
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.navigation import strapdown, wander
 from lab.navigation.filters import blocks, own_states
@@ -23,7 +23,6 @@ from lab.navigation.filters.own_states import declared_states
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.generation import interpreted
 
-FloatArray = NDArray[np.float64]
 STEP = 1e-30
 
 

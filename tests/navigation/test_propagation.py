@@ -7,10 +7,10 @@ import pytest
 from flown import fly
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from sized_models import with_states
 
+from lab.base.arrays import FloatArray
 from lab.experiment.stages import start
 from lab.navigation.belief import belief
 from lab.navigation.filters import kalman
@@ -29,8 +29,6 @@ from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 MODELS = {n: with_states(PHI, n) for n in (15, 21)}
 MADE = {

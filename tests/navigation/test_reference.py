@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from flown import fly
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sized_models import with_states
 
+from lab.base.arrays import FloatArray
 from lab.experiment.experiment import Experiment
 from lab.experiment.stages import start
 from lab.motion.frames import earth
@@ -29,8 +29,6 @@ from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Sta
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps, imu
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 POSITION_ROUNDOFF = 5e-9
 """A few units in the last place of a longitude [m]."""

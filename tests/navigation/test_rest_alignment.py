@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lab import Experiment, earth
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames.rotation import quaternion_from_euler
 from lab.navigation.alignment.rest_alignment import Means, align, begin, usual
@@ -18,8 +18,6 @@ from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
 from lab.navigation.solution import Start
 from lab.sensors import imu
 from lab.sensors.cards import card
-
-FloatArray = NDArray[np.float64]
 
 LATITUDE, HEIGHT = np.radians(50.0), 300.0
 OMEGA_IE = earth.RATE * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import error_state
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.experiment.ensembles.comparison import models
 from lab.experiment.experiment import Experiment
@@ -20,8 +21,6 @@ from lab.experiment.stages import CACHE
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
 from lab.navigation.filters.error_models import ACCEL_SCALE, GYRO_SCALE
-
-FloatArray = NDArray[np.float64]
 
 SEEDS = 60
 RATE = 50.0

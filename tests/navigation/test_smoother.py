@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from flown import fly
 from motions import NO_FIXES
-from numpy.typing import NDArray
 from sized_models import with_states
 
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -29,8 +29,6 @@ from lab.navigation.model_choice import chosen_model
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
-
-FloatArray = NDArray[np.float64]
 
 SEEDS = 100
 RATE = 50.0

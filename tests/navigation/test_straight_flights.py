@@ -10,17 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.analysis.observability import observability
+from lab.base.arrays import FloatArray
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.motion.frames import earth
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.motion.recordings.recording import Recording
 from lab.navigation.filters import heading_observability
-
-FloatArray = NDArray[np.float64]
 
 RATE = 50.0
 MODELS = ("phi", "psi", "invariant", "nonlinear")

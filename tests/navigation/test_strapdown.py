@@ -14,17 +14,15 @@ from motions import (
     turned,
     unaided,
 )
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import j1
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation import strapdown
 from lab.navigation.kernels.generation import interpreted
 from lab.navigation.navigator import Imu
-
-FloatArray = NDArray[np.float64]
 
 LATITUDES = np.radians([-89.8, -60.0, -33.9, 0.0, 30.0, 45.5, 80.0, 89.8])
 TILTED = Rotation.from_euler("ZYX", [2.5, -0.2, 0.3])

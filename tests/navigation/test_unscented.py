@@ -15,11 +15,11 @@ from apart import apart
 from flown import fly
 from motions import NO_FILTER, NO_FIXES, increments, steady
 from motions import start as start_at
-from numpy.typing import NDArray
 from polar_flights import over_the_pole
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.errors import attitude_error, position_error
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -35,8 +35,6 @@ from lab.navigation.kernels.lane_step import LANES
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
 from lab.navigation.wander import LENGTH
-
-FloatArray = NDArray[np.float64]
 
 SEEDS = 100
 WEIGHTS = np.r_[1 - 15 / 3, np.full(30, 1 / 6)]

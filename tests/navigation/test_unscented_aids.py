@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from aided_flights import flight
 from motions import NO_FILTER
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.experiment.result import Result
 from lab.motion.frames import ecef
@@ -29,8 +29,6 @@ from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.kernels.lane_step import numbers, plain_numbers
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
-
-FloatArray = NDArray[np.float64]
 
 NAMES = in_order((blocks.BAROMETER_BIAS, blocks.HEADING_BIAS, blocks.ODOMETER_SCALE, *blocks.DRIFTS))
 STATES = blocks.count(NAMES)

@@ -10,12 +10,12 @@ import pytest
 from apart import apart
 from flown import Flown, fly
 from motions import NO_FILTER, NO_FIXES
-from numpy.typing import NDArray
 from polar_flights import FLIGHTS, over_the_pole
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -26,8 +26,6 @@ from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.filters import wander_models
 from lab.navigation.filters.filter import Filter
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
-
-FloatArray = NDArray[np.float64]
 
 WANDER = "wander azimuth"
 

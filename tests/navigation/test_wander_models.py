@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import ComplexArray, FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
@@ -17,9 +17,6 @@ from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS,
 from lab.navigation.filters.wander_models import MODELS, linear_model
 from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.settings import NavigatorSettings
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 LATITUDES = np.radians([-89.9999, -75.0, -45.0, -12.0, -0.5, 5.0, 33.0, 48.0, 89.0, 89.99999])
 ZERO = 5e-14

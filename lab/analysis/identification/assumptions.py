@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from lab.analysis.identification.identification import Row
 from lab.analysis.identification.likelihood import Parameter
 from lab.analysis.verdicts.finding import Change
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import TO_SI, si
 from lab.navigation.belief import assumed_lever_arm, belief
 from lab.navigation.filters.blocks import IMU_DENSITIES
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.run import Run
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 NOISE, FIX, LATENCY, LEVER_ARM = slice(0, 4), slice(4, 7), 7, slice(8, 11)
 """Slices of the parameters: logarithms of noise and of σ of a fix, then latency [s] and lever arm [m]."""

@@ -17,13 +17,11 @@ from lab.analysis.identification.renavigation import Logged, Subject, subject
 from lab.analysis.identification.withheld import held_out, outages
 from lab.analysis.verdicts.finding import Change
 from lab.analysis.verdicts.trial import Repeatable, advised
+from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.base.processors import processors
 from lab.data.log.sensor_log import SensorLog
 from lab.run.experiment_settings import ExperimentSettings
-
-FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class Candidate(NamedTuple):

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.analysis.identification.identification import HeldOut
@@ -40,13 +39,11 @@ from lab.analysis.verdicts.pattern import AXES
 from lab.analysis.verdicts.selection import PRICE
 from lab.analysis.verdicts.state_advice import of_log
 from lab.analysis.verdicts.trial import WORSE, Repeatable
+from lab.base.arrays import FloatArray
 from lab.data.checks.imu_axes import NAMES
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.navigation.solution import Imu
-
-FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CONSISTENT = MATTERS**2
 """NIS per degree of freedom up to which innovations are as large as the filter says, for a whole flight:

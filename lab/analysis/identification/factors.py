@@ -13,15 +13,13 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.identification.identification import HeldOut, better
 from lab.analysis.identification.likelihood import Seen
 from lab.analysis.identification.renavigation import Subject
 from lab.analysis.identification.withheld import judged, predicted
+from lab.base.arrays import Flags
 from lab.run.experiment_settings import ExperimentSettings
-
-Flags = NDArray[np.bool_]
 
 # As for ON_Q, below.
 ON_R = (1.0, 0.03, 0.1, 0.3, 3.0, 10.0, 30.0)

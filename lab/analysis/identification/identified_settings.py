@@ -20,12 +20,11 @@ from lab.analysis.identification.assumptions import (
     moved,
     own_sigma,
 )
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import TO_SI, si
 from lab.navigation.belief import belief
 from lab.navigation.filters.blocks import IMU_DENSITIES
 from lab.run.run import Run
-
-FloatArray = NDArray[np.float64]
 
 REACHED = 0.01
 """Relative difference from which a setting is said not to reach the identified value."""

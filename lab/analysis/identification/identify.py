@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
@@ -52,13 +51,11 @@ from lab.analysis.identification.renavigation import Subject, subject
 from lab.analysis.identification.spread import spread
 from lab.analysis.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.analysis.verdicts.finding import Verdict
+from lab.base.arrays import Flags, FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.progress import Progress
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.run import ResultError, Run
-
-FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SETTLING = 30.0
 """Time after the start in which initial errors, not sensor errors, dominate the innovations [s]."""

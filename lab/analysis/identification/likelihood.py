@@ -24,10 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
+from lab.base.arrays import FloatArray
 from lab.base.processors import processors
 from lab.base.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 ROUNDS = 12
 """Most steps of the search; from parameters wrong by a factor of ten, 8 to 12 are needed."""

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from lab.analysis.verdicts.finding import Change
 from lab.analysis.verdicts.finding_names import ACCEL_AXES, GYRO_AXES, HEADINGS, IMU_AXES, LOSSES
+from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES, ImuAxes, level, signed
 from lab.data.clock.usual_interval import UsualInterval
 from lab.data.log.sensor_log import SensorLog
-
-FloatArray = NDArray[np.float64]
 
 _SAME = np.eye(3)
 """No change of any axis."""

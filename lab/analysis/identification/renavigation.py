@@ -14,6 +14,7 @@ from lab.analysis.fix_causes import Ends, gains, motion_at_fixes, windows
 from lab.analysis.identification.likelihood import Seen
 from lab.analysis.verdicts.innovation_evidence import offered
 from lab.analysis.verdicts.run_evidence import Filtered
+from lab.base.arrays import Flags, FloatArray
 from lab.navigation import navigator as linear
 from lab.navigation.alignment.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
@@ -27,9 +28,6 @@ from lab.navigation.standstill import at_rest
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.memory import forget
 from lab.run.run import Recorded, Run
-
-FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 UNSMOOTHED = ("innovation", "innovation_covariance", "fix_sample", "fix_rejected", "fix_H", "fix_R")
 """Arrays of a solution that a smoother does not change."""

@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.identification.identification import HeldOut
 from lab.analysis.identification.likelihood import Seen, log_likelihoods, squares
 from lab.analysis.identification.renavigation import Subject
+from lab.base.arrays import Flags, FloatArray
 from lab.run.experiment_settings import ExperimentSettings
-
-FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
 """Length of the outages for the test of the prediction, time from one to the next [s], and number of sets of

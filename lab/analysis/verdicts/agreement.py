@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from lab.analysis.verdicts.finding import (
@@ -30,8 +29,7 @@ from lab.analysis.verdicts.finding import (
     written,
 )
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 FAMILY = 0.01
 """Probability with which the runs of a matched filter disagree in any figure. Half of it is that of NEES of

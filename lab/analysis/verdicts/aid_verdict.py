@@ -13,11 +13,10 @@ from scipy.special import erf
 
 from lab.analysis.verdicts.finding import Weighed, judge_size
 from lab.analysis.verdicts.sums import Squares
+from lab.base.arrays import FloatArray
 from lab.navigation.aids import AIRSPEED, DOWNWARD, FORWARD, HEADING, HEIGHT, MAGNETIC, NAMES, RIGHTWARD
 from lab.navigation.filters.kalman import gate as largest_nis
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 SENSORS = {
     HEIGHT: "barometer",

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import consistency
 from lab.analysis.verdicts import verdict
@@ -28,10 +27,9 @@ from lab.analysis.verdicts.finding import (
 )
 from lab.analysis.verdicts.innovation_evidence import nis_means, none_given, sizes
 from lab.analysis.verdicts.sums import Squares
+from lab.base.arrays import FloatArray
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 TOLD = Told(
     "the algorithm states",

@@ -28,6 +28,7 @@ from lab.analysis.verdicts.linearity import Linearity, linearity
 from lab.analysis.verdicts.run_means import ALL, BETWEEN, FURTHER, NEES, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
+from lab.base.arrays import FloatArray
 from lab.navigation.aids import NAMES, NO_AIDS
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
@@ -45,7 +46,6 @@ __all__ = [
     "usage",
 ]
 
-FloatArray = NDArray[np.float64]
 
 SETTLING = 60.0
 """Correlation time of the errors of a solution [s]; that of biases is longer, that of attitude and position

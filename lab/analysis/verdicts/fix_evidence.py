@@ -14,14 +14,13 @@ from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import POS, VEL
 from lab.navigation.solution import Belief, Fixes
-
-FloatArray = NDArray[np.float64]
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
 """Tried correlation times of the position errors of the fixes [s]."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.finding import RATIO, Change, Finding, Weighed, judge_size, written
 from lab.analysis.verdicts.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
@@ -13,8 +12,7 @@ from lab.analysis.verdicts.outliers import CHANCE
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_words
 from lab.analysis.verdicts.selection import select
 from lab.analysis.verdicts.sums import Fit, Squares
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 LATENCY, LEVER_ARM = 0.01, 0.2
 """Smallest latency [s] and length of a lever arm [m] that are reported. On the mission Montréal (43 m/s),

@@ -21,10 +21,8 @@ from numpy.typing import NDArray
 
 from lab.analysis.verdicts.imu_causes import Steps
 from lab.analysis.verdicts.pattern import AXES
+from lab.base.arrays import FloatArray
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-
-FloatArray = NDArray[np.float64]
-
 
 STARTS = {
     "position": POS,

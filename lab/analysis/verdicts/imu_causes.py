@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.imu_columns import write_imu_columns
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
-
-FloatArray = NDArray[np.float64]
 
 CAUSES = {
     "gyro scale factor": ("gyro", "scale"),

@@ -23,12 +23,11 @@ from lab.analysis.verdicts.pattern import BINS, binned
 from lab.analysis.verdicts.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.selection import gain_of
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.base.arrays import FloatArray
 from lab.navigation.filters import blocks
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
-
-FloatArray = NDArray[np.float64]
 
 LAGS = 5
 """Number of lags of the autocorrelation of the innovations."""

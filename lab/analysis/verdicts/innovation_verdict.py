@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdicts.evidence import Evidence
@@ -44,8 +43,7 @@ from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_words
 from lab.analysis.verdicts.selection import PRICE, estimates, gain_of
 from lab.analysis.verdicts.sums import Fit, Squares
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 ALIKE = 0.15
 """Fraction of the gain in log-likelihood by which the best explanation must exceed that by the other

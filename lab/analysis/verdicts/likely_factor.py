@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 AROUND = 6
 """Number of factors for each interpolation, and of its terms. On Montréal and the drive of a car, with steps

@@ -18,8 +18,6 @@ from lab.analysis.verdicts.sums import Kept, Sum
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT
 from lab.navigation.solution import Belief, Solution
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Linearity(Sum):

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 NEIGHBOURS = 10
 """Number of neighbouring fixes with which each fix is compared."""

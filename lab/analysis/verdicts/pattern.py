@@ -9,12 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.finding import DOUBT, MATTERS, RATIO, is_right
 from lab.analysis.verdicts.sums import Kept, Squares
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 BINS = 40
 """Number of parts of a flight that are tested separately."""

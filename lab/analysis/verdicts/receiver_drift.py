@@ -18,8 +18,6 @@ from lab.analysis.verdicts.hypotheses import HYPOTHESES, Hypothesis
 from lab.analysis.verdicts.innovation_evidence import Record
 from lab.analysis.verdicts.likely_factor import likely_factor
 
-FloatArray = NDArray[np.float64]
-
 TIMES = (10.0, 30.0, 100.0, 300.0)
 """Tried correlation times [s]: from the filter of a receiver to the atmosphere and the orbits, half a decade
 apart."""

@@ -5,19 +5,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.verdicts.algorithm_verdict import algorithm_evidence
 from lab.analysis.verdicts.evidence import Evidence, evidence
 from lab.analysis.verdicts.sensor_evidence import Reference
+from lab.base.arrays import FloatArray
 from lab.navigation.belief import bias_processes, hidden_by_fixes, of_bias_states
 from lab.navigation.filters.blocks import CONSIDERED, GPS_DRIFT, LATENCY, LEVER_ARM, SCALES
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run.further_truth import errors_of_states
 from lab.run.run import Run
-
-FloatArray = NDArray[np.float64]
 
 
 class Filtered(NamedTuple):

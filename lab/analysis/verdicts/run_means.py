@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 NEES, BETWEEN, NIS = "NEES", "NEES between fixes", "NIS"
 QUARTERS = ("first", "second", "third", "last")

@@ -11,11 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Fit
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 PRICE = 2.0
 """Required gain in log-likelihood per regressor, in addition to that of a cause; chance gives 0.5."""

@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import C_nb_from_euler
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.solution import Belief, Imu
-
-FloatArray = NDArray[np.float64]
 
 AT_ONCE = 2**16
 """Number of samples that are averaged in one block."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.finding import (
     RATIO,
@@ -23,9 +22,8 @@ from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.verdicts.sums import Fit, Squares
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 SENSORS = ("gyro", "accelerometer")
 EXPLAINS = 0.2

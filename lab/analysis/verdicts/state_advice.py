@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.fix_causes import gains
 from lab.analysis.verdicts.finding import RATIO, Change, Finding, Verdict, rounded, written
@@ -20,12 +19,11 @@ from lab.analysis.verdicts.innovation_verdict import ADVICE_FILTERING, CORRELATI
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
 from lab.analysis.verdicts.receiver_drift import ReceiverDrift, likely_drift
 from lab.analysis.verdicts.trial import Repeatable
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.navigation.filters.blocks import CORE
 from lab.navigation.solution import Fixes, Imu
 from lab.run.experiment_settings import ExperimentSettings
-
-FloatArray = NDArray[np.float64]
 
 
 class States(NamedTuple):

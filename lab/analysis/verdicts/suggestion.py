@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.aid_verdict import judge_aids
 from lab.analysis.verdicts.finding import Change, Suggestion, Verdict
@@ -26,9 +25,8 @@ from lab.analysis.verdicts.trial import (
     worsened,
 )
 from lab.analysis.verdicts.wheels import ahead_of_axle, rolls
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
-
-FloatArray = NDArray[np.float64]
 
 OUTAGE = 15.0
 """Length of the outages [s]: on a winding road with the default sensors, errors across 10 s are hardly above

@@ -21,6 +21,7 @@ from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Verdict, headline, written
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.analysis.verdicts.verdict import judge
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.motion.frames.displacement import displaced, displacement
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
@@ -29,8 +30,6 @@ from lab.navigation.checks import DivergedError
 from lab.navigation.filters.blocks import GPS_DRIFT, IMU_DENSITIES, states_of
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.run import Run
-
-FloatArray = NDArray[np.float64]
 
 OUTAGE, EVERY = 10.0, 60.0
 """Length of the artificial outages, and time from one to the next [s]."""

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.log.vehicle import UNKNOWN, vehicle_of
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.run.run import Run
-
-FloatArray = NDArray[np.float64]
 
 STEP = 1.0
 """Time over which rates and specific forces are averaged [s]: vibration is gone, and turns are not."""

@@ -16,12 +16,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.files.text_blocks import TextBlocks
-
-FloatArray = NDArray[np.float64]
 
 MAX_BYTES = 256 * 2**20
 """Largest file accepted, as stored and as decompressed [bytes]."""

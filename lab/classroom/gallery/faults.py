@@ -12,14 +12,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.classroom.gallery import increments
 from lab.motion.truth.trajectory import Truth
 from lab.sensors.draws import unit_draws
 from lab.sensors.gps import GpsFixes
 
-FloatArray = NDArray[np.float64]
 Spoil = Callable[[FloatArray, Truth, float], FloatArray]
 Restamp = Callable[[FloatArray, int], FloatArray]
 

@@ -9,12 +9,10 @@ to the first order of its attitude error, with right equations and data that con
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth, rotation
 from lab.motion.truth.trajectory import Truth
-
-FloatArray = NDArray[np.float64]
 
 X_AND_Y_SWAPPED = (1, 0, 2)
 """Axes of b in the order in which a wrong driver gives them."""

@@ -9,12 +9,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.experiment.datasets.innovations import normalised
 from lab.experiment.result import Result
-
-FloatArray = NDArray[np.float64]
 
 HEADING = 2
 """Column of the heading in the errors of the attitude: roll, pitch, heading."""

@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR, STANDARD_GRAVITY
 from lab.data.log.auxiliary_data import Headings, Series
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import vehicle_of
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 _MAX_APART = 3.0
 """Longest time between two readings between which those at a fix are interpolated [s]: the longest usual

@@ -12,14 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import ComplexArray, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _LEG = 5.0
 """Shortest length of a leg [s]: a walker goes 7 m, ten σ of a consumer receiver's noise."""

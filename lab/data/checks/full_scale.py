@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.imu_axes import NAMES
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDING = 1e-9
 """Relative difference of two samples that are equal: rates are increments over their interval."""

@@ -13,15 +13,13 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, ImuAxes, about_down, others, remedy
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 _MIN_SPEED = 1.0
 """Speed from which fixes show a course [m/s]: a walker has 1.3."""

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks.fix_check import check_fixes
@@ -26,8 +26,6 @@ from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 MAX_LAG = 3.0
 """Largest clock offset that is tried [s]."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 
-FloatArray = NDArray[np.float64]
 Quaternions = NDArray[np.complex128]
 """Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]

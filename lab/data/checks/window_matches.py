@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.velocity_matching import Match, Window, match
-
-FloatArray = NDArray[np.float64]
 
 _SIGMA = 0.1
 """Least σ of velocities by their noise [m/s]: a receiver's own is what it was configured with."""

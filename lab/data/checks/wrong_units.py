@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
-
-FloatArray = NDArray[np.float64]
 
 _ANGLES = {  # factor of an angle, or of a rate, that is too large
     1 / DEGREE: "degrees read as radians",

@@ -15,10 +15,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import Flags, FloatArray
 from lab.data.clock.device_clock import STEP, DeviceClock
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MISSING: Final = 1.5
 """Interval, in usual ones, from which a sample is missing before it: halfway between that of none missing and
@@ -91,10 +89,10 @@ class Followed(NamedTuple):
         Whether the clock is not used any more after them.
     """
 
-    kept: BoolArray
+    kept: Flags
     device: FloatArray
     moved: float
-    changed: BoolArray
+    changed: Flags
     useless: bool
 
 
@@ -210,8 +208,8 @@ class ClockWatch:
         return Followed(kept, times, total, changed[kept], useless)
 
     def _sort_out(
-        self, device: FloatArray, arrival: float, clock: DeviceClock, odd: BoolArray,
-        found: tuple[BoolArray, FloatArray, BoolArray],
+        self, device: FloatArray, arrival: float, clock: DeviceClock, odd: Flags,
+        found: tuple[Flags, FloatArray, Flags],
     ) -> None:  # fmt: skip
         """Find out what each odd interval is; fill the arrays ``kept``, ``moved`` and ``changed``."""
         kept, moved, changed = found
@@ -259,7 +257,7 @@ class ClockWatch:
         return now - before if math.isfinite(now - before) else 0.0
 
     def _report(
-        self, device: FloatArray, moved: FloatArray, changed: BoolArray, arrival: float, silence: float
+        self, device: FloatArray, moved: FloatArray, changed: Flags, arrival: float, silence: float
     ) -> bool:
         """Keep an event for each change, until it is clear that it is one of its own.
 
@@ -334,7 +332,7 @@ class ClockWatch:
         self._keep(ClockEvent(arrival, math.nan, text))
         return True
 
-    def gaps(self, steps: FloatArray) -> tuple[BoolArray, int]:
+    def gaps(self, steps: FloatArray) -> tuple[Flags, int]:
         """Return before which samples some are missing, and how many, by the usual interval.
 
         Parameters

@@ -13,9 +13,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 LOOK = 1.0
 """Time over which the least delay is taken [s]: long against a busy host, short against the drift."""

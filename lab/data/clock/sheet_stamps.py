@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
+
 IntArray = NDArray[np.intp]
 
 MIN_REPEATED = 0.01

@@ -10,12 +10,10 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DAY
 from lab.data.clock.time_zones import PATTERN, offset_of
-
-FloatArray = NDArray[np.float64]
 
 _ZONE = rf"\s?({PATTERN})?(?:\[[\w/+-]{{1,40}}\])?"
 _HALF = r"(?:\s?([AaPp])\.?[Mm]\.?)?"

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-
-FloatArray = NDArray[np.float64]
 
 MAX_SAMPLES = 20_000_000
 """Most samples a rebuilt flight may have."""

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 FIRST_INTERVALS: Final = 20
 """Intervals of which the first median is taken: a live stream waits for them, 0.2 s at 100 Hz."""

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.decompression import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
@@ -45,8 +46,6 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
-
-FloatArray = NDArray[np.float64]
 
 NAME = "ArduPilot DataFlash"
 

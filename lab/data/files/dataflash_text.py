@@ -15,7 +15,7 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 _DESCRIPTION = re.compile(
     rb"^FMT, ?\d{1,3}, ?\d{1,3}, ?([A-Za-z0-9_]{1,4}), ?([A-Za-z]{1,16}), ?([\w, ]{1,200}?) ?\r?$",

@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray, IntArray
 from lab.base.parameters.units import DAY
 from lab.data.files.dataflash_file import Log
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Messages = dict[str, FloatArray]
 
 TIME = "time [s]"

@@ -11,13 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray, IntArray
 from lab.motion.frames import ecef
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NEIGHBOURS = 3
 """Steps on each side with which a step is compared."""

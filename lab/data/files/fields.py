@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.files.table import (
@@ -22,8 +23,6 @@ from lab.data.files.table import (
 )
 from lab.data.files.unit_names import UNITS, refuse_unknown, unit_name
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
-
-FloatArray = NDArray[np.float64]
 
 OF_THE_FORMAT = "of the format"
 NAMED = "named in the file"

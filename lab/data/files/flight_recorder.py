@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.files.fields import (
     SEA_LEVEL,
     Columns,
@@ -26,8 +26,6 @@ from lab.data.files.fields import (
 )
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.motion.frames.rotation import C_nb_from_euler
-
-FloatArray = NDArray[np.float64]
 
 NAME = "MSFS Flight Recorder csv"
 

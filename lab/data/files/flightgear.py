@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -28,8 +29,6 @@ from lab.data.files.table import Header, head_lines, plain
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.rotation import euler_from_C_nb
-
-FloatArray = NDArray[np.float64]
 
 NAME = "FlightGear insgns-gps and insgns-imu"
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -39,9 +39,6 @@ from lab.data.files.unit_names import UNITS
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 NAME = "Garmin G1000 csv"
 
@@ -286,7 +283,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
     )
 
 
-def _legs(time: FloatArray, speed: FloatArray) -> BoolArray:
+def _legs(time: FloatArray, speed: FloatArray) -> Flags:
     """Return the rows at which the course between the rows around them can be told."""
     span = np.full_like(time, np.inf)
     span[_ASTRIDE:-_ASTRIDE] = time[2 * _ASTRIDE :] - time[: -2 * _ASTRIDE]

@@ -18,11 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth, ecef
-
-FloatArray = NDArray[np.float64]
 
 _INTERVAL = 1.0
 """Time over which the change of velocity is compared [s]: noise averages out, and turns are still seen."""

@@ -15,8 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import (
@@ -33,8 +33,6 @@ from lab.data.files.fields import (
 from lab.data.files.table import plain
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.frames import ecef
-
-FloatArray = NDArray[np.float64]
 
 NAME = "JSBSim csv"
 

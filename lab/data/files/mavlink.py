@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.decompression import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
@@ -44,8 +44,6 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import SensorLog, repaired
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
-
-FloatArray = NDArray[np.float64]
 
 NAME = "MAVLink tlog"
 

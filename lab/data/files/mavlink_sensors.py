@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
 from lab.data.files.streams import FIX_3D, Stream, believed_lever_arm, geoid_height, gps_delay, is_position
 from lab.data.files.tlog_file import Vehicle
 from lab.data.log.sensor_log import GnssLog, believed_sigma
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Messages = dict[str, FloatArray]
 
 FIELDS = {
@@ -77,7 +75,7 @@ def place_of(messages: Messages) -> FloatArray:
     return np.column_stack((angles, 1e-3 * messages["alt"]))
 
 
-def fixed(gps: Messages) -> BoolArray:
+def fixed(gps: Messages) -> Flags:
     """Return which messages of GPS_RAW_INT have a three-dimensional fix."""
     return (gps["fix_type"] >= FIX_3D) & is_position(place_of(gps))
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray, IntArray
 from lab.base.files.decompression import content
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -32,9 +33,6 @@ from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.data.files.track import Track, refuse_units
 from lab.data.files.ulog_file import MAGIC as ULOG
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NAME = "NMEA 0183"
 

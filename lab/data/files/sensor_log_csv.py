@@ -48,8 +48,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MAX_DURATION
 from lab.base.files.description_toml import file_in_same_folder, read_toml
 from lab.base.files.mission_error import MissionError
@@ -86,8 +86,6 @@ from lab.data.log.auxiliary_data import (
 )
 from lab.data.log.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repaired
 from lab.motion.frames.rotation import C_nb_from_euler
-
-FloatArray = NDArray[np.float64]
 
 _MAX_HEADER_LINE = 1000
 """Last line on which a header may stand, as `lab.base.files.named_columns` has it."""

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import toml_text
 from lab.data.files.log_toml import DESCRIPTION_FILE
@@ -23,8 +23,6 @@ from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.log.auxiliary_data import Headings, Reference
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.data.log.vehicle import vehicle_of
-
-FloatArray = NDArray[np.float64]
 
 _SAME_TIME = 0.02
 """Largest time between a fix and a heading of the same solution [s]: half the step of receivers of 25 Hz."""

@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import LATITUDES, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.files import estimator_resets
 from lab.data.log.sensor_log import MAX_LEVER_ARM
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
 from lab.motion.frames.rotation import euler_from_quaternion
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_LOG_BYTES = 512 * 2**20
 """Largest binary log accepted, as stored and as decompressed [bytes]."""
@@ -86,7 +84,7 @@ class Stream:
         what: str,
         time: FloatArray,
         values: FloatArray,
-        valid: BoolArray | None = None,
+        valid: Flags | None = None,
         counter: FloatArray | None = None,
     ) -> Stream:
         """Return the messages that are finite, marked valid, and later than all before.
@@ -136,7 +134,7 @@ class Stream:
         reason = f"{self.what} not valid, no number or not in order of time"
         return (Dropped(reason, count, self.first_lost),) if count else ()
 
-    def known(self, time: FloatArray) -> BoolArray:
+    def known(self, time: FloatArray) -> Flags:
         """Return at which times the quantity is known."""
         after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
         step = np.diff(self.time)[after - 1]
@@ -179,7 +177,7 @@ class Stream:
         return found
 
 
-def is_position(place: FloatArray) -> BoolArray:
+def is_position(place: FloatArray) -> Flags:
     """Return which latitudes, longitudes [rad] (n, 2 or more) are known and on the Earth.
 
     Autopilots log zeros before their first fix.
@@ -187,7 +185,7 @@ def is_position(place: FloatArray) -> BoolArray:
     return np.asarray((np.abs(place[:, 0]) <= np.radians(LATITUDES[1])) & (place[:, :2] != 0).any(axis=1))
 
 
-def is_attitude(quaternions: FloatArray) -> BoolArray:
+def is_attitude(quaternions: FloatArray) -> Flags:
     """Return which quaternions (n, 4) have a norm near 1."""
     return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < _MAX_NORM_ERROR)
 
@@ -289,7 +287,7 @@ def flight_of(
     )
 
 
-def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[BoolArray, list[Dropped]]:
+def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[Flags, list[Dropped]]:
     """Return at which times of a stream all others are known, and the report on the other times."""
     kept, dropped = np.ones(len(base.time), dtype=bool), []
     for other in others:

@@ -18,9 +18,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 MAGICS = b"\xfd\xfe"
 """First bytes of a frame: of MAVLink 2 and of MAVLink 1."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.rebuild.quantisation import value_step
@@ -27,8 +28,6 @@ from lab.data.rebuild.smoothing import (
     smoothing_of_steps,
     smoothing_spline,
 )
-
-FloatArray = NDArray[np.float64]
 
 _ZERO = 1e-6
 """Latitude and longitude that are zero but for rounding [°]: a decimetre. Zero is written without a fix."""

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.decompression import whole
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, WEEK
@@ -30,8 +31,6 @@ from lab.data.files.track import Track, refuse_units
 from lab.data.files.ulog_file import MAGIC as ULOG
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.frames import ecef
-
-FloatArray = NDArray[np.float64]
 
 NAME = "u-blox UBX"
 

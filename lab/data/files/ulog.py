@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import LONGITUDES
 from lab.base.files.decompression import whole
 from lab.base.files.mission_error import MissionError
@@ -40,7 +41,6 @@ from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 
-FloatArray = NDArray[np.float64]
 Messages = NDArray[np.void]
 
 NAME = "PX4 ULog"

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import (
     NAMED,
@@ -30,8 +30,6 @@ from lab.data.files.fields import (
 from lab.data.files.table import plain
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.motion.frames import ecef
-
-FloatArray = NDArray[np.float64]
 
 NAME = "X-Plane Data.txt"
 

@@ -7,12 +7,10 @@ written, shows zero or another constant. At rest a coarse sensor does so too.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 _MIN_EXTENT = 30.0
 """Extent of the positions north or east from which a vehicle moves [m]: those of a consumer receiver at rest

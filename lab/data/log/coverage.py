@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 _MIN_ALONE = 2.0
 """Shortest time in which only one of the two recorded that is reported [s]: as the longest gap of the IMU

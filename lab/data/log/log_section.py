@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.log.coverage import clock_text, span_text
 from lab.data.log.sensor_log import MAX_GAP, MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
-
-FloatArray = NDArray[np.float64]
 
 _LISTED = 5
 """Most stretches that a remark lists."""

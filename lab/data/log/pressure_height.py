@@ -10,11 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 PERIOD: Final = 1.0
 """Time between the readings that are used [s]: that of the barometer in `lab.sensors.barometer`."""

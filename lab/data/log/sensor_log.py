@@ -14,14 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.usual_interval import UsualInterval
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
 from lab.data.log.constant_axes import constant_axes_remarks
 from lab.data.log.coverage import clock_text, coverage_remarks, span_text
 from lab.data.log.spikes import spikes
-
-FloatArray = NDArray[np.float64]
 
 MAX_GAP = 2.0
 """Longest gap of the IMU that is filled [s]: the motion in a longer one is unknown."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 LEAST = np.repeat((17.5, 80.0), 3)
 """Smallest distance from the neighbours of a spike: 1000 °/s [rad/s] and 8 g [m/s²]. Measured: up to

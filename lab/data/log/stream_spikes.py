@@ -13,9 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.log.spikes import AROUND, BEYOND_AROUND, BEYOND_LOG, LEAST, MAX_SPIKES, NEIGHBOURS, USUAL
-
-FloatArray = NDArray[np.float64]
 
 PAST: Final = 2048
 """Samples before a spike that say what is usual: 20 s at 100 Hz; `1 - USUAL` of them are a knock a second."""

@@ -13,14 +13,12 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.unit_names import unit_name
 from lab.data.protocols.column_map import MAX_COLUMNS, SEPARATORS, UNITS_OF, Column, ColumnMap, ColumnMapError
 from lab.data.sheets.column_names import heading_of
-
-FloatArray = NDArray[np.float64]
 
 MIN_LINES = 8
 """Fewest lines with numbers that columns are guessed from: fewer do not show which of them is time."""

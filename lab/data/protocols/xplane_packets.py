@@ -18,14 +18,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import LIMITS, NAMED, SEA_LEVEL
 from lab.data.files.xplane_data import velocity_at_aircraft
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.recordings.frame import Frame
-
-FloatArray = NDArray[np.float64]
 
 NAME = "X-Plane live"
 

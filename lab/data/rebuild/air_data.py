@@ -12,12 +12,10 @@ from airspeed, angle of attack and sideslip).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef, rotation
-
-FloatArray = NDArray[np.float64]
 
 _CONVERGED = 1e-4
 """Change of the positions in a round below which they are found [m]."""

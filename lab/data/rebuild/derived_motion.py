@@ -9,15 +9,13 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.data.rebuild.smooth_axes import SmoothAxes
 from lab.motion.frames import earth, rotation
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 _WINDOW = 5
 """Samples in a row through which the parabola goes."""

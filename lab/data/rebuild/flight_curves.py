@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.data.rebuild import air_data
 from lab.data.rebuild.derived_motion import roughness, spline_rates
 from lab.data.rebuild.import_settings import AUTO, ImportSettings
@@ -30,8 +30,6 @@ from lab.data.rebuild.smoothing import (
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import longer_above
 from lab.motion.kinematics.anchoring import anchored_cartesian, anchored_offsets
-
-FloatArray = NDArray[np.float64]
 
 NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.data.rebuild.derived_motion import body_rates, euler_at, roughness
 from lab.data.rebuild.plausibility import (
@@ -28,8 +28,6 @@ from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.motion.recordings.recording import Recording
 from lab.sensors.sensor_noise import SensorNoise
-
-FloatArray = NDArray[np.float64]
 
 PLAUSIBLE = "plausible"
 

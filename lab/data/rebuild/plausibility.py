@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.wrong_units import Agreement, agreement, cause
 from lab.data.rebuild.derived_motion import body_rates, euler_at, specific_force
@@ -21,8 +22,6 @@ from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import RepairedFlight
 from lab.flying import coordinated_turn
 from lab.motion.frames import ecef, rotation
-
-FloatArray = NDArray[np.float64]
 
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 

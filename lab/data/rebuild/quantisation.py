@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.rebuild.raw_flight import JUDGED_SAMPLES, RawFlight
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 _FINEST = 1e-12
 """Smallest difference counted as one, relative to the largest value: below it lies the rounding of

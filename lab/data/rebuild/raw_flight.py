@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 JUDGED_SAMPLES = 20_000
 """Samples by which a longer recording is judged: enough for every statistic taken, quick whatever its

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.time_grid import regular_grid
 from lab.data.rebuild.flight_curves import (
@@ -32,8 +32,6 @@ from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.flying import coordinated_turn
 from lab.motion.frames import ecef, rotation
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 ATTITUDE_NOISE_THAT_MATTERS = float(np.radians(0.5))
 """Roughness of the body rates from which an attitude is smoothed [rad/s]."""

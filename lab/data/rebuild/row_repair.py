@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames import ecef
-
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LIMITS: dict[str, tuple[float, float, str]] = {
     "time": (-1e13, 1e13, "a time stamp beyond ±10¹³ s"),
@@ -175,7 +173,7 @@ def fresh(raw: RawFlight) -> RawFlight:
     return raw.rows(~stale, tuple(dropped_samples(raw, stale, "the state of the row before at a later time")))
 
 
-def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Mask:
+def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Flags:
     """Return after which runs of equal rows, from `starts` to `ends`, the vehicle is seen to be moving.
 
     A run that lasts is a stop, unless the vehicle is at speed at once: rounded positions start with a jump
@@ -357,13 +355,13 @@ def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tu
     return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
 
 
-def _longest(cut: Mask) -> int:
+def _longest(cut: Flags) -> int:
     """Return how many samples the longest piece between cuts has."""
     edges = np.concatenate(([-1], np.flatnonzero(cut), [len(cut)]))
     return int(np.diff(edges).max())
 
 
-def _too_far(distance: FloatArray, steps: FloatArray) -> Mask:
+def _too_far(distance: FloatArray, steps: FloatArray) -> Flags:
     """Return which displacements between samples are too large for a vehicle."""
     speed = distance / np.maximum(steps, _MIN_STEP)
     usual = float(np.median(speed)) if len(speed) else 0.0
@@ -378,7 +376,7 @@ def place(raw: RawFlight) -> FloatArray:
     return ecef.position(np.stack((raw.latitude, raw.longitude, height), axis=-1))
 
 
-def dropped_samples(raw: RawFlight, mask: Mask, words: str) -> list[Dropped]:
+def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
     """Return the report on samples left out: why, and when the first was by the file's own clock.
 
     Parameters

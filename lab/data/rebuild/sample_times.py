@@ -8,12 +8,10 @@ through its neighbours shows δ.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.rebuild.raw_flight import JUDGED_SAMPLES
 from lab.data.rebuild.smoothing import WIDEST_STEPS, smoothing_spline
-
-FloatArray = NDArray[np.float64]
 
 LEAST_SPEED = 2.0
 """Speed below which positions show little of time errors [m/s]."""

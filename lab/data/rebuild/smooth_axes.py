@@ -7,12 +7,10 @@ Earth-fixed axes, others in north, east, down.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef, rotation
-
-FloatArray = NDArray[np.float64]
 
 
 class SmoothAxes:

@@ -15,13 +15,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import LinAlgError, solveh_banded
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-
-FloatArray = NDArray[np.float64]
 
 LIVELINESS = 0.1
 """Density of the acceleration that coarse or noisy positions can show [(m/s²)²/Hz]."""

@@ -10,16 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MAX_DURATION, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.rebuild import row_repair
 from lab.data.rebuild import sample_times as clock
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.data.rebuild.smooth_axes import SmoothAxes
-
-FloatArray = NDArray[np.float64]
 
 AS_RECORDED, REPAIRED = "as recorded", "repaired"
 TIME_STAMPS = (REPAIRED, AS_RECORDED)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 _POSITION_SIGMA = 3.0
 """σ of a position whose receiver does not give one [m]: phones in the open."""

@@ -7,16 +7,14 @@ unknown height and velocity at the start, and a bias. The heights follow it with
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.log_check import windows_of
 from lab.data.checks.velocity_matching import Window, match, turned
 from lab.data.files.unit_names import UNITS
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
-
-FloatArray = NDArray[np.float64]
 
 _UNITS = ("m", "ft", "cm", "mm")
 """Units that loggers write heights in."""

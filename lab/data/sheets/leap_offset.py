@@ -11,14 +11,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS
 from lab.data.checks.log_check import is_explained
 from lab.data.log.sensor_log import GnssLog, SensorLog
-
-FloatArray = NDArray[np.float64]
 
 _NEARLY = 1.0
 """Largest deviation of a begin and an end from that offset [s]: fixes are up to a second apart."""

@@ -18,8 +18,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.decompression import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -53,7 +53,6 @@ from lab.data.sheets.sheet_sources import (
     kitti_table,
 )
 
-FloatArray = NDArray[np.float64]
 _Checked = Callable[[Imu, GnssLog], Oriented]
 """Returns the log of an IMU and fixes, or raises a `MissionError`."""
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
 from lab.data.files.unit_names import UNITS
@@ -30,8 +30,6 @@ from lab.data.sheets.sheet_cells import (
     signs_of_sides,
     without_placeholders,
 )
-
-FloatArray = NDArray[np.float64]
 
 _DELIMITERS = (",", ";", "\t", "|", " ")
 _OTHERS = 3

@@ -13,15 +13,14 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.gyro_check import GyroError
 from lab.data.checks.log_check import check_log, is_explained, matches_of
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
 
-FloatArray = NDArray[np.float64]
 Axes = tuple[str, str, str]
 
 NAMES = ("x", "y", "z")

@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.clock.sheet_stamps import is_regular
 from lab.data.sheets.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
 from lab.data.sheets.sheet_clock import clock_of
-
-FloatArray = NDArray[np.float64]
 
 _TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
 """A line that begins with a word."""

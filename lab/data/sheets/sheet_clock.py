@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DAY
 from lab.data.clock.sheet_stamps import spread
 from lab.data.clock.stamps import (
@@ -22,8 +22,6 @@ from lab.data.clock.stamps import (
 from lab.data.files.unit_names import UNITS
 from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet
-
-FloatArray = NDArray[np.float64]
 
 SINCE_1970 = 1e9
 """Time from which it counts from 1970 [s]: the year 2001."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.files.streams import Stream
 from lab.data.files.unit_names import UNITS
@@ -21,8 +22,6 @@ from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_imu import NAMED, Triad, is_of_another_device, triads
 from lab.motion.frames.magnetic_field import magnetic_field
-
-FloatArray = NDArray[np.float64]
 
 _HEADING_SIGMA = np.radians(10.0)
 """σ of a magnetic heading [rad], as `lab.navigation.alignment.initial_heading` takes it."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
 from lab.data.files.unit_names import UNITS
@@ -21,8 +22,6 @@ from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_f
 from lab.data.sheets.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 _LOCAL = re.compile(r"(?i)^\s*(?:t|p|pos|position|p_rs_r)[ _.]?[xyz]\b")
 """Headings of positions in a local frame, as of EuRoC and TUM."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 _AVERAGED = 1.0
 """Time over which the specific force is averaged against vibration [s]."""

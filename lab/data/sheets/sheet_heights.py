@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT
 from lab.data.files.fields import SEA_LEVEL
 from lab.data.files.unit_names import UNITS
 from lab.data.sheets.column_names import SCALARS
 from lab.data.sheets.sheet import Sheet
-
-FloatArray = NDArray[np.float64]
 
 _MAX_METRES = 10_000.0
 """Height from which whole numbers beside coordinates in 1e-7° are mm [m]."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.sheet_stamps import is_regular, smooth
@@ -23,8 +24,6 @@ from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import Clock, clock_of
 from lab.data.sheets.sheet_force import refuse_cm_per_s2
-
-FloatArray = NDArray[np.float64]
 
 _ONE_G = (0.6, 1.6)
 """Median length of a specific force [g]: of a vehicle, a walker or a hand it is near 1."""

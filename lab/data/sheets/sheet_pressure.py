@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.files.streams import Stream
 from lab.data.files.unit_names import UNITS
 from lab.data.log.auxiliary_data import Series
@@ -22,8 +22,6 @@ from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_imu import NAMED, is_of_another_device
-
-FloatArray = NDArray[np.float64]
 
 _GUESSED = ("hPa", "kPa", "Pa")
 """Units of numbers without one; the pressures of the air are a factor apart in them."""

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.streams.transport import TransportError
-
-FloatArray = NDArray[np.float64]
 
 AXES = {
     f"{sign}{axis}": row

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.clock.device_clock import FORWARD
 from lab.data.protocols.catalogue import DECODERS, decoder_of
 from lab.data.protocols.column_map import ColumnMap
@@ -22,8 +23,6 @@ from lab.data.protocols.samples import Samples, joined
 from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
 from lab.data.streams.transport import Chunk, TransportError
-
-FloatArray = NDArray[np.float64]
 
 RATES = (0.1, 10_000.0)
 """Rates of a device that are accepted [Hz]."""

@@ -14,14 +14,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted, were
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.clock.usual_interval import FIRST_INTERVALS, UsualInterval
 from lab.data.log.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
 from lab.data.log.stream_spikes import StreamSpikes
 from lab.data.streams.live_log import usable_imu
-
-FloatArray = NDArray[np.float64]
 
 MOST_FILLED: Final = 10_000
 """Most samples that fill a gap: those of `MAX_GAP` at 5 kHz. A wrong clock could ask for any number."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.log.stream_spikes import stream_spikes
 from lab.data.protocols.samples import FIX_3D
 from lab.data.streams.pressure import Heights
-
-FloatArray = NDArray[np.float64]
 
 MICROTESLA = 1e6
 """Microtesla per tesla: logs have the field in µT."""

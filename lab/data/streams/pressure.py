@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.data.log.pressure_height import ACCEPTED, PERIOD, height_of, reading_at
-
-FloatArray = NDArray[np.float64]
 
 
 class Heights:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
 from lab.data.clock.clock_watch import COMPARED, ClockWatch, sent_again
 from lab.data.clock.device_clock import DeviceClock
@@ -28,7 +29,6 @@ from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.transport import Chunk, TransportError
 
-FloatArray = NDArray[np.float64]
 Rows = NDArray[np.void]
 
 RECOGNISED = 1.0

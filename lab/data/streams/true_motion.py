@@ -6,14 +6,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.truth.growing_truth import Kinematics, interpolated
 from lab.motion.truth.trajectory import Truth
 
 __all__ = ["Kinematics", "TrueFlight", "TrueMotion"]
-
-FloatArray = NDArray[np.float64]
 
 
 class TrueMotion(Protocol):

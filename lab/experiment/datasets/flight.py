@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.errors import euler_sigma, position_error
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import TO_SI
 from lab.experiment.datasets.labelled import DEGREE, Variables, labelled, labelled_at
 from lab.motion.frames.east_north_up import east_north_up, east_north_up_sizes
@@ -22,8 +23,6 @@ from lab.run.run import Run
 if TYPE_CHECKING:
     import xarray as xr
 
-
-FloatArray = NDArray[np.float64]
 
 STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3 + ("%",) * 6
 """Units in which the σ of the error states are shown."""

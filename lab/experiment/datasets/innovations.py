@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import consistency as statistics
 from lab.analysis.errors import error_state
 from lab.analysis.fix_causes import of_fixes
+from lab.base.arrays import FloatArray
 from lab.experiment.datasets.labelled import EAST_NORTH_UP, labelled
 from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
 from lab.navigation.filters.error_models import POS
@@ -18,9 +18,6 @@ from lab.run.run import Run
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-FloatArray = NDArray[np.float64]
 
 
 def innovations(run: Run) -> xr.Dataset:

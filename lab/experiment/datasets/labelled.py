@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import TO_SI
 from lab.run.run import Run
 
 if TYPE_CHECKING:
     import xarray as xr
 
-
-FloatArray = NDArray[np.float64]
 
 DEGREE = 1 / TO_SI["°"]
 """Degrees in a radian."""

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import consistency
+from lab.base.arrays import FloatArray
 from lab.experiment.datasets import flight
 from lab.experiment.datasets.innovations import normalised
 from lab.experiment.datasets.labelled import COORDINATES
@@ -17,9 +17,6 @@ from lab.run.run import Run
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-
-FloatArray = NDArray[np.float64]
 
 
 def summary(run: Run, errors: xr.Dataset | None, *, moments: bool) -> pd.DataFrame:

@@ -12,7 +12,6 @@ from functools import cached_property, reduce
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis import consistency, feedforward
 from lab.analysis.verdicts import linear_verdict, state_advice, trial
@@ -20,6 +19,7 @@ from lab.analysis.verdicts.agreement import agreements
 from lab.analysis.verdicts.algorithm_verdict import judge
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.verdict import Verdict
+from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.base.progress import Progress
 from lab.experiment.datasets.labelled import ANGLES, EAST_NORTH_UP
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 
 QUANTITIES = (
     *(f"position {axis}" for axis in EAST_NORTH_UP),

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 PARTS = 256
 """Number of parts of a flight; with fixes once a second, those of four minutes have one each."""

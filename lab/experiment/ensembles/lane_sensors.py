@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
@@ -21,7 +22,6 @@ from lab.sensors import imu
 from lab.sensors.draws import generator
 from lab.sensors.suite import SensorSuite
 
-FloatArray = NDArray[np.float64]
 Errors = imu.GyroErrors | imu.AccelerometerErrors
 
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.feedforward import FreeRun
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.innovation_evidence import Innovations, sizes
 from lab.analysis.verdicts.sums import Squares, Sum
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

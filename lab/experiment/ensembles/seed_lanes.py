@@ -22,6 +22,7 @@ from lab.analysis.path_errors import path_of
 from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
+from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
@@ -56,7 +57,6 @@ from lab.sensors import temperature as thermal
 
 __all__ = ["LANES", "SeedLanes"]
 
-FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]
 
 LARGEST_TURN = 0.4

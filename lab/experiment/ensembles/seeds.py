@@ -24,6 +24,7 @@ from lab.analysis.fix_causes import of_fixes
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.verdicts.evidence import position_nees, whole_seconds
 from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.parameters.settings import SettingError
 from lab.base.processors import processors
@@ -39,8 +40,6 @@ from lab.navigation.algorithm import Algorithm
 from lab.navigation.checks import DivergedError
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.run.memory import at_once
-
-FloatArray = NDArray[np.float64]
 
 EXPLAINED = 8
 """Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The

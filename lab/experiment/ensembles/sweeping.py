@@ -15,8 +15,8 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.cache import StageCache, digest
 from lab.base.parameters.setting_help import value_text
@@ -33,7 +33,6 @@ from lab.run.memory import at_once
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 250 bytes each."""

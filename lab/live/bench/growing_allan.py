@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from lab.analysis import allan
 from lab.analysis.rest import Record
+from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted, were
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.streams.live_log import usable_imu
 from lab.live.bench.static_interval import OFF_GRAVITY
 from lab.sensors.suite import TRIADS
-
-FloatArray = NDArray[np.float64]
 
 _FIRST_ROOM: Final = 2**10
 """Samples for which there is room at first; the room doubles."""

@@ -11,9 +11,8 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 GRAVITY_SIGMA: Final = 0.015
 """σ of gravity where the place is unknown [m/s²]: at sea level it is 9.780 to 9.832 m/s², evenly spread."""

@@ -9,12 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.streams.live_log import usable_imu
 from lab.motion.frames import earth
-
-FloatArray = NDArray[np.float64]
 
 HELD: Final = 2.0
 """Time for which a device must be still [s]: a mean over it has a tenth of the noise of a consumer sensor."""

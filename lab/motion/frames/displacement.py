@@ -7,13 +7,11 @@ fails within metres, the computation uses Earth-fixed axes (`lab.motion.frames.e
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
 from lab.motion.frames.earth import radii
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 
 def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple[FloatArray, FloatArray]:

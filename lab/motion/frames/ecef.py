@@ -15,9 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, radii
-
-FloatArray = NDArray[np.float64]
 
 NEAR_POLE = float(np.radians(89.0))
 """Latitude beyond which small displacements and rotations are computed in e [rad]."""

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 MODEL_YEAR = 2025.0
 """Year of the field; declination drifts by 0.1-0.2° a year, far below the σ of a magnetometer."""

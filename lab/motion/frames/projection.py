@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import wrap
-
-FloatArray = NDArray[np.float64]
 
 UTM_LATITUDES = (-80.0, 84.0)
 """Latitudes that UTM covers [°]."""

@@ -14,9 +14,9 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 SMALL_ANGLE = 1e-3
 """Angle below which a Jacobian is computed as a series [rad]; the terms that it omits are below 2e-15."""

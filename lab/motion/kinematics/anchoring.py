@@ -8,13 +8,11 @@ is added.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 ANCHOR_SPACING = 10.0
 """Knot spacing of the correction that ties the integrated velocity to the positions [s]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Literal, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import rotation
 from lab.motion.kinematics.spline_windows import CubicCurve, SplineWindows
 
-FloatArray = NDArray[np.float64]
 AttitudeKind = Literal["rotation", "euler"]
 
 ATTITUDE_CURVES = get_args(AttitudeKind)

@@ -15,14 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import kept
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import metres_per_radian
-
-FloatArray = NDArray[np.float64]
 
 GAUSS_NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 """Nodes of the three-point Gauss quadrature on the interval from 0 to 1."""

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
+
 Spline = TypeVar("Spline")
 
 WINDOW = 2**17

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.atomic_file import atomic_file
 from lab.base.files.bounds import (
     HEIGHTS,
@@ -30,8 +30,6 @@ from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import Column, read_columns, read_duration
 from lab.motion.recordings.recording import Recording
 from lab.motion.recordings.units_check import check_units
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS = (
     Column("time_s", *TIME_STAMPS, 9),

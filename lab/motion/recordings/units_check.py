@@ -7,14 +7,12 @@ must be near its course. A wrong unit violates one of the two by a known factor.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.ecef import axes, near_pole, position
-
-FloatArray = NDArray[np.float64]
 
 _LEGS = 200
 """Legs in which the path by position is compared with the path by velocity: the noise of positions averages

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import rotation
 from lab.motion.kinematics import ideal_imu
 from lab.motion.kinematics.anchoring import anchored_offsets
 from lab.motion.kinematics.attitude_curve import AttitudeCurve, AttitudeKind, attitude_curve
 from lab.motion.kinematics.spline_windows import CubicCurve
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 
 class GeodeticPath:

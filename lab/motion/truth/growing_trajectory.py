@@ -16,18 +16,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef, rotation
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.kinematics.attitude_curve import RotationCurve
 from lab.motion.recordings.frame import Frame
 from lab.motion.truth.geodetic_path import GeodeticPath
 from lab.motion.truth.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 BLOCK = 4
 """Frames that are taken together: 0.08 s at 50 Hz, in which a page is drawn once."""

@@ -6,12 +6,10 @@ import threading
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDING = 1e-6
 """Largest rounding of the time of a sample [s]: some devices stamp them in microseconds."""

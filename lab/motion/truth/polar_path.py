@@ -13,16 +13,14 @@ and 5.29 (navigation equations in e).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth, ecef, rotation
 from lab.motion.kinematics.anchoring import anchored_cartesian
 from lab.motion.kinematics.attitude_curve import AttitudeCurve, RotationCurve
 from lab.motion.kinematics.spline_windows import CubicCurve
 from lab.motion.recordings.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 
 class PolarPath:

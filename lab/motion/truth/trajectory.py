@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.motion.frames import ecef, rotation
 from lab.motion.kinematics import ideal_imu
@@ -30,8 +31,6 @@ from lab.motion.kinematics.ideal_imu import IdealImu
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.geodetic_path import GeodeticPath
 from lab.motion.truth.polar_path import PolarPath
-
-FloatArray = NDArray[np.float64]
 
 MIN_SAMPLES = 4
 """Fewest samples: a cubic needs four points."""

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.velocity_matching import turned
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced
@@ -34,8 +34,6 @@ from lab.navigation.alignment.rest_alignment import LEAST_FORCE
 from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Belief, Fixes, Imu, Start
-
-FloatArray = NDArray[np.float64]
 
 REST_SPEED = 0.5
 """Speed below which a vehicle may be at rest [m/s]."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.velocity_matching import (
     GYRO_BIAS_SIGMA,
     WINDOW,
@@ -31,8 +32,6 @@ from lab.data.log.vehicle import Vehicle, vehicle_of
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import wrap
 from lab.navigation.solution import Fixes, Imu
-
-FloatArray = NDArray[np.float64]
 
 COURSE_SPEED = 1.0
 """Speed above which a vehicle has a course, if it also exceeds `COURSE_SIGMAS` [m/s]."""

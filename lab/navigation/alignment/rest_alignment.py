@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import left_jacobian, skew
@@ -34,8 +34,6 @@ from lab.sensors.draws import unit_draws
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 ROUNDS = 30
 """Most iterations of the update about its own result. Three are usual; a heading that is uncertain by 80°,

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import skew
 from lab.navigation.alignment.alignment import Alignment, about, antenna, mean_turned
 from lab.navigation.filters import blocks
@@ -29,8 +29,6 @@ from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS,
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-FloatArray = NDArray[np.float64]
 
 _NODES = 60
 """Headings over which moments are averaged: enough for the second harmonic of a σ of 180°."""

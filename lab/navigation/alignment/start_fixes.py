@@ -7,12 +7,10 @@ the σ that follows from theirs.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.solution import Fixes
-
-FloatArray = NDArray[np.float64]
 
 _APART = 1.0
 """Time between two positions whose difference is a velocity [s]: at 10 Hz, the difference of two neighbours

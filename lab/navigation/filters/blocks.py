@@ -18,8 +18,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation import strapdown
@@ -27,8 +27,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.sensors.suite import SensorSuite
-
-FloatArray = NDArray[np.float64]
 
 CORE = 15
 """States of every filter: position, velocity, attitude and two biases."""

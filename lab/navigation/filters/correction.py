@@ -13,16 +13,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown, wander
 from lab.navigation.filters.error_models import ErrorModel, write_frame_map
 from lab.navigation.kernels.compilation import allocating_kernel, inline_kernel, kernel
 from lab.navigation.kernels.generation import Kernel, Slot
 from lab.navigation.kernels.propagation import NAV, PLACES, STATES, WIDTH, X
 from lab.navigation.strapdown import LATITUDE, PREVIOUS_VELOCITY, VELOCITY, Vector, get, put
-
-FloatArray = NDArray[np.float64]
 
 SMALL = 1e-4
 """Square of an angle below which a series stands for sine and cosine [rad²]: it leaves out 1e-11."""

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.navigation import strapdown
 from lab.navigation.filters import blocks
@@ -38,8 +39,6 @@ from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
 from lab.navigation.kernels.generation import Slot, Variant, Written, generated, interpreted
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
-
-FloatArray = NDArray[np.float64]
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
 """Slices of the error states."""

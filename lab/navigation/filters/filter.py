@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import frames, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters import blocks
@@ -19,8 +20,6 @@ from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
-
-FloatArray = NDArray[np.float64]
 
 
 class Filter(NamedTuple):

@@ -10,17 +10,13 @@ import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import A, B, ErrorModel, G, V, Write
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
 from lab.navigation.strapdown import Vector, get, per_scale
-
-FloatArray = NDArray[np.float64]
 
 GS, BS = 15, 18
 """First scale factor of gyros and accelerometers among the states."""

@@ -25,13 +25,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation.kernels.compilation import allocating_kernel, kernel
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.strapdown import Vector, cross, get, put
-
-FloatArray = NDArray[np.float64]
 
 CHANCE = 2.5
 """Response of a measurement to the heading above which it counts, in σ of what it would be by chance. Errors

@@ -21,14 +21,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from lab.base.arrays import FloatArray
 from lab.navigation.filters.schedule import Schedule
 from lab.navigation.kernels.compilation import allocating_kernel, kernel
 from lab.navigation.kernels.propagation import STATES, WIDTH, X
-
-FloatArray = NDArray[np.float64]
 
 MEASUREMENTS = 6
 """Measurements: position north, east, down, then velocity, of the antenna."""

@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.navigation.kernels.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.strapdown import (
     COSINE,
@@ -33,8 +31,6 @@ from lab.navigation.strapdown import (
 
 if TYPE_CHECKING:
     from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 
 @inline_kernel

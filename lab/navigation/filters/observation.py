@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.aids import (
     AIRSPEED,
@@ -63,8 +63,6 @@ from lab.navigation.lever_arm import see_antenna
 from lab.navigation.solution import Solution
 from lab.navigation.standstill import GATE, see_rest
 from lab.navigation.strapdown import VELOCITY, Matrix, Vector, get, rotate
-
-FloatArray = NDArray[np.float64]
 
 GPS_DRIFT = GYRO_DRIFT = GYRO_G_SENSITIVITY = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
 """First states of the blocks with these names (`propagation.layout_constants`)."""

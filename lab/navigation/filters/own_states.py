@@ -23,8 +23,8 @@ from typing import Any, cast
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.navigation.filters import blocks
 from lab.navigation.filters.blocks import Block
@@ -35,7 +35,6 @@ from lab.navigation.kernels.generation import Slot, Written
 from lab.navigation.kernels.propagation import NAV, OWN, OWN_SIZE, PLACES
 from lab.navigation.strapdown import Vector, get, plus, without_own_errors
 
-FloatArray = NDArray[np.float64]
 Effect = Callable[[Vector, Vector, FloatArray], None]
 
 

@@ -6,8 +6,8 @@ At each sample with F to first order, or less often with the sum of F dt to thir
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.filters.filter import Filter
@@ -24,8 +24,6 @@ from lab.navigation.kernels.propagation import (
     propagate_over,
 )
 from lab.navigation.strapdown import get
-
-FloatArray = NDArray[np.float64]
 
 kept_part = Slot("kept_part")
 """``kept_part(decay, dt)``: the factors of all driven states over a step; see `kept_part_of`."""

@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from lab.base.arrays import FloatArray
 
 SLACK = 1e-6
 """Part of a sample by which the time of a fix may miss that of a sample: stamps are rounded."""

@@ -27,6 +27,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown, wander
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.lane_points import point_of
@@ -44,8 +45,6 @@ from lab.navigation.strapdown import (
     unit,
 )
 from lab.navigation.wander import Q_EW, displacement_from, put_quaternion, quaternion
-
-FloatArray = NDArray[np.float64]
 
 SPREAD = math.sqrt(3)
 """Distance of the sigma points from the centre, in σ: √(n + κ)."""

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters.blocks import LEVER_ARM
@@ -43,8 +44,6 @@ from lab.navigation.navigator import go_through, takes_aids, within_frame, withi
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get, step
-
-FloatArray = NDArray[np.float64]
 
 GO = 1024
 """Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are

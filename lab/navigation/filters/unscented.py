@@ -20,8 +20,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation import strapdown
 from lab.navigation.aids import NO_AIDS, Aids
@@ -75,8 +75,6 @@ from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_on
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
-
-FloatArray = NDArray[np.float64]
 
 FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.aids import HEADING, MAGNETIC, see_aid
 from lab.navigation.filters.north_slaved import north_axes, north_variance
@@ -26,8 +24,6 @@ from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.lane_points import point_of
 from lab.navigation.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 
 @inline_kernel

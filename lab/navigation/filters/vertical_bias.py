@@ -14,15 +14,11 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.navigation.kernels.compilation import kernel
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.strapdown import Vector
-
-FloatArray = NDArray[np.float64]
 
 QUARTER: Final = STANDARD_GRAVITY**2 / 4
 """g²/4 [m²/s⁴]."""

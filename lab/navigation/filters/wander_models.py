@@ -15,9 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.base.parameters.settings import SettingError
 from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
@@ -53,8 +51,6 @@ from lab.navigation.strapdown import (
 )
 from lab.navigation.wander import AXIS, BEND, quaternion, to_fix, to_north, turn_of
 from lab.navigation.wander import frame_rate as _earth_rate
-
-FloatArray = NDArray[np.float64]
 
 X, Y = 0, 1  # axes of w besides D
 

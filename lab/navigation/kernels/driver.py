@@ -11,9 +11,6 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lab.navigation import strapdown
 from lab.navigation.filters.correction import correct, corrected, corrections, has_estimate
 from lab.navigation.filters.error_models import ErrorModel, write_f
@@ -44,7 +41,6 @@ from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import HELD, gather_rest, hold_attitude
 from lab.navigation.strapdown import get, step
 
-FloatArray = NDArray[np.float64]
 Advance = Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]
 
 

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
-
-FloatArray = NDArray[np.float64]
 
 
 def _number(context: Any, values: Any, at: Any) -> Any:

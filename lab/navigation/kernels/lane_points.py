@@ -9,9 +9,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation import strapdown, wander
 from lab.navigation.filters.filter import aligned_zeros
@@ -20,8 +18,6 @@ from lab.navigation.kernels.generation import Variant, generated
 from lab.navigation.kernels.lane_step import LANES, numbers, wide_vectors
 from lab.navigation.strapdown import Vector
 from lab.navigation.wander import LENGTH
-
-FloatArray = NDArray[np.float64]
 
 MOST_TURN = 0.4
 """Largest measured rotation of a sample that the points take abreast [rad]: `strapdown.small_rotation` holds

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import ErrorModel, write_f
@@ -34,7 +34,6 @@ it; the last increment follows, whose attitude a fix may correct."""
 COVARIANCE = FORCE + 6
 """Where the upper triangle of P begins, row by row; the rows of F follow it."""
 
-FloatArray = NDArray[np.float64]
 Kernel = Callable[..., Any]
 Terms = dict[int, list[int]]
 

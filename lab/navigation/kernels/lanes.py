@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import NORTH_SLAVED, ErrorModel
 from lab.navigation.filters.filter import Filter, aligned_zeros
@@ -37,7 +38,6 @@ from lab.navigation.kernels.propagation import STATES, WIDTH, X
 from lab.navigation.kernels.storage import store
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 
-FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]
 
 MOTION = strapdown.GYRO_BIAS

@@ -18,15 +18,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.kernels.compilation import kernel
 from lab.navigation.kernels.element_access import number, put_number
 from lab.navigation.kernels.generation import Slot, Written
-
-FloatArray = NDArray[np.float64]
 
 NAV = 9
 """States of position, velocity and attitude."""

@@ -6,8 +6,8 @@ The covariance of a model with its own coordinates is mapped by T, so that all m
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.navigation.filters.error_models import ErrorModel, write_map
 from lab.navigation.filters.north_slaved import store_state
 from lab.navigation.kernels.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
@@ -24,8 +24,6 @@ from lab.navigation.kernels.propagation import (
 )
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE
-
-FloatArray = NDArray[np.float64]
 
 
 @embedded_kernel

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.experiment.result import Result
 from lab.missions import LogMission, Mission, Recording
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
 from lab.views.envelope import thin_path
-
-FloatArray = NDArray[np.float64]
 
 HEIGHTS = (
     "Heights are above the WGS-84 ellipsoid, in metres. Maps expect heights above sea level, which are "

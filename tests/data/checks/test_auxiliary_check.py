@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from sensor_logs import EPOCH, rotation_matrices, tables, trajectory, write, write_csv
 
+from lab.base.arrays import FloatArray
 from lab.data.checks.auxiliary_check import check_auxiliary
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Series
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.log_mission import LogMission
 
-FloatArray = NDArray[np.float64]
 FILES = {name: Path(f"{name}.csv") for name in ("barometer", "odometer", "airspeed", "heading")}
 TIMES = np.arange(1.0, 199.0, 0.5)
 FOOT = 0.3048

@@ -9,13 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.streams.axis_map import AxisMap
 from lab.live.bench.axis_check import POSITIONS, TURNS, AxisCheck
 from lab.live.bench.static_interval import AxisCheckError, static_interval
 from tests.data.streams.test_axis_map import MAPS
-
-FloatArray = NDArray[np.float64]
 
 HZ = 100.0
 GRAVITY = 9.81

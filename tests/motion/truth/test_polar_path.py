@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.missions import mission
 from lab.motion.frames import earth, ecef, rotation
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.polar_path import PolarPath
 from lab.motion.truth.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 
 def test_elsewhere_it_is_the_ordinary_curve() -> None:

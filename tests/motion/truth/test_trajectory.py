@@ -9,16 +9,14 @@ import numpy as np
 import pyins_reference
 import pymap3d
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.spatial.transform import Rotation
 
+from lab.base.arrays import FloatArray
 from lab.missions import mission
 from lab.motion.frames import earth, rotation
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.trajectory import AttitudeKind, Trajectory, Truth
-
-FloatArray = NDArray[np.float64]
 
 LATITUDES = np.radians([-70.0, -33.9, 0.0, 45.5, 80.0])
 REGULAR = np.arange(0, 205.05, 0.055)
