@@ -13,7 +13,7 @@ from threading import Lock
 from typing import Any, Generic, TypeVar
 
 from lab.base.blas_threads import keep_one_blas_thread
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment

@@ -27,8 +27,8 @@ from dashboards.session import Session
 from dashboards.teaching.class_link import FIELD
 from dashboards.titled import Card
 from dashboards.upload import Upload
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
-from lab.base.parameters.settings import SettingError
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result

@@ -16,7 +16,7 @@ from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.identification.identification import Identification
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.result import Result
 

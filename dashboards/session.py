@@ -12,7 +12,7 @@ from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome, run
 from dashboards.sending import soon, together
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.homework.homework import Homework
 from lab.experiment.experiment import Experiment
@@ -92,7 +92,7 @@ class Session(param.Parameterized):
         """Register a callback for changes of the settings that do not come from a single widget."""
         self._on_settings.append(callback)
 
-    def on_rest(self, callback: Callable[[], None]) -> None:
+    def on_idle(self, callback: Callable[[], None]) -> None:
         """Register a callback for settled settings after changes by a widget.
 
         This is for updates that may come later than the plots: changing the text of a box takes the browser

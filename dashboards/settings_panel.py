@@ -103,7 +103,7 @@ class SettingsPanel:
         forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
         self._forms = {setting: path for path, setting in forms.items()}
         session.on_settings(self.refresh)
-        session.on_rest(self._refresh_forms)
+        session.on_idle(self._refresh_forms)
         session.on_library(self._offer_missions)
         self._mission = ChoiceField(
             session.experiment.param["mission"], self._change("mission"), mission_titles(missions())

@@ -35,7 +35,7 @@ from lab.views.cards import register_cards
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
-    from lab.base.parameters.settings import SettingError
+    from lab.base.parameters.setting_error import SettingError
     from lab.classroom.exercises.catalogue import check
     from lab.experiment.ensembles.comparison import compare
     from lab.experiment.ensembles.ensemble import Ensemble
@@ -95,7 +95,7 @@ _HOMES = {
     "Recording": "lab.missions",
     "Result": "lab.experiment.result",
     "ResultError": "lab.run.run",
-    "SettingError": "lab.base.parameters.settings",
+    "SettingError": "lab.base.parameters.setting_error",
     "Sweep": "lab.experiment.sweep",
     "Trajectory": "lab.motion.truth.trajectory",
     "card": "lab.sensors.cards",

@@ -22,7 +22,7 @@ from lab.analysis.verdicts.finding import Change, Finding, Suggestion
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
 from lab.analysis.verdicts.trial import advised, can_be_tried, tried
 from lab.analysis.verdicts.verdict import Verdict
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment

@@ -48,7 +48,7 @@ from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
 from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import TO_SI
 from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian

@@ -29,7 +29,7 @@ from lab.navigation.filters.error_models import VEL
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.schedule import SLACK, Schedule
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.navigator import freely
+from lab.navigation.navigator import free_inertial
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu, Start
 from lab.run.run import Run
@@ -237,7 +237,7 @@ def _drift_between(run: Run, first: int, last: int) -> float:
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
     largest = 0.0
-    for begin, free in freely(
+    for begin, free in free_inertial(
         imu, start._replace(gyro_bias=unmixed_bias), alone, Schedule(feedback=False), model
     ):
         part = slice(first + begin, first + begin + free.q_nb.shape[0])

@@ -32,7 +32,7 @@ from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.filters.wander_models import linear_model
 from lab.navigation.frames import lead
-from lab.navigation.navigator import advance, freely
+from lab.navigation.navigator import advance, free_inertial
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.run.run import Run
 
@@ -293,7 +293,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
         variance[:], covariance[:] = led.variance[samples], led.covariance[samples]
     else:
         ideal = run.ideal
-        for first, part in freely(
+        for first, part in free_inertial(
             Imu(ideal.time, ideal.dtheta, ideal.dvelocity), start, run.belief, model=model
         ):
             here = (first <= samples) & (samples < first + part.variance.shape[0])

@@ -33,7 +33,7 @@ def kept(values: FloatArray) -> FloatArray:
     return cast(FloatArray, values.astype(np.float32))
 
 
-class made_when_asked(Generic[T]):  # noqa: N801 - a decorator, like `cached_property`
+class cached_unless_long(Generic[T]):  # noqa: N801 - a decorator, like `cached_property`
     """A property that is computed at its first use and then kept; not kept for a long flight.
 
     Its owner has an attribute `is_long`.

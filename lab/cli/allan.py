@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.cards import ASSUMED, FOOT, number
 from lab.cli.options import AsJson, Assumed, Force, check_out

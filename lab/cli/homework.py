@@ -216,7 +216,7 @@ def _read(reading: Any) -> Any:
 
 def _experiment(found: Homework, config: Path | None, assignments: Sequence[str] | None) -> HiddenExperiment:
     """Return the experiment with the student's settings."""
-    from lab.base.parameters.settings import SettingError  # noqa: PLC0415 - beside the others
+    from lab.base.parameters.setting_error import SettingError  # noqa: PLC0415 - beside the others
     from lab.base.parameters.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
 
     chosen = found.experiment()

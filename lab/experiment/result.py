@@ -25,7 +25,7 @@ from lab.analysis.verdicts.run_evidence import Filtered, evidence_of
 from lab.analysis.verdicts.trial import Repeatable
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base import result_files
-from lab.base.histories import made_when_asked
+from lab.base.histories import cached_unless_long
 from lab.base.html_frame import HtmlFrame
 from lab.base.notebook_card import NotebookCard
 from lab.base.progress import Progress
@@ -107,37 +107,37 @@ class Result(NotebookCard, Repeatable):
         """How far the navigator runs free."""
         return feedforward.free_run_of(self)
 
-    @made_when_asked
+    @cached_unless_long
     def truth(self) -> xr.Dataset:
         """The true flight; for a log, its reference."""
         return flight.truth(self)
 
-    @made_when_asked
+    @cached_unless_long
     def solution(self) -> xr.Dataset:
         """The estimated flight."""
         return flight.solution(self)
 
-    @made_when_asked
+    @cached_unless_long
     def errors(self) -> xr.Dataset:
         """Errors of the solution: estimate minus truth; for a log, minus its reference, or NaN."""
         return flight.errors(self)
 
-    @made_when_asked
+    @cached_unless_long
     def sigma(self) -> xr.Dataset:
         """One standard deviation of the errors, according to the filter."""
         return flight.sigma(self)
 
-    @made_when_asked
+    @cached_unless_long
     def state_sigma(self) -> xr.Dataset:
         """One standard deviation of all error states, according to the filter; each in its own unit."""
         return flight.state_sigma(self)
 
-    @made_when_asked
+    @cached_unless_long
     def imu(self) -> xr.Dataset:
         """Output of the IMU as mean rates over each sample; for a simulation, also of a perfect IMU."""
         return sensors.imu(self)
 
-    @made_when_asked
+    @cached_unless_long
     def temperature(self) -> xr.Dataset:
         """Temperature of the IMU in each sample interval, and the reading of its thermometer."""
         return sensors.temperature(self)
@@ -147,7 +147,7 @@ class Result(NotebookCard, Repeatable):
         """The GPS fixes and, if simulated, their errors; those of a log as used, reduced to the IMU."""
         return sensors.gps(self, self.projection)
 
-    @made_when_asked
+    @cached_unless_long
     def track(self) -> xr.Dataset:
         """True and estimated path in metres on the map; for a log, the reference, if any, is the true one."""
         return flight.track(self, self.projection)
@@ -181,12 +181,12 @@ class Result(NotebookCard, Repeatable):
     def _origin(self) -> tuple[float, float]:
         """Latitude and longitude [rad] of the centre of the projection."""
 
-    @made_when_asked
+    @cached_unless_long
     def sensor_errors(self) -> xr.Dataset:
         """Estimated biases with σ, and the true ones if simulated; with 21 states also scale factors."""
         return sensors.sensor_errors(self)
 
-    @made_when_asked
+    @cached_unless_long
     def further_states(self) -> xr.Dataset:
         """Estimates and σ of the further states of the filter, and their true values if simulated.
 

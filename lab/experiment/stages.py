@@ -17,7 +17,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.base.histories import LONG, SINGLE, kept
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
 from lab.base.progress import Progress
 from lab.experiment.log_run import timed

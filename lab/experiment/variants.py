@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import product
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
 from lab.data.streams.live_log import magnetometer_of
 from lab.data.streams.rolling import Rolling

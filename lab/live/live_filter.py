@@ -25,7 +25,7 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
 from lab.navigation.filters.schedule import SLACK, Schedule
 from lab.navigation.gap_noise import AROUND, gap_noise
-from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
+from lab.navigation.lever_arm import NO_TURNS, WINDOW, mean_rates_at_fixes
 from lab.navigation.navigator import advance
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
@@ -281,7 +281,7 @@ class LiveFilter:
         rows = (turn[:, 3] == 0) | whole | settled
         if not rows.any():
             return
-        turn[rows] = turns(imu, times[rows], arm, self._step)
+        turn[rows] = mean_rates_at_fixes(imu, times[rows], arm, self._step)
         first = float(times[int(np.argmax(rows))])
         self._stale = min(self._stale, self.samples.number("time", first - _SLACK))
         self._unturned += int(whole.size if whole.all() else np.argmin(whole))

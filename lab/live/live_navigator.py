@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.intake import Increments, Intake

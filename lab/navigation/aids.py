@@ -204,7 +204,7 @@ def _see_airspeed(state: FloatArray, v: Vector, airspeed: float, H: FloatArray) 
 
 
 @kernel
-def see_aid(
+def predict_aid(
     state: FloatArray,
     axes: Matrix,
     kind: int,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.filters import blocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames.ecef import near_pole
 from lab.navigation.filters.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.filters.schedule import Schedule

@@ -44,7 +44,7 @@ NO_TURNS = np.array([[0.0, 0.0, 0.0, 1.0]])
 """Placeholder for the rates about the fixes if the antenna is at the IMU."""
 
 
-def turns(
+def mean_rates_at_fixes(
     imu: Imu, times: FloatArray, arm: FloatArray, step: float | None = None, *, estimated: bool = False
 ) -> FloatArray:
     """Return the mean measured rate (m, 3) about some times [rad/s], and the averaging time [s].
@@ -82,7 +82,7 @@ def turns(
 
 
 @kernel
-def see_antenna(
+def predict_antenna(
     state: FloatArray,
     arm: FloatArray,
     turn: FloatArray,
@@ -108,7 +108,7 @@ def see_antenna(
     arm : (3,) array
         Assumed lever arm in b [m]; l is this plus the estimated error in the state.
     turn : (4,) array
-        Mean measured rate about the fix [rad/s], and its averaging time [s]; see `turns`.
+        Mean measured rate about the fix [rad/s], and its averaging time [s]; see `mean_rates_at_fixes`.
     age
         Time from the fix to the end of the sample [s].
     noise : (12,) array

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear

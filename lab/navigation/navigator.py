@@ -27,7 +27,7 @@ from lab.navigation.frames import change, model_at
 from lab.navigation.kernels.compilation import is_ready
 from lab.navigation.kernels.driver import driver
 from lab.navigation.kernels.flight_piece import FlightPiece
-from lab.navigation.lever_arm import turns
+from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 
 PIECE = 2**14
@@ -123,21 +123,21 @@ def _fill(
 ) -> None:
     """Navigate a whole flight, and write the solution."""
     is_long = imu.time.size > SINGLE
-    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     run = Filter.begin(start, belief, float(imu.time[0]), model, turned=turned, aids=aids)
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         advance(run, imu, fixes, out, first, schedule, model, go)
 
     go = partial(within_frame_in_piece, gather=gather) if is_long or gather is not None else within_frame
-    go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
+    navigate_segments(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
 
 
 Onwards = Callable[[Imu, Solution, int, Schedule], None]
 """Advances a navigator from increment `first` on, and writes the solution."""
 
 
-def go_through(
+def navigate_segments(
     noise: FloatArray,
     imu: Imu,
     out: Solution,
@@ -232,7 +232,7 @@ def advance(
         change(run.state, run.P, model)
 
 
-def freely(
+def free_inertial(
     imu: Imu, start: Start, belief: Belief, schedule: Schedule = EVERY_FIX, model: ErrorModel = PHI
 ) -> Iterator[tuple[int, Solution]]:
     """Navigate a whole flight without fixes, piece by piece, so that no solution of all of it is needed.

@@ -18,14 +18,14 @@ from filterpy.kalman import KalmanFilter
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import skew, wrap
 from lab.navigation import strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, MAGNETIC, NO_AIDS, Aids
 from lab.navigation.filters import blocks
 from lab.navigation.filters.blocks import LEVER_ARM
-from lab.navigation.filters.correction import bend_estimate
+from lab.navigation.filters.correction import apply_group_exponential
 from lab.navigation.filters.error_models import (
     ATT,
     GYRO_BIAS,
@@ -39,13 +39,13 @@ from lab.navigation.filters.filter import initial_covariance
 from lab.navigation.filters.own_states import of_blocks
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.kernels import own_room
-from lab.navigation.lever_arm import turns
+from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.reference_aids import (
     as_biases,
     azimuth_variance,
     bent_airspeed,
     bent_speed,
-    see_aid,
+    predict_aid,
     shows_heading,
     vertical_bias_noise,
     vertical_directions,
@@ -92,7 +92,7 @@ def navigate(
     F, F_sum = np.zeros((n, n)), np.zeros((n, n))
     waited, elapsed, next_fix, next_aid = 0, 0.0, 0, 0
     rest, feedback = _Rest(belief, model), _Feedback(schedule, model, float(imu.time[0]))
-    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     turned = np.broadcast_to(turned, (fixes.time.size, 4))
     driven = list(blocks.places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
@@ -214,7 +214,7 @@ def _use_aid(
     if age > dt * (1 + SLACK):
         return
     here = _corrected(state, kalman.x, model)
-    residual, row = see_aid(here, aids, a, age, dt, model.blocks)
+    residual, row = predict_aid(here, aids, a, age, dt, model.blocks)
     as_biases(here, row[None], model.blocks)
     T = model.map(here)
     H, R = row[None] @ T, np.array([[aids.variance[a]]])
@@ -500,7 +500,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
     """
     own = own.copy()
     if model.in_body and bent:
-        bend_estimate(own)
+        apply_group_exponential(own)
     x = model.map(state) @ own
     per_latitude, per_longitude = _radii(state)
     latitude, longitude, height = _get(state, strapdown.LATITUDE)

@@ -25,7 +25,7 @@ from lab.navigation.filters.vertical_bias import MOST
 from lab.navigation.kernels import own_room
 
 
-def see_aid(
+def predict_aid(
     state: FloatArray, aids: Aids, a: int, age: float, dt: float, names: tuple[str, ...]
 ) -> tuple[float, FloatArray]:
     """Return navigator minus measurement a of the aids, and its row of H (n,)."""

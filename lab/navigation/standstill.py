@@ -279,7 +279,7 @@ def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
 
 
 @kernel
-def see_rest(
+def predict_rest(
     state: FloatArray, frame_rate: Vector, noise: FloatArray, sums: FloatArray, H: FloatArray
 ) -> float:
     """Return the measurement of an update at rest in its σ, write its row of H, and start new sums.

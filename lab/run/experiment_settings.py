@@ -8,8 +8,9 @@ from typing import Any, Self
 
 import param
 
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import Quantity
-from lab.base.parameters.settings import Derived, SettingError, Settings, group
+from lab.base.parameters.settings import Derived, Settings, group
 from lab.base.parameters.toml_file import TomlError, parse_toml, read_toml, toml_text
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance

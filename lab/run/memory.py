@@ -26,7 +26,7 @@ DRIFT = 48
 """Memory per sample for each triad with a varying bias [bytes]."""
 ARM = 49
 """Memory per sample for the angular rates about each fix, needed with a lever arm [bytes]; measured, see
-`lab.navigation.lever_arm.turns`."""
+`lab.navigation.lever_arm.mean_rates_at_fixes`."""
 ALWAYS = 256 * 2**20
 """Memory that a run may use without a check [bytes]: the limit of the cache, which is available anyway."""
 SPARE = 0.9

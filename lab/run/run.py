@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.histories import LONG, made_when_asked
+from lab.base.histories import LONG, cached_unless_long
 from lab.missions import Mission, SensorLog
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.motion.kinematics.ideal_imu import IdealImu
@@ -210,12 +210,12 @@ class Run(ABC):
     def fix_validity(self) -> FloatArray:
         """Times of validity (m,) of the fixes, as the filter assumed them [s]."""
 
-    @made_when_asked
+    @cached_unless_long
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
 
-    @made_when_asked
+    @cached_unless_long
     def true_bias(self) -> FloatArray:
         """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²].
 
@@ -230,7 +230,7 @@ class Run(ABC):
         drift = [bias_drift(self.simulated_settings, triad, self.time) for triad in range(2)]
         return np.asarray(whole - np.concatenate(drift, axis=1))
 
-    @made_when_asked
+    @cached_unless_long
     def true_scale(self) -> FloatArray:
         """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
         return at_samples(self.gyro.scale, self.accelerometer.scale)

@@ -20,7 +20,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lab.base.notebook_card import NotebookCard
-from lab.base.parameters.settings import SettingError, Settings
+from lab.base.parameters.setting_error import SettingError
+from lab.base.parameters.settings import Settings
 from lab.base.parameters.toml_file import TomlError, read_toml, toml_text
 from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms, setting_of
 from lab.sensors.suite import TRIADS, SensorSuite

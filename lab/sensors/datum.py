@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity
-from lab.base.parameters.settings import SettingError, Settings
+from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import TO_SI
 
 ONE_SIDED, TWO_SIDED = "one-sided", "two-sided"

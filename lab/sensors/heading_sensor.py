@@ -13,8 +13,9 @@ import param
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import QuantityOrNone
-from lab.base.parameters.settings import SettingError, Settings
+from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
 from lab.motion.frames.magnetic_field import magnetic_field
 from lab.motion.frames.rotation import wrap

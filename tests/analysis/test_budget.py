@@ -25,7 +25,7 @@ from lab.analysis.error_sources import (
 )
 from lab.analysis.error_sources import initial as initial_columns
 from lab.analysis.errors import error_state
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import TO_SI
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result

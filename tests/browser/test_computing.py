@@ -106,7 +106,7 @@ def test_rest_comes_once_after_the_last_of_many_changes(monkeypatch: pytest.Monk
     document = Document()
     one = session.Session(document)
     rests: list[float] = []
-    one.on_rest(lambda: rests.append(now[0]))
+    one.on_idle(lambda: rests.append(now[0]))
 
     def look(after: float) -> None:
         """Have the session look whether there is rest, when it wanted to."""

@@ -13,8 +13,8 @@ from dashboards.covariance_field import CovarianceField
 from dashboards.exchange import query
 from dashboards.settings_panel import matched_variances
 from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
-from lab.base.parameters.settings import SettingError
 from lab.experiment.experiment import Experiment
 
 LEAVES = {path: owner.param[name] for path, owner, name in Experiment().leaves()}

@@ -8,7 +8,7 @@ import pytest
 from bokeh.document import Document
 
 from dashboards.session import Session
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.missions import missions
 

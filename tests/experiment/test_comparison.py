@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles import comparison
 from lab.experiment.ensembles.comparison import compare, models
 from lab.experiment.experiment import Experiment

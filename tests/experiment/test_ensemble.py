@@ -12,7 +12,7 @@ from scipy import stats
 
 import lab.experiment.ensembles.seeds as seeds_module
 from lab.analysis.verdicts.innovation_evidence import LAGS
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles.ensemble import QUANTITIES, Collected, Ensemble
 from lab.experiment.ensembles.seeds import _keep, run_ensemble
 from lab.experiment.experiment import Experiment

@@ -15,7 +15,7 @@ import pymap3d
 import pytest
 
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE, start

@@ -8,7 +8,7 @@ from copter_logs import copter
 from sensor_logs import changed, tables, trajectory, write, write_csv
 
 from lab import Experiment, ResultError, compare, run_ensemble
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.log.auxiliary_data import Reference
 from lab.experiment.log_result import LogResult
 from lab.experiment.log_run import has_effect

@@ -28,7 +28,7 @@ from lab.motion.truth import trajectory
 from lab.motion.truth.trajectory import Trajectory
 from lab.navigation import navigator
 from lab.navigation.filters import smoother, unscented
-from lab.navigation.lever_arm import turns
+from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import memory
@@ -407,7 +407,7 @@ def test_what_a_lever_arm_takes_is_counted() -> None:
     imu = Imu(np.arange(samples + 1) / 200, np.zeros((samples, 3)), np.zeros((samples, 3)))
     tracemalloc.start()
     try:
-        turns(imu, np.arange(1.0, 900.0), np.array([1.0, 0.0, 0.0]))
+        mean_rates_at_fixes(imu, np.arange(1.0, 900.0), np.array([1.0, 0.0, 0.0]))
         taken = tracemalloc.get_traced_memory()[1] / samples
     finally:
         tracemalloc.stop()

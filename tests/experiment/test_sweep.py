@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sensor_logs import tables, write
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles import sweeping
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment

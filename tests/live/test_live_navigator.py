@@ -9,7 +9,7 @@ import pytest
 from live_batch import NO_FIXES, TOLERANCE, navigator, suite
 from live_rows import HOST, RATE, driven, feed
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.streams.axis_map import AxisMap
 from lab.live import live_navigator
 from lab.live.live_navigator import LiveNavigator

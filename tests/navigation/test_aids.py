@@ -133,7 +133,7 @@ def state_at(rng: np.random.Generator) -> np.ndarray:
 def seen(state: np.ndarray, kind: int, place: np.ndarray, age: float) -> tuple[float, np.ndarray]:
     """Return what the navigator says of a measurement of zero, and its row of H."""
     row, field = np.zeros(15), np.array([0.3, -0.2, 0.9])
-    return aids.see_aid(state, north_axes(state, age), kind, 0.0, field, place, age, 0.01, row), row
+    return aids.predict_aid(state, north_axes(state, age), kind, 0.0, field, place, age, 0.01, row), row
 
 
 def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
@@ -176,12 +176,12 @@ def test_the_columns_of_wind_and_scale_are_derivatives() -> None:
     )
     state = state_at(np.random.default_rng(4))
     state[strapdown.WIND : strapdown.AIRSPEED_SCALE + 1] = 6.0, -4.0, 0.02
-    row = reference_aids.see_aid(state, one, 0, 0.007, 0.01, names)[1]
+    row = reference_aids.predict_aid(state, one, 0, 0.007, 0.01, names)[1]
     for place, column in ((strapdown.WIND, 15), (strapdown.WIND + 1, 16), (strapdown.AIRSPEED_SCALE, 17)):
         ahead, behind = state.copy(), state.copy()
         ahead[place] += 1e-4
         behind[place] -= 1e-4
-        change = [reference_aids.see_aid(at, one, 0, 0.007, 0.01, names)[0] for at in (ahead, behind)]
+        change = [reference_aids.predict_aid(at, one, 0, 0.007, 0.01, names)[0] for at in (ahead, behind)]
         assert (change[0] - change[1]) / 2e-4 == pytest.approx(row[column], abs=1e-8)
 
 
@@ -211,7 +211,7 @@ def test_rows_of_h_are_derivatives_close_to_a_pole(kind: int, latitude: float) -
     """For the errors of the computer frame; a reading at the end of the sample, as H takes its position."""
     state, field, place = near_the_pole(latitude), np.array([0.3, -0.2, 0.9]), np.array([1.0, -0.5, 0.4])
     see, axes, displace = (
-        interpreted(one) for one in (aids.see_aid, wander.north_axes_before, wander.displace)
+        interpreted(one) for one in (aids.predict_aid, wander.north_axes_before, wander.displace)
     )
 
     def value(at: np.ndarray, row: np.ndarray) -> float:

@@ -10,7 +10,7 @@ import pytest
 
 from lab import Estimate, Experiment, compare, run_ensemble
 from lab.analysis.errors import attitude_error, position_error
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.navigation.algorithm import AlgorithmError
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Belief, Fixes, Imu, Start

@@ -18,7 +18,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.filters.blocks import SCALES, places
 from lab.navigation.filters.sigma_points import displace
 from lab.navigation.kernels.generation import Variant, interpreted
-from lab.navigation.lever_arm import WINDOW, see_antenna, turns
+from lab.navigation.lever_arm import WINDOW, mean_rates_at_fixes, predict_antenna
 from lab.navigation.solution import Imu
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -68,7 +68,9 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     measured = rate * (1 + scale) + bias
     z, H, R = np.zeros(6), np.eye(6, 24), np.zeros((6, 6))
     state[strapdown.LEVER_ARM : strapdown.LEVER_ARM + 3] = wrong = rng.normal(0, 0.3, 3)
-    see_antenna(state, arm - wrong, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R, True, 21, NONE)
+    predict_antenna(
+        state, arm - wrong, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R, True, 21, NONE
+    )
     here = antenna(state, measured, arm, age)
     np.testing.assert_allclose(z, here, atol=1e-9)
     np.testing.assert_array_equal(R, 0)
@@ -95,7 +97,7 @@ def test_an_arm_along_one_axis_is_one(axis: int) -> None:
     state, z, H = navigator(np.random.default_rng(1)), np.zeros(6), np.eye(6, 15)
     C_nb = np.array(strapdown.matrix(tuple(state[strapdown.Q_NB : strapdown.Q_NB + 4])))
     turn = np.array([0.4, -0.7, 0.5, DT])
-    see_antenna(
+    predict_antenna(
         state, np.eye(3)[axis], turn, 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)), False, NONE, NONE
     )
     np.testing.assert_allclose(z[:3], C_nb[:, axis], atol=0.02)  # turned by 0.01 s at 1 rad/s
@@ -112,14 +114,14 @@ def test_the_noise_of_the_gyros_is_in_r() -> None:
     state[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 3] = 0
     R, samples = np.zeros((6, 6)), 20
     time, still = np.arange(samples + 1) * DT, np.zeros((samples, 3))
-    turn = turns(Imu(time, still, still), np.array([0.05]), arm)[0]
-    see_antenna(state, arm, turn, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R, False, NONE, NONE)
+    turn = mean_rates_at_fixes(Imu(time, still, still), np.array([0.05]), arm)[0]
+    predict_antenna(state, arm, turn, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R, False, NONE, NONE)
     seen = []
     for _ in range(4000):
         noisy = Imu(time, rng.normal(size=(samples, 3)) * np.sqrt(density * DT), still)
         z = np.zeros(6)
-        turn = turns(noisy, np.array([0.05]), arm)[0]
-        see_antenna(
+        turn = mean_rates_at_fixes(noisy, np.array([0.05]), arm)[0]
+        predict_antenna(
             state, arm, turn, 0.0, SILENT, IDENTITY, z, np.eye(6, 15), np.zeros((6, 6)), False, NONE, NONE
         )
         seen.append(z)
@@ -137,7 +139,7 @@ def test_the_rate_about_a_fix_is_that_of_a_curve(time: float, step: float, growt
     angle = 0.3 * stamps + growth / 2 * stamps**2
     imu = Imu(stamps, np.outer(np.diff(angle), (1, -2, 3)), np.zeros((40, 3)))
     times = np.array([0.0, stamps[-1] / 2 + time * step, stamps[-1] + 1])
-    seen = turns(imu, times, np.ones(3))
+    seen = mean_rates_at_fixes(imu, times, np.ones(3))
     window = max(WINDOW, 2 * step)
     middle = np.array([window / 4, times[1], stamps[-1] - window / 4])
     np.testing.assert_allclose(seen[:, 3], (window / 2, window, window / 2), rtol=1e-9)
@@ -151,7 +153,7 @@ def test_the_rate_about_a_fix_does_not_jump() -> None:
     rng = np.random.default_rng(2)
     imu = Imu(np.arange(101) * DT, rng.normal(size=(100, 3)), np.zeros((100, 3)))
     times = np.linspace(0.2, 0.8, 601)  # a tenth of a sample apart
-    change = np.abs(np.diff(turns(imu, times, np.ones(3))[:, :3], axis=0)).max()
+    change = np.abs(np.diff(mean_rates_at_fixes(imu, times, np.ones(3))[:, :3], axis=0)).max()
     assert change < 2 * np.abs(imu.dtheta).max() * (times[1] - times[0]) / DT / WINDOW + 1e-9
 
 

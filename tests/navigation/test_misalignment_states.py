@@ -25,7 +25,7 @@ from lab.navigation.filters.error_models import (
     VEL,
 )
 from lab.navigation.filters.further_columns import with_blocks
-from lab.navigation.lever_arm import see_antenna
+from lab.navigation.lever_arm import predict_antenna
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 ROWS, COLUMNS = (tuple("xyz".index(pair[k]) for pair in OFF_DIAGONAL) for k in (0, 1))
@@ -116,7 +116,7 @@ def test_h_of_a_lever_arm_is_a_derivative() -> None:
     def seen(state: FloatArray) -> tuple[FloatArray, FloatArray]:
         z, H = np.zeros(6), np.zeros((6, blocks.count(ALL)))
         arm, noise = np.array([2.0, 1.0, -1.0]), np.zeros(12)
-        see_antenna(state, arm, turn, 0.0, noise, axes, z, H, np.zeros((6, 6)), True, -1, first)
+        predict_antenna(state, arm, turn, 0.0, noise, axes, z, H, np.zeros((6, 6)), True, -1, first)
         return z, H
 
     H = seen(state)[1]

@@ -14,7 +14,7 @@ from lab.analysis.consistency import normalised_squares
 from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.navigation import strapdown, wander
 from lab.navigation.filters import blocks, own_states
 from lab.navigation.filters.error_models import ATT, MODELS, VEL

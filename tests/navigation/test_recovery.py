@@ -110,13 +110,13 @@ def test_a_gate_that_rejects_every_fix_leaves_all_rejections_to_chance(least: fl
 @pytest.mark.parametrize(("angle", "accused"), [(59.0, 4), (61.0, 10)])
 def test_fixes_that_agree_accuse_the_filter_sooner(angle: float, accused: int) -> None:
     """Innovations that turn by less than 60° from one to the next, in the metric of S, agree."""
-    stands_out = interpreted(kalman.stands_out)
+    is_outlier = interpreted(kalman.is_outlier)
     A = np.random.default_rng(1).normal(size=(6, 6))
     streak = np.append([0.0, 3.0], 5 * A[:, 0])  # a streak that has ended is of no account
     for number in range(1, accused + 1):
         turn, size = np.radians(angle) * (number - 1), 5.0 + number % 3
         nu = size * A @ np.append([np.cos(turn), np.sin(turn)], np.zeros(4))
-        assert stands_out(streak, nu, A @ A.T, size**2, 4, 10) == (number == accused)
+        assert is_outlier(streak, nu, A @ A.T, size**2, 4, 10) == (number == accused)
 
 
 @pytest.mark.parametrize(
@@ -139,12 +139,12 @@ def test_a_recovery_adds_the_error_that_the_innovation_shows(
 
 def test_a_plausible_fix_and_a_recovery_end_a_streak() -> None:
     schedule = Schedule(gate=20.0, implausible=25.0, agreeing=3, any_of=4)
-    plausibility = interpreted(kalman.plausibility)
+    gate_fix = interpreted(kalman.gate_fix)
     P, streak, clock = np.eye(15), np.zeros(8), np.zeros(3)
     nu = np.array([0.0, 0.0, 0.0, np.sqrt(30), 0.0, 0.0])
     squares = [30.0, 30.0, 25.0, 30.0, 30.0, 20.0, 30.0, 30.0, 30.0, 30.0, 30.0]
     found = [
-        plausibility(P, streak, clock, nu, np.eye(6), nis, float(time), schedule, 15)
+        gate_fix(P, streak, clock, nu, np.eye(6), nis, float(time), schedule, 15)
         for time, nis in enumerate(squares, start=1)
     ]
     assert found == [REJECTED] * 5 + [USED] + [REJECTED] * 2 + [RECOVERED] + [REJECTED] * 2

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import error_state
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles.comparison import models
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result

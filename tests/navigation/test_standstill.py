@@ -288,7 +288,7 @@ def test_an_update_at_rest_sees_the_error_of_the_bias_about_the_vertical(
     state, sums, error = gathered(swing)
     down = ATTITUDE.as_matrix()[2]
     sigma = np.linalg.norm(down * np.maximum(density, swing / np.sqrt(RATE)))
-    see, H = interpreted(standstill.see_rest), np.zeros(6)
+    see, H = interpreted(standstill.predict_rest), np.zeros(6)
     noise = np.append(np.square(density), np.ones(9))
     z = see(state, tuple(EARTH_N), noise, sums.copy(), H)
     assert z * sigma == pytest.approx(-down @ error, rel=1e-6)

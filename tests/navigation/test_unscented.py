@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis.errors import attitude_error, position_error
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE, start

@@ -11,7 +11,7 @@ from motions import NO_FILTER
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.result import Result
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import start

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import ComplexArray, FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
 from lab.navigation.filters import error_models

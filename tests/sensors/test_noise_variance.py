@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 
 UNITS = {"gyro": np.radians(1) ** 2, "accelerometer": 1.0}

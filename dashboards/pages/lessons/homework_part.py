@@ -20,7 +20,7 @@ from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from dashboards.upload import Upload
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.classroom.homework.hand_in import HandInError, hand_in, hand_in_text
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.homework_file import LARGEST, read_homework

@@ -17,7 +17,7 @@ from dashboards.pages.lessons.step_view import Actions, StepView
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.lessons.lesson import Answer, Lesson, Step

@@ -20,8 +20,8 @@ from lab.live.bench.axis_check import (
     TURN_TIME,
     TURNS,
     AxisCheck,
+    AxisObservation,
     CheckedAxes,
-    Seen,
     in_device_axes,
 )
 from lab.live.bench.static_interval import AxisCheckError
@@ -200,7 +200,7 @@ class AxesPart(PartOfWatched):
         self._notice.say(f"The axes of this source are {axes} now, for all who watch it.", "success")
 
 
-def _outcome(seen: Seen) -> str:
+def _outcome(seen: AxisObservation) -> str:
     which = "turned about" if seen.name in TURNS else "upwards"
     axis = f"{'−' if min(seen.shown) < 0 else ''}{'xyz'[int(np.abs(seen.shown).argmax())]}"
     off = f"{np.degrees(seen.tilt):.0f}° off"

@@ -15,7 +15,7 @@ from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
 from dashboards.widgets import number
 from lab.base.cache import digest
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.protocols.catalogue import DECODERS, ENCODERS
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.text_lines import TextLines

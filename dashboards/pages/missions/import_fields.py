@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 from dashboards.style import WHOLE
 from dashboards.titled import Card
 from dashboards.widgets import Field, field
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.data.files.unit_names import UNITS
 from lab.data.rebuild.import_settings import ImportSettings
 from lab.data.rebuild.raw_flight import ColumnUnit

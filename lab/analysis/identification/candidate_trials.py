@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.identification.identification import HeldOut
-from lab.analysis.identification.likelihood import Seen, squares
+from lab.analysis.identification.likelihood import InnovationSeries, squares
 from lab.analysis.identification.log_faults import LogFault
 from lab.analysis.identification.renavigation import Logged, Subject, subject
 from lab.analysis.identification.withheld import held_out, outages
 from lab.analysis.verdicts.finding import Change
 from lab.analysis.verdicts.trial import Repeatable, advised
 from lab.base.arrays import Flags, FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.data.log.sensor_log import SensorLog
 from lab.run.experiment_settings import ExperimentSettings
@@ -120,7 +120,7 @@ class Trials:
             raise ValueError("the run cannot be navigated again")
         return found
 
-    def seen(self, candidate: Candidate) -> Seen:
+    def seen(self, candidate: Candidate) -> InnovationSeries:
         """Return the innovations with a candidate."""
         again = self._again if candidate.fault is None else self._subject(candidate.fault.mended)
         withheld = np.zeros(self.stamps.size, np.bool_)
@@ -158,7 +158,7 @@ class Trials:
             return None
 
 
-def outcome_of(seen: Seen, price: float = 0.0) -> Outcome:
+def outcome_of(seen: InnovationSeries, price: float = 0.0) -> Outcome:
     """Return the outcome of innovations."""
     known = np.isfinite(seen.innovation)
     nis, degrees = squares(seen)

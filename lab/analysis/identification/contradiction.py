@@ -18,7 +18,7 @@ import numpy as np
 
 from lab.analysis.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.analysis.identification.identification import HeldOut
-from lab.analysis.identification.likelihood import Parameter, Seen, maximise
+from lab.analysis.identification.likelihood import InnovationSeries, Parameter, maximise
 from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
 from lab.analysis.verdicts.aid_verdict import QUANTITIES as AIDS
 from lab.analysis.verdicts.finding import (
@@ -231,7 +231,7 @@ def _scaled(path: str, places: Mapping[str, tuple[int, int]], factors: Sequence[
 def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
     """Return the likeliest constant lateness of the fixes, and that of two clocks of different rate."""
 
-    def seen(values: FloatArray) -> Seen:
+    def seen(values: FloatArray) -> InnovationSeries:
         return part.seen(Candidate("", fault=_clock(log, values)))
 
     late = Parameter("lateness", 0.0, -LATEST, LATEST, LATEST, 0.01, 1.0, both=True)

@@ -40,8 +40,8 @@ from lab.analysis.identification.likelihood import (
     NORMAL,
     ROUNDS,
     Estimate,
+    InnovationSeries,
     Parameter,
-    Seen,
     interval,
     log_likelihoods,
     maximise,
@@ -90,7 +90,7 @@ class _Search(NamedTuple):
     held: Flags  # parameters that states of the filter estimate
     masks: tuple[Flags, ...] = ()  # fixes in outages
 
-    def run(self, by: FloatArray) -> Seen:
+    def run(self, by: FloatArray) -> InnovationSeries:
         """Return the innovations in the likelihood, with other assumptions."""
         experiment = self.begun.moved(by).on(self.experiment)
         counts = self.counted & ~self.dropped
@@ -100,7 +100,7 @@ class _Search(NamedTuple):
         parts = [self.subject.navigate(experiment, self.dropped | mask)[1] for mask in self.masks]
         thin = _seconds_apart(self.subject.stamps)
         parts = [_of(part, mask & thin, counts) for part, mask in zip(parts, self.masks, strict=True)]
-        return Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        return InnovationSeries(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 class _Found(NamedTuple):
@@ -116,9 +116,9 @@ class _Found(NamedTuple):
     chosen_by: ChosenBy
 
 
-def _of(seen: Seen, rows: Flags, counts: Flags) -> Seen:
+def _of(seen: InnovationSeries, rows: Flags, counts: Flags) -> InnovationSeries:
     """Return some rows of the innovations, with NaN for the ignored ones."""
-    return Seen(np.where(counts[:, None], seen.innovation, np.nan)[rows], seen.covariance[rows])
+    return InnovationSeries(np.where(counts[:, None], seen.innovation, np.nan)[rows], seen.covariance[rows])
 
 
 def _seconds_apart(stamps: FloatArray) -> Flags:
@@ -379,7 +379,7 @@ def _maximised(
     return maximise(search.run, whole, begin, held, told, AHEAD if search.masks else ROUNDS)
 
 
-def _outliers(seen: Seen) -> Flags:
+def _outliers(seen: InnovationSeries) -> Flags:
     """Return the mask of non-Gaussian fixes; all False if there are so many that the model must be wrong."""
     nis, degrees = squares(seen)
     far = (degrees > 0) & (special.gammaincc(np.maximum(degrees, 1) / 2, nis / 2) < BY_CHANCE)
@@ -446,14 +446,14 @@ def _zero(now: Assumed) -> Flags:
     return zero
 
 
-def _next_fixes(search: _Search, experiment: ExperimentSettings) -> Seen:
+def _next_fixes(search: _Search, experiment: ExperimentSettings) -> InnovationSeries:
     """Return the used innovations of a filter with some settings, each fix predicted from all before it."""
     seen, _ = search.subject.navigate(_every_fix(experiment), search.dropped)
     counts = search.counted & ~search.dropped
-    return Seen(seen.innovation[counts], seen.covariance[counts])
+    return InnovationSeries(seen.innovation[counts], seen.covariance[counts])
 
 
-def _inside(seen: Seen) -> float:
+def _inside(seen: InnovationSeries) -> float:
     """Return the fraction of the NIS in the 95 % interval."""
     nis, degrees = squares(seen)
     nis, degrees = nis[degrees > 0], degrees[degrees > 0]

@@ -55,7 +55,7 @@ STIFFEST = 1e8
 """Damping at which the search ends without a step."""
 
 
-class Seen(NamedTuple):
+class InnovationSeries(NamedTuple):
     """The innovations of a filter at the fixes.
 
     Attributes
@@ -70,7 +70,7 @@ class Seen(NamedTuple):
     covariance: FloatArray
 
 
-Run = Callable[[FloatArray], Seen]
+Run = Callable[[FloatArray], InnovationSeries]
 """Runs the filter with the parameters (p,); the fixes are always the same, in the same order."""
 
 
@@ -119,7 +119,7 @@ class Estimate:
         Covariance from the information only; σ may be larger.
     log_likelihood : float
         Log-likelihood at the estimate.
-    seen : Seen
+    seen : InnovationSeries
         Innovations at the estimate.
     white : bool
         Whether the innovations are white.
@@ -131,7 +131,7 @@ class Estimate:
     sigma: FloatArray
     covariance: FloatArray
     log_likelihood: float
-    seen: Seen
+    seen: InnovationSeries
     white: bool
     rounds: int
 
@@ -143,21 +143,21 @@ class _Slopes(NamedTuple):
     information: FloatArray  # (p, p)
 
 
-def log_likelihoods(seen: Seen) -> FloatArray:
+def log_likelihoods(seen: InnovationSeries) -> FloatArray:
     """Return the log-likelihood of each fix (m,), without the constant; 0 for a fix without measurements."""
     nu, S = _measured(seen)
     square = np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0])
     return np.asarray(-0.5 * (np.linalg.slogdet(S)[1] + square))
 
 
-def squares(seen: Seen) -> tuple[FloatArray, NDArray[np.int64]]:
+def squares(seen: InnovationSeries) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return NIS (m,) and its degrees of freedom (m,), from the measured components of each fix."""
     nu, S = _measured(seen)
     degrees = np.isfinite(seen.innovation).sum(axis=1)
     return np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0]), degrees
 
 
-def _measured(seen: Seen) -> tuple[FloatArray, FloatArray]:
+def _measured(seen: InnovationSeries) -> tuple[FloatArray, FloatArray]:
     """Return innovations and covariances, with zero and unit variance for unmeasured components."""
     known = np.isfinite(seen.innovation)
     S = np.where(known[:, :, None] & known[:, None, :], seen.covariance, 0.0)
@@ -294,7 +294,7 @@ def _cost(values: FloatArray, start: FloatArray, prior: FloatArray) -> float:
 
 def _tried(
     run: Run, trial: FloatArray, values: FloatArray, start: FloatArray, prior: FloatArray
-) -> tuple[Seen | None, float]:
+) -> tuple[InnovationSeries | None, float]:
     """Return the innovations and the log-likelihood at a point; None if the filter cannot run there."""
     try:
         there = run(trial)
@@ -309,12 +309,12 @@ def _slopes(
     parameters: Sequence[Parameter],
     free: NDArray[np.intp],
     place: FloatArray,
-    here: Seen,
+    here: InnovationSeries,
     pool: ThreadPoolExecutor,
 ) -> _Slopes:
     """Return scores and expected information from differences of runs."""
 
-    def beside(step: tuple[int, float]) -> Seen:
+    def beside(step: tuple[int, float]) -> InnovationSeries:
         moved = place.copy()
         moved[step[0]] += step[1]
         return run(moved)
@@ -365,7 +365,7 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
-def is_white(seen: Seen, probability: float = 0.001) -> bool:
+def is_white(seen: InnovationSeries, probability: float = 0.001) -> bool:
     """Return whether no channel of the innovations is autocorrelated over the first lags.
 
     Parameters

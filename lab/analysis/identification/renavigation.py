@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.fix_causes import Ends, gains, motion_at_fixes, windows
-from lab.analysis.identification.likelihood import Seen
+from lab.analysis.identification.likelihood import InnovationSeries
 from lab.analysis.verdicts.innovation_evidence import offered
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.base.arrays import Flags, FloatArray
@@ -48,7 +48,9 @@ class Subject(Protocol):
     stamps: FloatArray
     span: tuple[float, float]
 
-    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(
+        self, experiment: ExperimentSettings, withheld: Flags
+    ) -> tuple[InnovationSeries, InnovationSeries]:
         """Return the innovations of all fixes twice: with the S of the filter, and with H P Hᵀ + R.
 
         Parameters
@@ -77,7 +79,9 @@ class Simulated:
         self._imu, _ = _measured(run)
         self._aids = run.aids
 
-    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(
+        self, experiment: ExperimentSettings, withheld: Flags
+    ) -> tuple[InnovationSeries, InnovationSeries]:
         """Return the innovations of all fixes; see `Subject`."""
         navigator, imu = experiment.navigator, self._imu
         assumed = belief(experiment.sensors, navigator, self._constants)
@@ -112,7 +116,9 @@ class Logged:
         self.stamps = recorded.log.gnss.time
         self.span = (float(recorded.time[0]), float(recorded.time[-1]))
 
-    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(
+        self, experiment: ExperimentSettings, withheld: Flags
+    ) -> tuple[InnovationSeries, InnovationSeries]:
         """Return the innovations of all fixes; see `Subject`."""
         sensors, navigator = experiment.sensors, experiment.navigator
         latency = assumed_latency(navigator, self._log.gnss.latency)
@@ -126,12 +132,12 @@ class Logged:
             self._of_all(_predicted(run.solution, run.belief.R), rows),
         )
 
-    def _of_all(self, seen: Seen, rows: NDArray[np.intp]) -> Seen:
+    def _of_all(self, seen: InnovationSeries, rows: NDArray[np.intp]) -> InnovationSeries:
         """Return the innovations of all fixes, with NaN for those outside the time of the run."""
         innovation = np.full((self.stamps.size, MEASUREMENTS), np.nan)
         covariance = np.tile(np.eye(MEASUREMENTS), (self.stamps.size, 1, 1))
         innovation[rows], covariance[rows] = seen
-        return Seen(innovation, covariance)
+        return InnovationSeries(innovation, covariance)
 
 
 def subject(run: Run) -> Subject:
@@ -221,11 +227,11 @@ def _measured(run: Run) -> tuple[Imu, Fixes]:
     return imu, fixes
 
 
-def _seen(solution: Solution) -> Seen:
-    return Seen(solution.innovation, solution.innovation_covariance)
+def _seen(solution: Solution) -> InnovationSeries:
+    return InnovationSeries(solution.innovation, solution.innovation_covariance)
 
 
-def _predicted(solution: Solution, R: FloatArray) -> Seen:
+def _predicted(solution: Solution, R: FloatArray) -> InnovationSeries:
     """Return innovations with their covariance H P Hᵀ + R by the P after each fix.
 
     A withheld fix does not change P. The filter's own S for it would be the difference of large numbers.
@@ -234,4 +240,4 @@ def _predicted(solution: Solution, R: FloatArray) -> Seen:
     S = H @ solution.fix_covariance @ np.swapaxes(H, 1, 2) + R
     known: Flags = np.asarray(np.isfinite(S).all(axis=(1, 2)))
     S[~known] = np.eye(MEASUREMENTS)
-    return Seen(np.where(known[:, None], solution.innovation, np.nan), S)
+    return InnovationSeries(np.where(known[:, None], solution.innovation, np.nan), S)

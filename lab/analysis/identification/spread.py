@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from lab.analysis.identification.likelihood import Seen, squares
+from lab.analysis.identification.likelihood import InnovationSeries, squares
 from lab.navigation.filters.error_models import STATES
 
 BY_CHANCE = 1e-3
@@ -20,7 +20,7 @@ CHANNELS = STATES[:6]
 """Position and velocity, the parts of a fix."""
 
 
-def spread(seen: Seen) -> str:
+def spread(seen: InnovationSeries) -> str:
     """Return a sentence about the spread of innovations; empty if nothing is wrong.
 
     Parameters
@@ -31,7 +31,7 @@ def spread(seen: Seen) -> str:
     return _halves(seen) or _tails(seen) or _size(seen)
 
 
-def _halves(seen: Seen) -> str:
+def _halves(seen: InnovationSeries) -> str:
     """Return whether NIS is larger in one half of the log than in the other."""
     nis, degrees = squares(seen)
     middle = nis.size // 2
@@ -51,7 +51,7 @@ def _halves(seen: Seen) -> str:
     )
 
 
-def _tails(seen: Seen) -> str:
+def _tails(seen: InnovationSeries) -> str:
     """Return whether a channel has a few innovations that are far larger than the rest."""
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     heaviest, where = 0.0, ""
@@ -70,7 +70,7 @@ def _tails(seen: Seen) -> str:
     )
 
 
-def _size(seen: Seen) -> str:
+def _size(seen: InnovationSeries) -> str:
     """Return whether all innovations are larger or smaller than the filter states."""
     nis, degrees = squares(seen)
     count = int(degrees.sum())

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lab.analysis.identification.identification import HeldOut
-from lab.analysis.identification.likelihood import Seen, log_likelihoods, squares
+from lab.analysis.identification.likelihood import InnovationSeries, log_likelihoods, squares
 from lab.analysis.identification.renavigation import Subject
 from lab.base.arrays import Flags, FloatArray
 from lab.run.experiment_settings import ExperimentSettings
@@ -38,7 +38,9 @@ def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) ->
     return [mask for mask in masks if mask.any()]
 
 
-def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Seen:
+def predicted(
+    subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags
+) -> InnovationSeries:
     """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
     settings = experiment.copy()
     settings.navigator.smoother, settings.navigator.engine = False, "compiled"
@@ -46,7 +48,7 @@ def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags,
     kept = withheld & ~dropped
     innovation = seen.innovation[kept]
     known = np.isfinite(innovation).any(axis=1)
-    return Seen(innovation[known], seen.covariance[kept][known])
+    return InnovationSeries(innovation[known], seen.covariance[kept][known])
 
 
 def held_out(
@@ -57,9 +59,9 @@ def held_out(
         return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))
 
 
-def judged(parts: Sequence[Seen]) -> HeldOut:
+def judged(parts: Sequence[InnovationSeries]) -> HeldOut:
     """Return the accuracy of the prediction."""
-    seen = Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    seen = InnovationSeries(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     nis, degrees = squares(seen)
     position, velocity = (
         float(np.sqrt(np.mean(np.nansum(block**2, axis=1)))) if np.isfinite(block).any() else float("nan")

@@ -26,7 +26,7 @@ from lab.analysis.verdicts.trial import (
 )
 from lab.analysis.verdicts.wheels import ahead_of_axle, rolls
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 
 OUTAGE = 15.0
 """Length of the outages [s]: on a winding road with the default sensors, errors across 10 s are hardly above

@@ -22,7 +22,7 @@ from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Verdict, he
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.analysis.verdicts.verdict import judge
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames.displacement import displaced, displacement
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.belief import r_factors

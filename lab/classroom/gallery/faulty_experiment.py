@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Self
 
-from lab.base.parameters.settings import SettingError
+from lab.base.arrays import FloatArray
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.gallery.faults import Fault
 from lab.experiment.experiment import Experiment
@@ -18,7 +19,7 @@ from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.alignment.rest_alignment import Aligned
 from lab.navigation.solution import NO_VECTOR, Belief
-from lab.sensors import gps, imu
+from lab.sensors import gps
 from lab.sensors.imu import Measured
 
 NOTE = "A fault of the gallery is hidden in this run."
@@ -88,7 +89,7 @@ class _Faulty(Stages):
         self._fault = fault
         self.hidden = fault.title
 
-    def triad(self, sensor: str, flight: SampledFlight, found: imu.FloatArray = NO_VECTOR) -> Measured:
+    def triad(self, sensor: str, flight: SampledFlight, found: FloatArray = NO_VECTOR) -> Measured:
         """Simulate the gyros or the accelerometers with the fault."""
         measured = self._real.triad(sensor, flight, found)
         spoil = self._fault.gyro if sensor == "gyro" else self._fault.accelerometer

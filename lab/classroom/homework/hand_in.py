@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.base.files.atomic_file import atomic_file
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import TomlError, parse_toml, toml_text
 from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.classroom.homework.sealing import SealError, TeacherKey, seal_for_teacher

@@ -13,7 +13,8 @@ from typing import Self
 
 import numpy as np
 
-from lab.base.parameters.settings import SettingError
+from lab.base.arrays import FloatArray
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
 from lab.base.progress import Progress
 from lab.classroom.homework.scenario import Scenario
@@ -29,7 +30,7 @@ from lab.navigation.alignment.rest_alignment import Aligned
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.solution import NO_VECTOR, Belief, Start
 from lab.run.experiment_settings import ExperimentSettings
-from lab.sensors import gps, imu
+from lab.sensors import gps
 from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
 
@@ -158,7 +159,7 @@ class _HiddenStages(Stages):
             real.sensors,
         )
 
-    def triad(self, sensor: str, flight: SampledFlight, found: imu.FloatArray = NO_VECTOR) -> Measured:
+    def triad(self, sensor: str, flight: SampledFlight, found: FloatArray = NO_VECTOR) -> Measured:
         """Simulate the gyros or the accelerometers as they are."""
         measured = self._real.triad(sensor, flight, found)
         for fault in self._faults:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from lab.base.cache import digest
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.classroom.gallery.faults import FAULTS, Fault
 from lab.experiment.experiment import Experiment
 

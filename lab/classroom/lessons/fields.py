@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.classroom.lessons.text import TextError, settings_named, text_html
 from lab.experiment.experiment import Experiment
 from lab.missions import missions, names_in_words

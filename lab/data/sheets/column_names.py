@@ -1,4 +1,4 @@
-"""Column names: what the columns of a stranger's csv are, by their headings: quantity, axis and unit.
+"""Column names: what the columns of a csv of unknown origin are, by their headings: quantity, axis and unit.
 
 A heading such as ``linear_acceleration.x``, ``AccX``, ``accel_x_g`` or ``Gyroscope y (rad/s)`` is cut into
 words, an axis and a unit; the words name the quantity. A column that a heading does not name is not read.

@@ -1,4 +1,4 @@
-"""Sheet: a csv of a stranger's logger as columns of numbers: any separator, encoding, header and clock.
+"""Sheet: a csv of unknown origin as columns of numbers: any separator, encoding, header and clock.
 
 Cells are separated by commas, semicolons, tabs, ``|`` or blanks; numbers may have decimal commas. The text is
 UTF-8, UTF-16 or Latin; the header is the line, among the first hundred, whose headings name the most

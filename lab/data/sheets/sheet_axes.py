@@ -1,4 +1,4 @@
-"""Sheet axes: which axes of a stranger's IMU point forward, right and down, from gravity and from the motion.
+"""Sheet axes: which axes of an unknown IMU point forward, right and down, from gravity and from the motion.
 
 Gravity shows which axis points down. Forward is the axis with which the log passes
 `lab.data.checks.log_check`; if several pass, the motion does not show it, and the usual one is taken and

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from lab.base.notebook_card import NotebookCard
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
 from lab.experiment.ensembles.seeds import run_ensemble

@@ -46,7 +46,7 @@ from lab.navigation.filters.blocks import SCALES
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.lane_step import LANES
-from lab.navigation.kernels.lanes import Lane, LaneSolution, fits, is_compiled, navigate_lanes
+from lab.navigation.kernels.lanes import Lane, LaneSolution, can_batch, is_compiled, navigate_lanes
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
@@ -117,7 +117,7 @@ class SeedLanes:
         found = cls(experiment)
         turn = float(si(sensors.gyro, "range")) * found._ideal.dt
         usable = (
-            fits(found._model, found._schedule, found._belief)
+            can_batch(found._model, found._schedule, found._belief)
             and found._truth.time.size <= LONG
             and turn < LARGEST_TURN
             and np.abs(found._truth.latitude).max() < MAX_LATITUDE

@@ -26,7 +26,7 @@ from lab.analysis.verdicts.evidence import position_nees, whole_seconds
 from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
 from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble

@@ -19,8 +19,8 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.cache import StageCache, digest
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_help import value_text
-from lab.base.parameters.settings import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import QUANTITIES, UNITS
 from lab.experiment.ensembles.seeds import memory_of, seed_numbers, thread_count

@@ -66,7 +66,7 @@ def in_device_axes(rows: NDArray[np.void], axes: AxisMap) -> NDArray[np.void]:
     return rows
 
 
-class Seen(NamedTuple):
+class AxisObservation(NamedTuple):
     """What a position or turn showed.
 
     Attributes
@@ -115,18 +115,18 @@ class AxisCheck:
 
     Attributes
     ----------
-    positions, turns : dict of str to Seen
+    positions, turns : dict of str to AxisObservation
         What was taken, by name.
     still : dict of str to StaticInterval
         The means of each position.
     """
 
     def __init__(self) -> None:
-        self.positions: dict[str, Seen] = {}
-        self.turns: dict[str, Seen] = {}
+        self.positions: dict[str, AxisObservation] = {}
+        self.turns: dict[str, AxisObservation] = {}
         self.still: dict[str, StaticInterval] = {}
 
-    def take(self, name: str, rows: NDArray[np.void]) -> Seen:
+    def take(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
         """Take a position or a turn; one of the same name is replaced.
 
         Parameters
@@ -155,7 +155,7 @@ class AxisCheck:
             )
         _refuse_alike(name, shown, self.positions)
         self.still[name] = found
-        self.positions[name] = Seen(name, POSITIONS[name], shown, tilt)
+        self.positions[name] = AxisObservation(name, POSITIONS[name], shown, tilt)
         return self.positions[name]
 
     def forget(self) -> None:
@@ -205,7 +205,7 @@ class AxisCheck:
             )
         return CheckedAxes(axes, self._sentence(axes, assumed=len(maps) > 1), errors)
 
-    def _take_turn(self, name: str, rows: NDArray[np.void]) -> Seen:
+    def _take_turn(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
         bias = np.mean([one.rate for one in self.still.values()], axis=0) if self.still else None
         shown, tilt = _nearest(turned(rows, bias))
         if tilt > TURN_TILT:
@@ -214,7 +214,7 @@ class AxisCheck:
                 f"{np.degrees(tilt):.0f}° off; accepted are {np.degrees(TURN_TILT):g}°"
             )
         _refuse_alike(name, shown, self.turns)
-        self.turns[name] = Seen(name, TURNS[name], shown, tilt)
+        self.turns[name] = AxisObservation(name, TURNS[name], shown, tilt)
         return self.turns[name]
 
     def _fit(self, C: NDArray[np.int64], sign: int) -> bool:
@@ -278,7 +278,7 @@ def _nearest(vector: FloatArray) -> tuple[Axis, float]:
     return (axis[0], axis[1], axis[2]), float(angle)
 
 
-def _refuse_alike(name: str, shown: Axis, others: dict[str, Seen]) -> None:
+def _refuse_alike(name: str, shown: Axis, others: dict[str, AxisObservation]) -> None:
     for other in others.values():
         if other.name != name and other.shown == shown:
             raise AxisCheckError(
@@ -287,7 +287,7 @@ def _refuse_alike(name: str, shown: Axis, others: dict[str, Seen]) -> None:
             )
 
 
-def _fits(C: NDArray[np.int64], sign: int, seen: dict[str, Seen]) -> bool:
+def _fits(C: NDArray[np.int64], sign: int, seen: dict[str, AxisObservation]) -> bool:
     return all((sign * np.array(one.named) @ C == one.shown).all() for one in seen.values())
 
 
@@ -305,7 +305,7 @@ def _line(axis: Axis) -> int:
     return int(np.abs(axis).argmax())
 
 
-def _listed(seen: dict[str, Seen]) -> str:
+def _listed(seen: dict[str, AxisObservation]) -> str:
     return ", ".join(f"{one.name} ({_shown(one.shown)})" for one in seen.values())
 
 

@@ -32,7 +32,7 @@ from lab.navigation.alignment.initial_heading import (
 )
 from lab.navigation.alignment.rest_alignment import LEAST_FORCE
 from lab.navigation.filters.error_models import ACCEL_BIAS
-from lab.navigation.lever_arm import turns
+from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.solution import Belief, Fixes, Imu, Start
 
 REST_SPEED = 0.5
@@ -220,7 +220,11 @@ def align(
         bias = bias - up
         noise = np.maximum(_REST_NOISE, np.sqrt(assumed.noise[:3]))
         bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
-    rate = np.zeros(3) if rest else turns(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
+    rate = (
+        np.zeros(3)
+        if rest
+        else mean_rates_at_fixes(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
+    )
     shift, swing = antenna(q_nb, assumed.lever_arm, rate)
     return Alignment(
         Start(

@@ -74,7 +74,7 @@ def _bend(psi: Vector, v: Vector) -> Vector:
 
 
 @kernel
-def bend_estimate(x: FloatArray) -> None:
+def apply_group_exponential(x: FloatArray) -> None:
     """Apply the group's Jacobian to the position and velocity of an error estimate, x ≥ (9,), in place."""
     psi = get(x, 6)
     put(x, 0, _bend(psi, get(x, 0)))
@@ -109,7 +109,7 @@ def correct_group(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     x = np.empty(NAV)
     for c in range(NAV):
         x[c] = w[WIDTH * c + X]
-    bend_estimate(x)
+    apply_group_exponential(x)
     for r in range(NAV):
         w[WIDTH * r + X] = 0.0
         for c in range(NAV):

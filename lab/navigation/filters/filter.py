@@ -34,7 +34,7 @@ class Filter(NamedTuple):
     T: FloatArray  # derivative of the errors with respect to the model's own; the unit matrix of `phi`
     counts: NDArray[np.int64]  # next fix; samples since P was last propagated; next of the aids
     clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
-    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
+    streak: FloatArray  # of implausible fixes, see `kalman.is_outlier`
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
     H: FloatArray  # of this fix, for the model's own errors
@@ -50,7 +50,7 @@ class Filter(NamedTuple):
     noise: FloatArray
     decay: FloatArray
     lever_arm: FloatArray
-    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
+    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.mean_rates_at_fixes`
     aids: Aids  # measurements other than fixes
     aid_scalars: FloatArray  # update by the last of them, or by each
 

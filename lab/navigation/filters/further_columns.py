@@ -145,7 +145,7 @@ OWN_SIZE = 0
 
 
 @inline_kernel
-def own_columns(state: FloatArray, F: FloatArray) -> None:
+def user_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the states that a user declared: their effects on gyros and accelerometers."""
     for k in range(OWN_SIZE):
         at = own_room.EFFECTS + own_room.WIDTH * k
@@ -156,7 +156,7 @@ def own_columns(state: FloatArray, F: FloatArray) -> None:
 
 
 @inline_kernel
-def own_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+def user_columns_in_body(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the states that a user declared for errors resolved in b."""
     for k in range(OWN_SIZE):
         at = own_room.EFFECTS + own_room.WIDTH * k
@@ -196,4 +196,4 @@ def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
     if blocks.GYRO_DRIFT in names:
         yield drift_columns_in_body if in_body else drift_columns
     if any(name in blocks.OWN for name in names):
-        yield own_columns_in_body if in_body else own_columns
+        yield user_columns_in_body if in_body else user_columns

@@ -106,7 +106,7 @@ def weight(robust: int, nis: float) -> float:
 
 
 @allocating_kernel
-def stands_out(
+def is_outlier(
     streak: FloatArray, nu: FloatArray, S: FloatArray, nis: float, agreeing: int, any_of: int
 ) -> bool:
     """Count an implausible fix; return whether the filter must be wrong, not the fixes.
@@ -174,7 +174,7 @@ REJECTED, USED, RECOVERED = 0, 1, 2
 
 
 @kernel
-def plausibility(
+def gate_fix(
     P: FloatArray,
     streak: FloatArray,
     clock: FloatArray,
@@ -192,7 +192,7 @@ def plausibility(
     P : (n, ≥ n) array
         Covariance.
     streak : (8,) array
-        Data of implausible fixes, as for `stands_out`.
+        Data of implausible fixes, as for `is_outlier`.
     clock : (3,) array
         Its last element is the time of the last plausible fix [s].
     nu, S, nis
@@ -207,7 +207,7 @@ def plausibility(
     if nis <= schedule.implausible:
         streak[0] = 0.0
         clock[2] = time
-    elif stands_out(streak, nu, S, nis, schedule.agreeing, schedule.any_of):
+    elif is_outlier(streak, nu, S, nis, schedule.agreeing, schedule.any_of):
         inflate(P, nu, time - clock[2], n)
         streak[0] = 0.0
         clock[2] = time

@@ -17,7 +17,7 @@ from lab.navigation.aids import (
     STILL_AIR,
     WIND,
     azimuth_variance,
-    see_aid,
+    predict_aid,
 )
 from lab.navigation.filters.blocks import NO_STATE
 from lab.navigation.filters.correction import corrected, has_estimate
@@ -36,8 +36,8 @@ from lab.navigation.filters.kalman import (
     RECOVERED,
     REJECTED,
     USED,
+    gate_fix,
     normalised_square,
-    plausibility,
     predict_fix,
     scalar_update,
     update,
@@ -59,9 +59,9 @@ from lab.navigation.kernels.propagation import (
     WIDTH,
     X,
 )
-from lab.navigation.lever_arm import see_antenna
+from lab.navigation.lever_arm import predict_antenna
 from lab.navigation.solution import Solution
-from lab.navigation.standstill import GATE, see_rest
+from lab.navigation.standstill import GATE, predict_rest
 from lab.navigation.strapdown import VELOCITY, Matrix, Vector, get, rotate
 
 GPS_DRIFT = GYRO_DRIFT = GYRO_G_SENSITIVITY = GYRO_MISALIGNMENT = LATENCY = LEVER_ARM = NO_STATE
@@ -140,7 +140,7 @@ def as_biases(state: FloatArray, H: FloatArray) -> None:
 
 
 @embedded_kernel
-def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
+def linearise_fix(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
     """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
     state, H, R, arm, noise = run.state, run.H, run.R_fix, run.lever_arm, run.noise
     assumed, turn = run.R[min(m, run.R.shape[0] - 1)], run.turns[min(m, run.turns.shape[0] - 1)]
@@ -151,7 +151,7 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
         for j in range(STATES):
             H[i, j] = 1.0 if i == j else 0.0
     axes = fix_axes(state)
-    see_antenna(
+    predict_antenna(
         state,
         arm,
         turn,
@@ -265,7 +265,7 @@ def observe(
 
     z is navigator minus fix, without the lever arm.
     """
-    sight(run, m, age, z, out)
+    linearise_fix(run, m, age, z, out)
     state, w, P, T, H, R = run.state, run.w, run.P, run.T, run.H, run.R_fix
     nu, S, used = out.innovation[m], out.innovation_covariance[m], out.fix_R[m]
     streak, clock, raised = run.streak, run.clock, run.S
@@ -277,7 +277,7 @@ def observe(
             nu[i] -= H[i, j] * w[WIDTH * j + X]
     predict_fix(P, H, R, S)
     nis = normalised_square(nu, S)
-    became = plausibility(P, streak, clock, nu, S, nis, time, schedule, STATES)
+    became = gate_fix(P, streak, clock, nu, S, nis, time, schedule, STATES)
     if became == REJECTED:
         return REJECTED
     if schedule.robust != EVERY:
@@ -307,7 +307,7 @@ def observe_rest(run: Filter) -> bool:
     """Update [P | x] with the mean rate about the vertical at rest; return False if the vehicle turns."""
     state, w, done = run.state, run.w, run.rest_scalars[0]
     H = run.z  # a row for six states
-    z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
+    z = predict_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     for c in range(STATES):
         done[c] = 0.0
     seen = own_attitude(state, (H[0], H[1], H[2]))
@@ -328,7 +328,7 @@ def observe_rest(run: Filter) -> bool:
 
 
 @inline_kernel
-def own_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+def user_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform a row of H of the errors to one of the model's own errors; for `phi`, they are the same."""
 
 
@@ -445,11 +445,11 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     of_tilts = seen_azimuth_variance(state, kind, field, run.P)
     if of_tilts == math.inf:
         return False
-    residual = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
+    residual = predict_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(state, done)
     for i in range(STATES):
         seen[i] = done[i]
-    own_row(state, T, done)
+    user_row(state, T, done)
     variance = aids.variance[a]
     excess = bent(state, axes, kind, run.P)
     residual -= excess
@@ -485,5 +485,5 @@ def observations(model: ErrorModel) -> dict[Kernel, Kernel]:
     if model.in_body:
         found[own_attitude] = own_attitude_in_body
     if model.write_map:
-        found |= {through_map: through_fix_map, own_row: through_own_map}
+        found |= {through_map: through_fix_map, user_row: through_own_map}
     return found

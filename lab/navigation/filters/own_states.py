@@ -25,7 +25,7 @@ import numba
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.navigation.filters import blocks
 from lab.navigation.filters.blocks import Block
 from lab.navigation.filters.error_models import STATES
@@ -299,7 +299,7 @@ def compiled_effect(block: str) -> Effect:
     return _compiled(of_blocks([block])[0].effect)
 
 
-def own_kernels(names: Sequence[str]) -> dict[Any, Any]:
+def user_kernels(names: Sequence[str]) -> dict[Any, Any]:
     """Return the kernels of a filter with declared blocks in place of others; none without such blocks."""
     found = of_blocks(names)
     if not found:

@@ -39,8 +39,8 @@ from lab.navigation.kernels.driver import PENDING, SETTLED, aid_due, loop, take_
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.kernels.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.kernels.storage import store, store_fix
-from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import go_through, takes_aids, within_frame, within_frame_in_piece
+from lab.navigation.lever_arm import mean_rates_at_fixes
+from lab.navigation.navigator import navigate_segments, takes_aids, within_frame, within_frame_in_piece
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get, step
@@ -129,7 +129,7 @@ def navigate(
     is_long = imu.time.size > SINGLE
     shown = np.float32 if is_long else np.float64
     out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
-    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     kept_aids = aids.time.size
     run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
     copies = _forward_pass(run, imu, fixes, out, schedule, stretches, model, is_long=is_long)
@@ -176,7 +176,7 @@ def _forward_pass(
             if first < imu.dtheta.shape[0]:
                 changed = change(run.state, run.P, model)
 
-    go_through(run.noise, imu, passing, schedule, stretches, onwards, 2 * GO if is_long else GO)
+    navigate_segments(run.noise, imu, passing, schedule, stretches, onwards, 2 * GO if is_long else GO)
     return copies
 
 

@@ -40,8 +40,8 @@ from lab.navigation.filters.kalman import (
     REJECTED,
     USED,
     cholesky_of_fix,
+    gate_fix,
     normalised_square,
-    plausibility,
     predict_fix,
     weight,
 )
@@ -69,10 +69,10 @@ from lab.navigation.kernels.generation import Variant, generated
 from lab.navigation.kernels.lane_points import MOST_TURN, point_of, step_abreast, step_kernel
 from lab.navigation.kernels.lane_step import LANES
 from lab.navigation.kernels.propagation import NAV
-from lab.navigation.lever_arm import see_antenna, turns
-from lab.navigation.navigator import PIECE, go_through
+from lab.navigation.lever_arm import mean_rates_at_fixes, predict_antenna
+from lab.navigation.navigator import PIECE, navigate_segments
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
-from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
+from lab.navigation.standstill import GATE, gather_rest, hold_attitude, predict_rest
 from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
 
@@ -110,7 +110,7 @@ def navigate(
         names = blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
     shown = np.float32 if is_long else np.float64
     solution = Solution.empty(imu.time.size, fixes.time.size, names, shown, aids.time.size)
-    turned = turns(imu, fixes.time, belief.lever_arm, estimated=blocks.LEVER_ARM in names)
+    turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=blocks.LEVER_ARM in names)
     run = UnscentedFilter.begin(start, belief, float(imu.time[0]), turned, names, aids)
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
@@ -122,7 +122,7 @@ def navigate(
         used = slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2]))
         piece.keep(out, piece.imu.time.size, *used)
 
-    go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
+    navigate_segments(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
     return solution
 
 
@@ -217,7 +217,7 @@ def _judge(
             H[i, j] = 1.0 if i == j else 0.0
     axes = fix_axes(run.state)
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(
+    predict_antenna(
         run.state,
         run.lever_arm,
         turn,
@@ -239,7 +239,7 @@ def _judge(
             put(H[i], at, back(axes, get(H[i], at)))
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
-    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
+    became = gate_fix(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
     if became != REJECTED:
         if became == RECOVERED:
             nis = 0.0
@@ -328,7 +328,7 @@ def _update_at_rest(run: UnscentedFilter) -> bool:
     """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
     P, x, state, drift, felt = run.P, run.x, run.state, run.first[GYRO_DRIFT], run.first[GYRO_G]
     H, gain = np.empty(6), np.empty(x.size)
-    z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
+    z = predict_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     s = 1.0
     for i in range(x.size):
         gain[i] = 0.0

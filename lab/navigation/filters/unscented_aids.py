@@ -15,7 +15,7 @@ import math
 
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
-from lab.navigation.aids import HEADING, MAGNETIC, see_aid
+from lab.navigation.aids import HEADING, MAGNETIC, predict_aid
 from lab.navigation.filters.north_slaved import north_axes, north_variance
 from lab.navigation.filters.observation import seen_azimuth_variance
 from lab.navigation.filters.schedule import Schedule
@@ -66,7 +66,7 @@ def observe_aid(
     of_tilts = seen_azimuth_variance(state, kind, field, P)
     if of_tilts == math.inf:
         return False
-    z = see_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
+    z = predict_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
     spread(state, P, run.order, run.root, x, run.points, run.places)
     mean, square = 0.0, 0.0
     for i in range(n):
@@ -74,7 +74,7 @@ def observe_aid(
     for point in range(2 * n):
         there = point_of(run.points, point)
         _turn_as_biased(state, there)
-        seen = see_aid(there, north_axes(there, age), kind, value, field, aids.place, age, dt, row)
+        seen = predict_aid(there, north_axes(there, age), kind, value, field, aids.place, age, dt, row)
         d = _difference(kind, z, seen)
         mean += WEIGHT * d
         square += WEIGHT * d * d

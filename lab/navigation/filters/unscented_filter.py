@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.navigation import frames, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters import blocks, wander_models
@@ -70,7 +70,7 @@ class UnscentedFilter(NamedTuple):
     spare: FloatArray  # a navigator
     counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed; next of the aids
     clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
-    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
+    streak: FloatArray  # of implausible fixes, see `kalman.is_outlier`
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
     H: FloatArray  # of this fix
@@ -80,7 +80,7 @@ class UnscentedFilter(NamedTuple):
     noise: FloatArray
     decay: FloatArray
     lever_arm: FloatArray
-    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
+    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.mean_rates_at_fixes`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
     places: NDArray[np.int64]  # of the states from the biases on in the state of the navigator
     first: NDArray[np.int64]  # first state of each of the blocks `SEEN`; −1 without it

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
 from lab.navigation.filters import error_models, north_slaved

@@ -18,7 +18,7 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import RECOVERED, REJECTED
 from lab.navigation.filters.north_slaved import difference, leaves_frame
 from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest
-from lab.navigation.filters.own_states import own_kernels
+from lab.navigation.filters.own_states import user_kernels
 from lab.navigation.filters.prediction import (
     add_noise,
     add_noise_in_body,
@@ -198,7 +198,7 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         **observations(model),
         **storing(model),
         **model.variant.kernels,
-        **own_kernels(model.blocks),
+        **user_kernels(model.blocks),
         propagate: propagation_of(model),
         kept_part: kept_part_of(model),
     }
@@ -233,7 +233,7 @@ def loop(function: Kernel, model: ErrorModel, *, summed: bool = False, aided: bo
     """
     parts = steps(model, summed=summed, aided=aided)
     own = parts.variant
-    if own_kernels(model.blocks):
+    if user_kernels(model.blocks):
         # Functions of a notebook may change, also those that they call: nothing of them is kept on disk.
         own = Variant({**own.kernels, function: Redecorated(function, passing_loop_kernel)}, own.constants)
     name, what = _name(model, summed=summed, aided=aided), function.__name__

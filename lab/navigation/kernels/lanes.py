@@ -219,7 +219,7 @@ def is_compiled(model: ErrorModel) -> bool:
     return is_ready(_advance(model))
 
 
-def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
+def can_batch(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
     """Return whether a block of runs can be navigated abreast, with fixes and without other measurements.
 
     The estimate must be zero between the fixes, P propagated at each sample, the frame north-slaved, and the
@@ -259,7 +259,7 @@ def navigate_lanes(
     runs
         The runs.
     schedule, model
-        Those of `navigator.navigate`; see `fits`.
+        Those of `navigator.navigate`; see `can_batch`.
     stored, path
         Samples, increasing, at which everything, and the motion only, is stored.
     """

@@ -10,10 +10,10 @@ from lab import Experiment
 from lab.analysis.identification.assumptions import assumed, scaled_rows
 from lab.analysis.identification.factors import FEWEST, choose, scaled
 from lab.analysis.identification.identification import better
-from lab.analysis.identification.likelihood import Seen
+from lab.analysis.identification.likelihood import InnovationSeries
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.navigation.belief import belief
 from lab.run.experiment_settings import ExperimentSettings
 
@@ -95,7 +95,7 @@ class Told:
         sigmas = np.full(50, sigma)
         if r < 0.05:
             sigmas[10:30] = 0.27  # far too sure in the second and third outage
-        seen = Seen(np.full((50, 6), error), sigmas[:, None, None] ** 2 * np.eye(6))
+        seen = InnovationSeries(np.full((50, 6), error), sigmas[:, None, None] ** 2 * np.eye(6))
         return seen, seen
 
 

@@ -9,9 +9,9 @@ from sensor_logs import tables, write
 from lab import Experiment, ResultError
 from lab.analysis.identification.assumptions import Known
 from lab.analysis.identification.identify import refuted
-from lab.analysis.identification.likelihood import Estimate, Seen
+from lab.analysis.identification.likelihood import Estimate, InnovationSeries
 from lab.analysis.identification.renavigation import subject
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
 from lab.navigation.log_navigation import navigate_log
@@ -185,7 +185,9 @@ def test_latency_and_lever_arm_that_hide_each_other_are_not_both_set_back():
     value, covariance = np.zeros(11), np.eye(11)
     value[7], value[8] = 1.0, 1.0
     covariance[7, 8] = covariance[8, 7] = -0.98
-    estimate = Estimate(value, np.ones(11), covariance, 0.0, Seen(np.zeros(0), np.zeros(0)), True, 1)
+    estimate = Estimate(
+        value, np.ones(11), covariance, 0.0, InnovationSeries(np.zeros(0), np.zeros(0)), True, 1
+    )
     known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
     left = refuted(estimate, known, np.zeros(11))
     assert left[7:9].sum() == 1
@@ -196,7 +198,9 @@ def test_latency_and_lever_arm_that_hide_each_other_are_not_both_set_back():
 def test_chance_changes_a_parameter_in_one_run_of_twenty():
     rng, changed = np.random.default_rng(3), 0
     for value in rng.standard_normal((400, 11)):
-        estimate = Estimate(value, np.ones(11), np.eye(11), 0.0, Seen(np.zeros(0), np.zeros(0)), True, 1)
+        estimate = Estimate(
+            value, np.ones(11), np.eye(11), 0.0, InnovationSeries(np.zeros(0), np.zeros(0)), True, 1
+        )
         known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
         changed += refuted(estimate, known, np.zeros(11)).any()
     assert changed < 0.05 * 400 + 4 * np.sqrt(0.05 * 400)

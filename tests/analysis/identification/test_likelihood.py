@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lab.analysis.identification.likelihood import (
+    InnovationSeries,
     Parameter,
-    Seen,
     is_white,
     log_likelihoods,
     long_run_covariance,
@@ -35,7 +35,7 @@ def test_of_gaussian_numbers_it_is_their_standard_deviation():
     values = noise(500, 40.0)
 
     def run(by):
-        return Seen(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (500, 1, 1)))
+        return InnovationSeries(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (500, 1, 1)))
 
     found = maximise(run, [scale()], np.zeros(1), np.zeros(1, bool))
     assert np.exp(found.value[0]) == pytest.approx(np.sqrt(np.mean(values**2)), rel=2e-3)
@@ -49,7 +49,7 @@ def test_of_a_line_through_the_origin_it_is_least_squares(both):
     values = 3.0 * at + noise(300, 0.5)
 
     def run(by):
-        return Seen(values - by[0] * at, np.tile(np.eye(6) * 0.25, (300, 1, 1)))
+        return InnovationSeries(values - by[0] * at, np.tile(np.eye(6) * 0.25, (300, 1, 1)))
 
     found = maximise(run, [slope(both=both)], np.zeros(1), np.zeros(1, bool))
     assert found.value[0] == pytest.approx(np.sum(at * values) / np.sum(at**2), abs=1e-6)
@@ -59,7 +59,7 @@ def test_of_a_line_through_the_origin_it_is_least_squares(both):
 def test_what_is_not_measured_counts_for_nothing():
     values = noise(200, 2.0)
     values[:, 5] = np.nan
-    whole = Seen(values, np.tile(np.diag([4.0] * 5 + [1e8]), (200, 1, 1)))
+    whole = InnovationSeries(values, np.tile(np.diag([4.0] * 5 + [1e8]), (200, 1, 1)))
     expected = -0.5 * (5 * np.log(4.0) + np.sum(values[:, :5] ** 2, axis=1) / 4.0)
     np.testing.assert_allclose(log_likelihoods(whole), expected, rtol=1e-12)
 
@@ -67,7 +67,7 @@ def test_what_is_not_measured_counts_for_nothing():
 def test_a_parameter_that_nothing_shows_keeps_its_prior():
     values = noise(200, 1.0)
     found = maximise(
-        lambda by: Seen(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (200, 1, 1))),
+        lambda by: InnovationSeries(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (200, 1, 1))),
         [scale(), scale(prior=3.5)],
         np.zeros(2),
         np.zeros(2, bool),
@@ -83,7 +83,7 @@ def test_a_prior_and_fixes_are_weighed_by_their_variances(begin, prior):
     values = noise(50, 1.0)
 
     def run(by):
-        return Seen(values - by[0], np.tile(np.eye(6), (50, 1, 1)))
+        return InnovationSeries(values - by[0], np.tile(np.eye(6), (50, 1, 1)))
 
     known = Parameter("mean", 2.0, -100.0, 100.0, prior, 1e-3, 100.0)
     found = maximise(run, [known], np.array([begin]), np.zeros(1, bool))
@@ -100,7 +100,7 @@ def test_errors_that_are_correlated_make_an_estimate_less_certain():
     at = np.sin(np.arange(m) / 30)[:, None] * np.ones(6)
 
     def run(by):
-        return Seen(errors - by[0] * at, np.tile(np.eye(6), (m, 1, 1)))
+        return InnovationSeries(errors - by[0] * at, np.tile(np.eye(6), (m, 1, 1)))
 
     found = maximise(run, [slope()], np.zeros(1), np.zeros(1, bool))
     white = 1 / np.sqrt(np.sum(at**2))
@@ -112,7 +112,7 @@ def test_on_a_peak_the_search_stays():
     values = noise(100, 1.0)
 
     def run(by):
-        return Seen(values * (1 + abs(by[0] - 3.0)), np.tile(np.eye(6), (100, 1, 1)))
+        return InnovationSeries(values * (1 + abs(by[0] - 3.0)), np.tile(np.eye(6), (100, 1, 1)))
 
     found = maximise(run, [slope()], np.array([3.0]), np.zeros(1, bool))
     assert found.value[0] == 3.0
@@ -124,7 +124,7 @@ def test_a_search_ends_after_the_most_steps(most):
     values = noise(100, 1e4)
 
     def run(by):
-        return Seen(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (100, 1, 1)))
+        return InnovationSeries(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (100, 1, 1)))
 
     found = maximise(run, [scale()], np.zeros(1), np.zeros(1, bool), most=most)
     assert found.rounds == most
@@ -137,7 +137,7 @@ def test_where_the_filter_cannot_be_run_the_search_turns_back():
     def run(by):
         if by[0] < 1.0:
             raise ValueError("diverged")
-        return Seen(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (400, 1, 1)))
+        return InnovationSeries(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (400, 1, 1)))
 
     found = maximise(run, [scale()], np.array([5.0]), np.zeros(1, bool))
     assert 1.0 <= found.value[0] < 1.6
@@ -158,5 +158,5 @@ def test_scores_that_are_correlated_make_the_sum_less_certain():
 def test_correlated_innovations_are_not_white():
     values = noise(600, 1.0)
     S = np.tile(np.eye(6), (600, 1, 1))
-    assert is_white(Seen(values, S))
-    assert not is_white(Seen(np.cumsum(values, axis=0), S))
+    assert is_white(InnovationSeries(values, S))
+    assert not is_white(InnovationSeries(np.cumsum(values, axis=0), S))

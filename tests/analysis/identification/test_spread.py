@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.identification.likelihood import Seen, is_white
+from lab.analysis.identification.likelihood import InnovationSeries, is_white
 from lab.analysis.identification.spread import spread
 
 
-def drawn(values: np.ndarray) -> Seen:
+def drawn(values: np.ndarray) -> InnovationSeries:
     """Return innovations whose filter states a variance of four of each."""
-    return Seen(2.0 * values, np.broadcast_to(4.0 * np.eye(6), (values.shape[0], 6, 6)).copy())
+    return InnovationSeries(2.0 * values, np.broadcast_to(4.0 * np.eye(6), (values.shape[0], 6, 6)).copy())
 
 
 def gaussian(seed: int, count: int = 400) -> np.ndarray:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import (
     AxisQuantity,
     Intervals,
@@ -21,7 +22,7 @@ from lab.base.parameters.setting_kinds import (
     QuantityOrNone,
     describe,
 )
-from lab.base.parameters.settings import SettingError, Settings, group
+from lab.base.parameters.settings import Settings, group
 from lab.base.parameters.toml_file import toml_text
 from lab.experiment.experiment import Experiment
 

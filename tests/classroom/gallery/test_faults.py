@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dashboards.ensembles import ensemble
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.classroom.gallery import faults
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import NOTE, FaultyExperiment

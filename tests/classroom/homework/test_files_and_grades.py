@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import toml_text
 from lab.classroom.homework import grading
 from lab.classroom.homework.grading import GRADED, REFUSED, Row, columns, csv_text, files_of, text_cell

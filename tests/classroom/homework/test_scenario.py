@@ -13,7 +13,7 @@ import pytest
 
 from dashboards.exchange import gpx_file, kml_file, query, zipped_csv
 from lab.base.notebook_card import NotebookCard
-from lab.base.parameters.settings import SettingError
+from lab.base.parameters.setting_error import SettingError
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.classroom.homework.hidden_experiment import HiddenExperiment
