@@ -5,7 +5,7 @@ from __future__ import annotations
 from lab.cli import app, main
 from lab.cli.app import COMMANDS
 
-__all__ = ["app", "main"]
+__all__ = ["COMMANDS", "app", "main"]
 
 COMMANDS["serve"] = (
     "dashboards.serve_command:serve",

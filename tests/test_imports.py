@@ -14,6 +14,8 @@ HARMLESS = {
     "app.command",  # of the package's own command line
     "app.add_typer",
     "check_files",  # of one function of the package
+    "find_old_names",  # of the package's own modules
+    "register",  # what a file of the package offers to earlier ones
     "register_cards",  # the displays of the package's own classes, in a notebook
     "register_completion",
     "setflags",  # of an array of the module
