@@ -127,31 +127,38 @@ def serve(
     ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
-    _check_port(address, port)
     _check_folder("--lessons", lessons, "lessons as .toml files")
     _check_folder("--homework", homework, "the keys of homework as .key files")
     algorithms(own)  # a failure to load is reported now, not to visitors
+    password = None if password_file is None else read_password(password_file)
+    _check_origins(address, port, origin or ())
+    _allow_devices(devices or ())
+    # Last, so that another server on the port does not hide what is wrong with the other options.
+    _check_port(address, port)
     if phone:
         _take_phones(address, phone_port)
-    password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
-    from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
 
-    _allow_devices(devices or ())
+    server.serve(
+        port=port,
+        address=address,
+        show=not no_browser and _has_screen(),
+        algorithms=own or (),
+        origins=origin or (),
+        visitors=None if visitors is None else visitors.value,
+        password=password,
+        lessons=lessons,
+        homework=homework,
+        teacher=teacher,
+        warm=warm,
+    )
+
+
+def _check_origins(address: str, port: int, origins: Sequence[str]) -> None:
+    from dashboards.origins import OriginError, accepted_hosts  # noqa: PLC0415 - takes a second
+
     try:
-        server.serve(
-            port=port,
-            address=address,
-            show=not no_browser and _has_screen(),
-            algorithms=own or (),
-            origins=origin or (),
-            visitors=None if visitors is None else visitors.value,
-            password=password,
-            lessons=lessons,
-            homework=homework,
-            teacher=teacher,
-            warm=warm,
-        )
+        accepted_hosts(address, port, origins)
     except OriginError as error:
         raise CommandError(f"--origin: {error}") from error
 

@@ -25,6 +25,26 @@ def test_serving_on_a_taken_port_names_a_free_one() -> None:
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--lessons", "nowhere"],
+        ["--homework", "nowhere"],
+        ["--password-file", "nowhere"],
+        ["--origin", "http://a b"],
+        ["--allow-device", "nowhere"],
+        ["--algorithm", "nowhere.py:None"],
+    ],
+    ids=lambda wrong: wrong[0],
+)
+def test_a_taken_port_does_not_hide_what_is_wrong_with_another_option(wrong: list[str]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        refused(ask("serve", "--port", str(port), "--no-browser", *wrong), wrong[1].partition(":")[0])
+
+
+@pytest.mark.parametrize(
     ("screen", "flags", "show"), [("", [], False), (":0", [], True), (":0", ["--no-browser"], False)]
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="DISPLAY tells of a screen on Linux only")
