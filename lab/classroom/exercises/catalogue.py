@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-from lab.classroom.exercises import (
-    live_stream,
-    many_runs,
-    model_comparison,
-    open_filter,
-    outages,
-    own_algorithm,
-    own_flight,
-    sensor_errors,
-    strapdown,
-    tour,
-    tuning,
-)
-from lab.classroom.exercises.exercise import Exercise, Outcome
+from lab.base.parameters.toml_file import parse_toml
+from lab.classroom.exercises.exercise import Choice, Exercise, Number, Outcome
 
-_NOTEBOOKS = (
-    tour,
-    strapdown,
-    sensor_errors,
-    open_filter,
-    tuning,
-    model_comparison,
-    outages,
-    own_flight,
-    own_algorithm,
-    many_runs,
-    live_stream,
-)
+
+def _exercise(table: Mapping[str, Any]) -> Exercise:
+    """Return the exercise of a table: with a number as the right answer, or with words."""
+    if isinstance(table["right"], str):
+        return Choice(**table)
+    mistakes = {float(answer): help for answer, help in table["mistakes"].items()}
+    return Number(**{**table, "mistakes": mistakes})
+
+
 EXERCISES: dict[str, Exercise] = {
-    number: exercise for notebook in _NOTEBOOKS for number, exercise in notebook.EXERCISES.items()
+    number: _exercise(table)
+    for number, table in parse_toml(Path(__file__).with_name("exercises.toml").read_text("utf-8")).items()
 }
 """Exercises by number: of the notebook, a point, and of the exercise in it."""
 
