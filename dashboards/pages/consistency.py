@@ -27,7 +27,7 @@ from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.views.ensemble_card import inside
+from lab.views.ensemble_cards import inside
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
 

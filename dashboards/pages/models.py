@@ -14,7 +14,7 @@ from dashboards.session import Session
 from lab.base.progress import Progress
 from lab.experiment.ensembles.comparison import Compared, compare
 from lab.experiment.result import Result
-from lab.views.comparison_card import models_html
+from lab.views.ensemble_cards import models_html
 from lab.views.figures import TimeAxis
 
 

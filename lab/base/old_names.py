@@ -33,7 +33,7 @@ OLD_NAMES = {
     "lab.frames.rotation": "lab.motion.frames.rotation",
     "lab.homework.hand_in": "lab.classroom.homework.hand_in",
     "lab.homework.homework_file": "lab.classroom.homework.homework_file",
-    "lab.html_frame": "lab.base.html_frame",
+    "lab.html_frame": "lab.base.notebook_card",
     "lab.live.axis_check": "lab.live.bench.axis_check",
     "lab.live.recorded_log": "lab.data.streams.recorded_log",
     "lab.live.simulated_flight": "lab.live.simulated.simulated_flight",

@@ -26,8 +26,7 @@ from lab.analysis.verdicts.trial import Repeatable
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base import result_files
 from lab.base.histories import cached_unless_long
-from lab.base.html_frame import HtmlFrame
-from lab.base.notebook_card import NotebookCard
+from lab.base.notebook_card import HtmlFrame, NotebookCard
 from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.datasets import aiding, flight, innovations, sensors, tables

@@ -8,15 +8,15 @@ from __future__ import annotations
 from lab.base.registry import register
 
 CARDS = {
-    "settings": "lab.views.settings_card:settings_html",
-    "result": "lab.views.result_card:result_html",
+    "settings": "lab.views.result_cards:settings_html",
+    "result": "lab.views.result_cards:result_html",
     "mission": "lab.views.mission_card:mission_html",
     "log": "lab.views.mission_card:log_html",
-    "import report": "lab.views.import_report_card:import_report_html",
-    "outcome": "lab.views.outcome_card:outcome_html",
-    "verdict": "lab.views.verdict_card:verdict_html",
-    "comparison": "lab.views.comparison_card:comparison_html",
-    "ensemble": "lab.views.ensemble_card:ensemble_html",
+    "import report": "lab.views.mission_card:import_report_html",
+    "outcome": "lab.views.result_cards:outcome_html",
+    "verdict": "lab.views.ensemble_cards:verdict_html",
+    "comparison": "lab.views.ensemble_cards:comparison_html",
+    "ensemble": "lab.views.ensemble_cards:ensemble_html",
     "sensor card": "lab.views.sensor_card:sensor_html",
     "sweep": "lab.views.sweep_card:sweep_html",
 }
@@ -43,4 +43,4 @@ def register_cards() -> None:
     register("result", "view3d", "lab.views.framed_scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
-    register("experiment", "progress", "lab.views.notebook_progress:shown")
+    register("experiment", "progress", "lab.views.notebook_display:shown")

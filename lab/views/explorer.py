@@ -15,7 +15,7 @@ import panel as pn
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.budget import BudgetFigures
 from lab.views.figures import TimeAxis, TimeFigures
-from lab.views.notebook_theme import follow_theme
+from lab.views.notebook_display import follow_theme
 from lab.views.quantities import (
     CONSISTENCY,
     COVARIANCE,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import rich
 import viser
 
-from lab.base.html_frame import HtmlFrame
+from lab.base.notebook_card import HtmlFrame
 from lab.views.scene import Scene
 
 if TYPE_CHECKING:

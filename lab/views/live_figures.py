@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.models.annotations import Span, Title
+from bokeh.models.callbacks import CustomJS
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
 from bokeh.plotting import figure
@@ -17,7 +18,6 @@ from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
-from lab.views.equal_scale import keep_equal
 from lab.views.figures import plain_figure
 from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
@@ -326,3 +326,39 @@ class LiveFigures:
         """Show another length of time [s]."""
         self.window = window
         self._parcel.set(self._ages, start=window)
+
+
+WIDEN = """
+let width, height;
+try { width = fig.inner_width; height = fig.inner_height; } catch { return; }  // it is not laid out yet
+if (!(width > 0 && height > 0)) return;
+const now = () => [x.start, x.end, y.start, y.end].join();
+const state = fig.equal_scale ??= {};
+if (state.set !== now()) state.wanted = [x.start, x.end, y.start, y.end];  // others have set them
+const [left, right, low, high] = state.wanted;
+const scale = Math.max((right - left) / width, (high - low) / height);  // metres of a pixel
+const wider = (scale * width - (right - left)) / 2, higher = (scale * height - (high - low)) / 2;
+const ends = [left - wider, right + wider, low - higher, high + higher];
+if (ends.join() === now()) return;
+state.set = ends.join();
+x.setv({start: ends[0], end: ends[1]}, {sync: false});
+y.setv({start: ends[2], end: ends[3]}, {sync: false});
+"""
+"""Widens the shorter range about its middle; what the server or a person has set is shown whole."""
+
+
+def keep_equal(fig: figure, x: Range1d, y: Range1d, source: ColumnDataSource) -> None:
+    """Keep the scales of both axes equal in the browser.
+
+    Parameters
+    ----------
+    fig
+        The figure.
+    x, y
+        Its ranges.
+    source
+        Data that change often: the scales are looked at with them, since a window may change its size.
+    """
+    widen = CustomJS(args={"fig": fig, "x": x, "y": y}, code=WIDEN)
+    source.js_on_change("data", widen)
+    y.js_on_change("end", widen)

@@ -18,9 +18,9 @@ from bokeh.plotting import figure
 from jinja2 import Environment
 from panel.theme.base import DarkTheme
 
-from lab.views import notebook_theme
+from lab.views import notebook_display
 from lab.views.envelope import envelope, limits, thin_path
-from lab.views.notebook_theme import theme_hook
+from lab.views.notebook_display import theme_hook
 from lab.views.quantities import (
     AXIS_COLOURS,
     CONSISTENCY,
@@ -116,7 +116,7 @@ def follow_theme(*figures: figure) -> None:
         Figures of Bokeh, which no cell shows yet; without any, all later plots of HoloViews.
     """
     for drawn in figures:
-        notebook_theme.follow_theme(drawn)
+        notebook_display.follow_theme(drawn)
     if pn.config.theme == "dark" and (app := _app()) is not None:  # such as with ?theme=dark
         app.theme = DarkTheme().bokeh_theme
     if not figures:

@@ -6,7 +6,7 @@ from html import escape
 
 from lab.sensors.cards import Card
 from lab.sensors.datum import Datum
-from lab.views.settings_card import breakable
+from lab.views.result_cards import breakable
 
 _LEFT = 'style="text-align:left"'
 _QUIET = 'style="text-align:left;opacity:.75"'

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.fix_causes import MotionAtFixes
+from lab.analysis.verdicts.evidence import Linearity, linearity
 from lab.analysis.verdicts.finding import Finding, Verdict
 from lab.analysis.verdicts.linear_verdict import NAME, judge
-from lab.analysis.verdicts.linearity import Linearity, linearity
 from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.trial import advised

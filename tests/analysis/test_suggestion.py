@@ -20,7 +20,7 @@ from lab.live.live_verdict import batch_of
 from lab.missions.flight_import import read_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
-from lab.views.verdict_card import verdict_html
+from lab.views.ensemble_cards import verdict_html
 from tests.aided_flights import winding_road
 from tests.sensor_logs import described
 from tests.simulated_logs import log_of

@@ -14,7 +14,7 @@ from lab.analysis.verdicts.sums import Fit, Squares
 from lab.analysis.verdicts.verdict import judge
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
-from lab.classroom.lessons.gallery_lessons import gallery_lessons
+from lab.classroom.lessons.catalogue import gallery_lessons
 from lab.experiment.experiment import Experiment
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import NAMES

@@ -53,7 +53,7 @@ def test_a_subclass_has_the_card_of_its_parent() -> None:
 
 def test_importing_the_lab_registers_the_cards_and_loads_nothing_that_draws() -> None:
     script = (
-        "import json, sys, lab\nfrom lab import registry\n"
+        "import json, sys, lab\nfrom lab.base import registry\n"
         "print(json.dumps([sorted(registry._FUNCTIONS['card']), sorted(sys.modules)]))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

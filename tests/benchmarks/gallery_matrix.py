@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
-from lab.classroom.lessons.gallery_lessons import gallery_lessons
+from lab.classroom.lessons.catalogue import gallery_lessons
 from lab.classroom.lessons.quantities import QUANTITIES
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result

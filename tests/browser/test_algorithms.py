@@ -10,7 +10,7 @@ import pytest
 from dashboards.algorithms import VARIABLE, served_algorithms, use_algorithms
 from dashboards.pages.consistency import coverage_html, verdict_html, whiteness_html
 from lab import Experiment, compare
-from lab.views.comparison_card import models_html
+from lab.views.ensemble_cards import models_html
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, INNOVATIONS, SENSOR_ERRORS
 

@@ -18,7 +18,7 @@ from lab import Experiment
 from lab.experiment.result import Result
 from lab.views.allan import AllanFigures
 from lab.views.explorer import ROW, Explorer
-from lab.views.notebook_theme import follow_theme
+from lab.views.notebook_display import follow_theme
 from lab.views.plots import errors, ground_track, innovations
 from tests.browser.conftest import ROOT, eventually, new_context
 
@@ -78,7 +78,7 @@ from pathlib import Path
 import panel as pn
 from bokeh.plotting import figure
 from bokeh.resources import INLINE
-from lab.views.notebook_theme import follow_theme
+from lab.views.notebook_display import follow_theme
 drawn = figure(width=300, height=200)
 drawn.line([0, 1], [0, 1])
 follow_theme(drawn)

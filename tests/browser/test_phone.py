@@ -20,9 +20,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.samples import Samples
-from lab.live.phone.hub import PhoneHub
+from lab.live.phone.hub import PhoneHub, PhoneTransport
 from lab.live.phone.server import PhoneServer
-from lab.live.phone.transport import PhoneTransport
 
 pytestmark = pytest.mark.browser
 

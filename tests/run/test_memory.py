@@ -42,7 +42,7 @@ def test_freed_memory_is_given_back() -> None:
 
 FREEING = """
 import numpy as np
-from lab import memory
+from lab.run import memory
 from tests.run.test_memory import taken
 
 def given_back():
@@ -68,7 +68,7 @@ print(given_back())
 SERVING = """
 import threading
 import numpy as np
-from lab import memory
+from lab.run import memory
 from tests.run.test_memory import taken
 
 def in_a_thread(work):

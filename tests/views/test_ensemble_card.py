@@ -10,7 +10,7 @@ import pytest
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
-from lab.views.ensemble_card import inside
+from lab.views.ensemble_cards import inside
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import pytest
 import viser
 
 from lab.experiment.result import Result
-from lab.views.aircraft import LENGTH, aircraft
-from lab.views.scene import Scene
+from lab.views.scene import LENGTH, Scene, aircraft
 
 
 @pytest.fixture

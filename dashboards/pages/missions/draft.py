@@ -26,7 +26,7 @@ from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
 from lab.sensors.suite import white_noise
 from lab.views.import_preview import preview_figures
-from lab.views.import_report_card import REPORT_STYLE, read_log_html, rows_html
+from lab.views.mission_card import REPORT_STYLE, read_log_html, rows_html
 
 SEVERITY = {"plausible": "success", "questionable": "warning", "implausible": "error"}
 GRID = """

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
+from lab.analysis.consistency import normalised_squares
 from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.verdicts.aid_verdict import aid_squares
 from lab.analysis.verdicts.fix_evidence import FixErrors, fix_errors
 from lab.analysis.verdicts.innovation_evidence import Innovations, innovations, offered
-from lab.analysis.verdicts.linearity import Linearity, linearity
 from lab.analysis.verdicts.run_means import ALL, BETWEEN, FURTHER, NEES, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
@@ -32,6 +32,51 @@ from lab.base.arrays import FloatArray
 from lab.navigation.aids import NAMES, NO_AIDS
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
+
+
+@dataclass(frozen=True)
+class Linearity(Sum):
+    """How far the attitude errors of a filter are from small, run by run.
+
+    Attributes
+    ----------
+    start : (runs,) array
+        Largest σ of the attitude at the start [rad].
+    largest : (runs,) array
+        The same of the whole flight.
+    neglected : (runs,) array
+        Mean square of the mean neglected acceleration in σ of the accelerometer biases, over the fixes.
+    """
+
+    start: Kept
+    largest: Kept
+    neglected: Kept
+
+
+def linearity(solution: Solution, belief: Belief, motion: MotionAtFixes, seen: NDArray[np.intp]) -> Linearity:
+    """Return how far the attitude errors of a run are from small.
+
+    Parameters
+    ----------
+    solution, belief
+        The solution of a filter, and its assumptions.
+    motion
+        Motion at the fixes `seen` (m,), used or not.
+    """
+    start = float(np.sqrt(np.diag(belief.P0)[ATT].max()))
+    used = np.flatnonzero(solution.fix_sample[seen] >= 0)
+    largest, neglected = start, 0.0
+    if used.size and solution.fix_covariance.size:
+        P = of_fixes(solution.fix_covariance, seen[used])
+        about, force = P[:, ATT, ATT], motion.force_n[used]
+        largest = max(start, float(np.sqrt(np.diagonal(about, axis1=1, axis2=2).max())))
+        # The mean of φ × (φ × f) is (P − tr P) f.
+        trace = np.trace(about, axis1=1, axis2=2)[:, None]
+        mean_n = (np.einsum("mij,mj->mi", about, force) - trace * force) / 2
+        mean_b = np.einsum("mji,mj->mi", motion.C_nb[used], mean_n)
+        neglected = float(normalised_squares(mean_b, P[:, ACCEL_BIAS, ACCEL_BIAS]).mean())
+    return Linearity(*(Kept(np.array([value])) for value in (start, largest, neglected)))
+
 
 __all__ = [
     "BLOCKS",

@@ -19,7 +19,7 @@ from lab.base.parameters.counted import counted, were
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.clock.usual_interval import FIRST_INTERVALS, UsualInterval
 from lab.data.log.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
-from lab.data.log.stream_spikes import StreamSpikes
+from lab.data.log.spikes import StreamSpikes
 from lab.data.streams.live_log import usable_imu
 
 MOST_FILLED: Final = 10_000

@@ -9,7 +9,7 @@ from lab.base.arrays import FloatArray
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
-from lab.data.log.stream_spikes import stream_spikes
+from lab.data.log.spikes import stream_spikes
 from lab.data.protocols.samples import FIX_3D
 from lab.data.streams.pressure import Heights
 

@@ -6,8 +6,7 @@ from collections import Counter
 
 import pytest
 
-from lab.classroom.lessons.catalogue import Catalogue
-from lab.classroom.lessons.gallery_lessons import gallery_lessons
+from lab.classroom.lessons.catalogue import Catalogue, gallery_lessons
 from lab.classroom.lessons.lesson import Lesson
 from lab.classroom.lessons.quantities import QUANTITIES
 from lab.classroom.lessons.trial import trials

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.data.files.device_frames import advice_on_frames
-from lab.data.formats import reader_of
+from lab.data.formats import advice_on_frames, reader_of
 from lab.missions import MissionError
 
 

@@ -9,8 +9,7 @@ from sensor_logs import EPOCH, tables, write
 from lab.data.log.log_section import piece
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.log_mission import LogMission
-from lab.views.import_report_card import read_log_html
-from lab.views.mission_card import log_html
+from lab.views.mission_card import log_html, read_log_html
 
 
 @pytest.fixture(scope="module")

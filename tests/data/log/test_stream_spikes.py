@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lab.data.files.sensor_log_csv import read_sensor_log
-from lab.data.log.spikes import spikes
-from lab.data.log.stream_spikes import StreamSpikes, stream_spikes
+from lab.data.log.spikes import StreamSpikes, spikes, stream_spikes
 
 MOST_WAITING = 8
 """Samples after a jump until it is decided."""

@@ -10,12 +10,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from live_streams import capture, damaged, fixes, motion
 
-from lab.data.clock.nominal_rate import nominal_rate
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.samples import FIX, IMU, Samples
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.reception import LATENCY, Reception
+from lab.data.streams.reception import LATENCY, Reception, nominal_rate
 from lab.data.streams.transport import Chunk
 
 HOST = 5000.0

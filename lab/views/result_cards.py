@@ -1,4 +1,4 @@
-"""Settings card: settings shown in Jupyter: value, unit, accepted values and meaning of each."""
+"""Result cards: what a notebook shows of settings, of a result and of the outcome of an exercise."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from html import escape
 from lab.base.parameters.setting_help import is_changed, value_text
 from lab.base.parameters.setting_kinds import describe
 from lab.base.parameters.settings import Settings
+from lab.classroom.exercises.exercise import Outcome
+from lab.experiment.result import Result
 
 _LEFT = "text-align:left"
 _CHANGED = f"{_LEFT};font-weight:bold"
@@ -72,3 +74,34 @@ def _row(leaf: Leaf) -> str:
     cells = (breakable(path), *(escape(text) for text in texts))
     styles = (style, style, _LEFT, _LEFT)
     return "".join(f'<td style="{s}">{cell}</td>' for s, cell in zip(styles, cells, strict=True))
+
+
+def result_html(result: Result) -> str:
+    """Return a result as HTML; for a log without reference, the innovations replace the errors."""
+    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
+    parts = (result.mission.title or result.mission.name, f"{result.time[-1]:.0f} s", result.realisation)
+    title = ", ".join(part for part in parts if part)
+    _, shown = result.overview
+    summary = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
+    words = (
+        result.lacks("summary") or f"Errors are estimate minus {result.truth_word}, over the whole flight."
+    )
+    return (
+        f"<h4>{escape(title)}</h4>"
+        f"{settings_html(result.experiment, changed_only=True)}{summary}"
+        f"<p>{escape(words)}</p>"
+        f"{f'<ul>{remarks}</ul>' if remarks else ''}"
+    )
+
+
+_SIGNS = {None: ("#777", "?"), True: ("#1a8f4c", "✓"), False: ("#b3541e", "✗")}
+"""Colour and sign of an outcome; both are readable on white and on black."""
+
+
+def outcome_html(outcome: Outcome) -> str:
+    """Return an outcome as HTML."""
+    colour, sign = _SIGNS[outcome.right]
+    return (
+        f'<div style="border-left: 4px solid {colour}; padding: 0.3em 0.8em; max-width: 50em">'
+        f'<b style="color: {colour}">{sign}</b> {escape(str(outcome))}</div>'
+    )
