@@ -8,11 +8,12 @@ SECONDS ?= 600
 NAME ?=
 # On two cores, a fourth process saves no time, and takes more of the processor and memory.
 WORKERS ?= 3
+TOGETHER = --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := .ci/install $(BIN)/python
 
-.PHONY: help lab notebooks test style types pytest docs pictures bench fuzz browser clean
+.PHONY: help lab notebooks test proof style types pytest docs pictures bench fuzz browser clean
 .DEFAULT_GOAL := help
 
 # Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
@@ -22,7 +23,8 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo 'make lab        install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make notebooks  install, copy the lessons into $(NOTEBOOKS), and open them in JupyterLab'
-	@echo 'make test       install and run every test, in three processes at a time (other: make test WORKERS=2)'
+	@echo 'make test       install and run the tests that a change needs, in three processes at a time (other: make test WORKERS=2)'
+	@echo 'make proof      install and run the rest: statistics over many seeds, all cards, real logs, commands of documents'
 	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
 	@echo 'make pictures   install and take the pictures of the documents, light and dark, in Chromium or Chrome'
 	@echo 'make bench      install and measure the speed'
@@ -56,7 +58,10 @@ types: $(VENV)/.test
 # What it cannot import, the tests report.
 pytest: $(VENV)/.test
 	-@$(BIN)/pytest -m 'not benchmark' --collect-only -qq >/dev/null 2>&1
-	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
+	$(BIN)/pytest -m 'not benchmark and not proof' $(TOGETHER)
+
+proof: $(VENV)/.test browser
+	$(BIN)/pytest -m 'proof and not benchmark' $(TOGETHER)
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -c docs/site -b html . build/site

@@ -83,7 +83,7 @@ def _imported(name: str) -> Any:
     home = import_module(module)
     found = getattr(home, attribute)
     if isinstance(found, typer.Typer):
-        group = typer.main.get_command(found)
+        group = typer.main.get_group(found)
         group.epilog = home.EXAMPLES
         return group
     alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)

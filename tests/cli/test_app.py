@@ -176,6 +176,11 @@ def test_the_summary_of_a_command_is_that_of_its_own_help(name: str) -> None:
     assert summary in " ".join(own.stdout.split())
 
 
+@pytest.mark.parametrize("group", ["live", "lesson", "homework", "notebooks"])
+def test_a_group_of_commands_does_not_install_completion(group: str) -> None:
+    assert "--install-completion" not in ask(group, "--help").stdout
+
+
 def test_help_imports_no_command_and_no_numbers() -> None:
     code = "\n".join(
         (

@@ -59,8 +59,8 @@ def of_lab(document: Path) -> list[Line]:
 def command_of(words: list[str]) -> tuple[Any, list[str], list[str]]:
     """Return the command of a line, its name, and its arguments."""
     command, name, rest = get_command(app), [], words[1:]
-    while hasattr(command, "commands") and rest and rest[0] in command.commands:
-        command, name, rest = command.commands[rest[0]], [*name, rest[0]], rest[1:]
+    while hasattr(command, "list_commands") and rest and rest[0] in command.list_commands(None):
+        command, name, rest = command.get_command(None, rest[0]), [*name, rest[0]], rest[1:]
     return command, name, rest
 
 
