@@ -54,6 +54,7 @@ def is_run(document: Path, text: str) -> bool:
     return not any(name == name_of(document) and part in text for name, part in NOT_RUN)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("document", with_blocks("python"), ids=name_of)
 def test_python_runs(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

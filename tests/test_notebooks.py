@@ -63,6 +63,7 @@ def _texts(outputs: list[dict[str, Any]]) -> str:
     return "".join(str(output.get("text", "")) for output in outputs)
 
 
+@pytest.mark.proof
 def test_a_notebook_runs_in_jupyter_and_shows_something_in_most_cells(
     notebook: Path, tmp_path: Path, kernel: KernelManager
 ) -> None:
@@ -133,6 +134,7 @@ def _open_on_a_phone(address: str, query: str = "") -> tuple[str, Document]:
     return page, pull_session(session_id=get_session_id(token), url=address).document
 
 
+@pytest.mark.proof
 def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, apps: str) -> None:
     # In a thread: a browser of other tests may keep an event loop running in this one.
     with ThreadPoolExecutor(1) as thread:
@@ -153,6 +155,7 @@ def test_a_notebook_is_an_app_for_panel_serve_on_a_phone_too(notebook: Path, app
     assert max(fixed, default=0) <= 390  # the width of a usual phone [px]
 
 
+@pytest.mark.proof
 def test_a_copy_for_jupyter_is_an_app_too(tmp_path: Path) -> None:
     copies, _ = copy_notebooks(tmp_path)
     copy = next(path for path in copies if path.stem == "03_sensor_errors")
@@ -163,6 +166,7 @@ def test_a_copy_for_jupyter_is_an_app_too(tmp_path: Path) -> None:
     assert len(list(document.select({"type": Plot}))) == 2
 
 
+@pytest.mark.proof
 def test_an_app_is_dark_where_it_is_asked_to_be(apps: str) -> None:
     with ThreadPoolExecutor(1) as thread:
         _, document = thread.submit(_open_on_a_phone, f"{apps}/11_live", "?theme=dark").result()

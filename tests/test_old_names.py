@@ -54,6 +54,7 @@ def test_an_old_import_works(line: str) -> None:
     exec(line, {})
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_an_old_notebook_runs(path: Path) -> None:
     """In a process of its own, as `jupyter` runs it; a warning in it names the new name."""

@@ -6,6 +6,8 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 FILES = sorted(path for folder in ("lab", "dashboards") for path in (ROOT / folder).rglob("*.py"))
 ROOMS = ("dashboards/upstream", "lab/base/compiling")
@@ -66,6 +68,7 @@ def foreign(files: dict[str, str]) -> list[str]:
     ]
 
 
+@pytest.mark.proof
 def test_private_parts_of_libraries_stand_in_their_rooms() -> None:
     files = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8") for file in FILES}
     found = foreign(files)

@@ -46,6 +46,7 @@ def scaled(means: RunMeans, factor: float, *figures: Figure) -> RunMeans:
     return RunMeans(means.figures, Kept(means.means.values * np.where(own, factor, 1.0)), means.independent)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("runs", [10, RUNS, 100])
 @pytest.mark.parametrize("slow", [0.0, 0.9])
 def test_matched_runs_disagree_in_any_figure_as_seldom_as_the_family_says(runs: int, slow: float) -> None:
@@ -145,6 +146,7 @@ def test_means_are_weighted_by_what_is_measured_and_of_their_quarter() -> None:
     assert len(beside.figures) == beside.means.values.shape[1] == 10
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("r_scale", [0.8, 1.25])
 def test_an_r_that_is_a_little_off_is_not_consistent_over_many_runs(r_scale: float) -> None:
     """Too little to be named as the cause; each run alone may be by chance."""

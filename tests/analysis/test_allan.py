@@ -166,6 +166,7 @@ def _record(terms: str, samples: int, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(sum(kinds[letter]() for letter in terms))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "present", ["N", "QN", "NB", "NK", "NR", "QK", "QNB", "NBK", "QNR", "NQK", "QNBK", "NBKR", "QNBKR"]
 )

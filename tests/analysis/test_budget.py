@@ -245,6 +245,7 @@ OTHERS = (
 """Other sensors as good, with a constant, a drifting and a scale error, each of which has its state."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "more",
     [
@@ -374,6 +375,7 @@ ONE_PERCENT = (
 )
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "assignments",
     [

@@ -158,6 +158,7 @@ BAD_TIMES = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("source", "errors"),
     [*RANDOM.items(), ("GPS position noise", BAD_TIMES)],
@@ -308,6 +309,7 @@ def filter_of_its_own() -> Iterator[dict[str, object]]:
     CACHE.clear()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("path", "owner", "name"),
     [

@@ -31,6 +31,7 @@ def names_an_arm(result: Result) -> bool:
     return any(one.quantity == "GPS lever arm" for one in result.innovation_verdict.findings)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["los_angeles", "pacific"])
 def test_the_arm_is_estimated_with_an_honest_sigma_and_named_beyond_doubt_only(mission: str) -> None:
     squares, sigmas, certain, named = [], np.zeros((3, 3)), 0, np.zeros(3)

@@ -70,6 +70,7 @@ def flown(seed: int, ratios: tuple[float, ...]) -> Result:
     return made.run()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("quantity", "factor", "ratios"),
     [

@@ -61,6 +61,7 @@ def test_over_a_pole_all_sources_sum_to_the_covariance_of_a_matched_filter(tmp_p
     np.testing.assert_allclose(ratio, 1, atol=1e-2)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("more", [{}, {"sensors.odometer.fitted": True, "sensors.barometer.fitted": True}])
 @pytest.mark.parametrize("pole", ["north", "south"])

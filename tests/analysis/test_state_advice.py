@@ -81,6 +81,7 @@ def drifting() -> list[Result]:
     return [run(settings, seed) for seed in SEEDS]
 
 
+@pytest.mark.proof
 def test_the_drift_of_a_receiver_is_estimated_and_the_circle_ends(drifting):
     after = []
     for one in drifting:
@@ -127,6 +128,7 @@ def test_an_error_that_the_settings_hide_keeps_its_words(drifting):
     assert (finding.advice, finding.changes) == (ADVICE_CORRELATION, ())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
 def test_misalignments_are_estimated(kind):
     quiet = {"sensors.gyro.noise_density": 0.01, "sensors.gyro.bias_sigma": 0.02}
@@ -141,6 +143,7 @@ def test_misalignments_are_estimated(kind):
     assert after.innovation_verdict.consistent
 
 
+@pytest.mark.proof
 def test_g_sensitivity_is_estimated():
     quiet = {"sensors.gyro.noise_density": 0.01, "sensors.gyro.bias_sigma": 0.02}
     before = run({**quiet, "sensors.gyro.g_sensitivity": 0.05})
@@ -163,6 +166,7 @@ def test_scale_factors_get_their_sigma_in_the_filter_and_not_in_the_sensors():
     assert after.verdict.consistent
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "states",
     ["estimate_misalignments", "estimate_g_sensitivity", "estimate_bias_drift", "estimate_gps_drift"],
@@ -174,6 +178,7 @@ def test_a_filter_with_further_states_gets_a_verdict_on_suspicious_innovations(s
     assert flown.innovation_verdict.findings
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_drift_of_the_receiver_of_a_log_is_estimated_with_its_size(seed, tmp_path):
     """Over four correlation times, σ is known to a factor of 1.5."""
@@ -193,6 +198,7 @@ def test_the_drift_of_the_receiver_of_a_log_is_estimated_with_its_size(seed, tmp
     assert rms([after]) < rms([before])
 
 
+@pytest.mark.proof
 def test_who_raised_r_for_a_slow_error_gets_out_of_the_circle(tmp_path):
     """R is too large, then the fixes are correlated, and then nothing is wrong."""
     drift = {"sensors.gps.correlated_sigma": SIGMA, "sensors.gps.correlation_time": TIME}
@@ -215,6 +221,7 @@ def test_a_log_of_a_white_receiver_never_hears_of_drift(seed, tmp_path: Path):
     assert not [one for one in found.findings if one.quantity == "GPS correlation"]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("size", [1.0, 2.0])
 def test_misalignments_of_a_log_are_estimated_with_their_size(size, tmp_path):
     """Of 2°, noise explains the innovations better to first order, and is not in the samples."""

@@ -70,6 +70,7 @@ def test_a_car_hears_of_no_slip_and_its_outages_end_closer(seed, tmp_path):
     assert not may_suggest(again)
 
 
+@pytest.mark.proof
 def test_a_log_of_a_car_hears_of_it_too_unless_it_says_what_else_it_is(tmp_path):
     driven = drive(tmp_path, 2)
     made = log_of(driven, tmp_path / "log")
@@ -84,6 +85,7 @@ def test_a_log_of_a_car_hears_of_it_too_unless_it_says_what_else_it_is(tmp_path)
         assert not may_suggest(other.run())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_imu_ahead_of_the_rear_axle_gets_the_place_that_does_not_slip(seed, tmp_path):
     """At 15 m/s, an IMU 1.95 m ahead of it moves aside as if the car pointed out of its turns for 0.13 s."""

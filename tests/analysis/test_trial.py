@@ -79,6 +79,7 @@ def test_an_outage_without_its_only_fix_is_not_compared():
     assert "outages" not in trial.worsened(trial.figures(late), trial.figures(right))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
 def test_a_latency_that_is_true_is_advised_whatever_the_seed(mission):
     """The flights have three outages and one, whose errors come from what was wrong before them, too."""
@@ -90,6 +91,7 @@ def test_a_latency_that_is_true_is_advised_whatever_the_seed(mission):
         assert not [text for text in advice if text.startswith("No advice")], seed
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("change", [{"q_scale": 0.1}, {"r_scale": 10.0}])
 def test_advice_on_one_wrong_matrix_is_given(seed, change):

@@ -163,6 +163,7 @@ def matched(request: pytest.FixtureRequest) -> tuple[str, list[Evidence]]:
     return request.param, runs(request.param, MATCHED, MATCHED_SEEDS)
 
 
+@pytest.mark.proof
 def test_each_single_run_names_its_mismatch_and_nothing_else(mismatched):
     name, case, found = mismatched
     for one in found:
@@ -186,6 +187,7 @@ def test_many_runs_together_name_it_too_and_better(mismatched):
     assert f"{SEEDS} runs" in verdict.basis
 
 
+@pytest.mark.proof
 def test_a_matched_filter_is_consistent(matched):
     """At most one false alarm in 100 runs, by errors and by innovations alone, and none over all together."""
     mission, found = matched
@@ -212,6 +214,7 @@ SEEN = {
 """What innovations alone can name in one run, and in which part of the runs at the least."""
 
 
+@pytest.mark.proof
 def test_what_innovations_alone_tell(mismatched):
     """Too large Q and P0 hardly show there, too small ones as low gain; a lever arm not always."""
     name, _, found = mismatched

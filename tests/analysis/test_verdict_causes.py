@@ -38,6 +38,7 @@ SENSOR_FAULTS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
 @pytest.mark.parametrize("name", SENSOR_FAULTS)
 def test_errors_of_the_sensors_are_named_and_never_blamed_on_the_gps(name, mission):
@@ -113,6 +114,7 @@ def test_a_g_sensitive_gyro_is_no_wrong_p0():
     assert finding.quantity == "gyro g-sensitivity"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
 def test_a_rate_of_the_earth_that_is_left_out_is_named_alone(mission):
     """Gyros that err by C_bn ω_ie, accelerometers by 2 C_bn (ω_ie × v): no misalignment, and no noise."""

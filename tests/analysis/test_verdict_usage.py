@@ -14,6 +14,7 @@ def quantities(verdict: object) -> list[str]:
     return [finding.quantity for finding in verdict.findings]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
 def test_a_matched_smoothed_run_is_consistent(mission):
     """The smoother moves the first sample far inside P0, which says nothing of P0."""

@@ -28,6 +28,7 @@ def choose(page: Page, card: str) -> None:
     page.get_by_role("menuitem", name=card, exact=True).click()
 
 
+@pytest.mark.proof
 def test_all_cards_are_offered_and_one_is_loaded_changed_and_loaded_anew(open_page: Open) -> None:
     page = open_page("?sensors.gyro.noise_density=0.0123")
     expect(chooser(page)).to_have_text("Own settings")
@@ -53,6 +54,7 @@ def assumed(page: Page) -> Locator:
     return page.get_by_text("Assumed as typical of the grade")
 
 
+@pytest.mark.proof
 def test_what_is_assumed_is_marked_and_switched_off(shared_page: Page) -> None:
     page = shared_page
     expect(chooser(page)).to_have_text(CLASSIC)

@@ -30,6 +30,7 @@ def bar(page: Page, text: str) -> None:
     expect(page.get_by_text(text)).to_be_visible()
 
 
+@pytest.mark.proof
 def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Path) -> None:
     complaints: list[str] = []
     with serving(tmp_path, "--address", "0.0.0.0", "--teacher") as served:
@@ -106,6 +107,7 @@ def watch(page: Page) -> None:
     page.get_by_role("button", name="Disconnect").wait_for()
 
 
+@pytest.mark.proof
 def test_a_student_shares_a_source_and_takes_it_back(chromium: Browser, tmp_path: Path) -> None:
     complaints: list[str] = []
     with serving(tmp_path, "--address", "0.0.0.0", "--teacher") as served:

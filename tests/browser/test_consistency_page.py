@@ -27,6 +27,7 @@ TABLES_FOLLOW_THE_PLOTS = """
 """No plot stands over the tables, and no empty space before them."""
 
 
+@pytest.mark.proof
 def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&sensors.gps.latency=0.2&navigator.latency=0")
     page.get_by_role("tab", name="Consistency", exact=True).click()
@@ -39,6 +40,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
     wait_for(page, f"{nees}.nees.length > 100 && {nees}.nees_band_high[5] > 27")
 
 
+@pytest.mark.proof
 def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles")
     page.get_by_role("tab", name="Consistency", exact=True).click()

@@ -65,6 +65,7 @@ def same_place(one: Locator, other: Locator) -> bool:
     return one.bounding_box() == other.bounding_box()
 
 
+@pytest.mark.proof
 def test_pages_opened_at_once_arrive_whole_and_work(
     shared_page: Page, chromium: Browser, address: str, complaints: list[str]
 ) -> None:

@@ -16,6 +16,7 @@ from tests.cli.asking import ask
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.proof
 def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&trajectory.imu_rate=50")
     page.get_by_role("tab", name="Lessons", exact=True).click()
@@ -61,6 +62,7 @@ points = 4
 """
 
 
+@pytest.mark.proof
 def test_a_homework_from_the_file_of_the_teacher_to_the_grades(
     open_page: Callable[..., Page], tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.browser
 SEED = 4711
 
 
+@pytest.mark.proof
 def test_a_page_without_its_server_says_so_and_is_reloaded_with_its_settings(chromium: Browser) -> None:
     page = new_context(chromium, viewport={"width": 400, "height": 800}).new_page()
     lost = page.get_by_role("alert").filter(has_text="The connection to the server is lost")

@@ -30,6 +30,7 @@ def test_every_picture_of_the_script_is_in_the_documents(script: ModuleType) -> 
     assert {path.name for path in script.FOLDER.glob("*.png")} == names
 
 
+@pytest.mark.proof
 def test_a_page_is_taken_in_both_themes(script: ModuleType, chromium: Browser, tmp_path: Path) -> None:
     script.make(["missions"], tmp_path, chromium)
     light, dark = (Image.open(tmp_path / f"missions-{theme}.png").convert("L") for theme in ("light", "dark"))

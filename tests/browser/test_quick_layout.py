@@ -57,6 +57,7 @@ async (act) => {{
 """Lays the page out anew, or gives all fields for text another least height; counts what follows."""
 
 
+@pytest.mark.proof
 def test_no_style_of_the_page_is_one_that_the_plots_no_longer_read(shared_page: Page) -> None:
     rules, found = shared_page.evaluate(VARIABLES)
     assert rules > 1000

@@ -59,6 +59,7 @@ def leave_when(page: Page) -> None:
     expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
 
 
+@pytest.mark.proof
 def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser, served: Served) -> None:
     address, server, _ = served
     threads = [0]
@@ -76,6 +77,7 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser, served: S
     assert threads[-1] <= threads[-2]
 
 
+@pytest.mark.proof
 def test_a_closed_page_leaves_no_upload_and_no_recording(chromium: Browser, served: Served) -> None:
     address, server, uploads = served
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as simulator:
@@ -111,6 +113,7 @@ def settled(process: psutil.Process) -> tuple[int, int]:
     return found
 
 
+@pytest.mark.proof
 def test_closed_pages_with_a_stream_leave_no_thread_and_no_port(chromium: Browser, served: Served) -> None:
     address, server, _ = served
 

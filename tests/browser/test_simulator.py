@@ -218,6 +218,7 @@ def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
     play.uncheck()
 
 
+@pytest.mark.proof
 def test_the_flight_in_three_dimensions_comes_through_the_same_port_and_by_no_forged_way(
     shared_page: Page, address: str
 ) -> None:
@@ -245,6 +246,7 @@ BACKGROUND = """() => {
 """Brightness of what is behind the scene in three dimensions, 0 to 255."""
 
 
+@pytest.mark.proof
 def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_page: Page) -> None:
     page = shared_page
     page.set_viewport_size(SMALL)
@@ -297,6 +299,7 @@ def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
 
 
+@pytest.mark.proof
 def test_results_are_downloaded(shared_page: Page) -> None:
     page = shared_page
     remember_data(page)

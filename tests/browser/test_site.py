@@ -82,6 +82,7 @@ def pages(site: Path) -> dict[Path, Html]:
     return {file: Html(file) for file in site.rglob("*.html") if "_static" not in file.parts}
 
 
+@pytest.mark.proof
 def test_every_link_leads_to_a_place_that_exists(site: Path, pages: dict[Path, Html]) -> None:
     assert len(pages) > 35
     for file, page in pages.items():
@@ -250,6 +251,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "html/notebooks/short.html"
 
 
+@pytest.mark.proof
 @in_both_themes_on_both_screens
 def test_an_executed_notebook_has_its_plots_without_network(
     short: Path, visit: Callable[[Path, str, int], Page], theme: str, width: int
@@ -268,6 +270,7 @@ def test_an_executed_notebook_has_its_plots_without_network(
     accessible(page, f"short notebook, {theme}, {width} px")
 
 
+@pytest.mark.proof
 @in_both_themes_on_both_screens
 def test_pages_fit_the_screen_and_axe_finds_nothing_serious(
     site: Path, visit: Callable[[Path, str, int], Page], theme: str, width: int

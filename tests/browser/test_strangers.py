@@ -124,6 +124,7 @@ def opened(strange: Strange, address: str) -> Page:
     return page
 
 
+@pytest.mark.proof
 def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strange, server: str) -> None:
     names = {
         "mission": "mission",
@@ -162,6 +163,7 @@ def test_a_page_of_another_origin_cannot_frame_the_laboratory(
     strange[1].clear()
 
 
+@pytest.mark.proof
 def test_every_tab_shows_its_own_plots_and_what_a_mission_and_a_file_say_is_text(
     strange: Strange, server: str, tmp_path: Path
 ) -> None:

@@ -56,6 +56,7 @@ def connect(page: Page, address: str) -> None:
     page.get_by_role("button", name="Disconnect").wait_for()
 
 
+@pytest.mark.proof
 @pytest.mark.browser
 def test_x_plane_is_navigated_compared_and_paused(visited: Page, xplane: XPlaneSimulator) -> None:
     page = visited

@@ -117,6 +117,7 @@ def test_a_bad_file_of_settings_is_named(tmp_path: Path, text: str, words: list[
     refused(ask("run", "montreal", "--config", str(config)), "settings.toml", *words)
 
 
+@pytest.mark.proof
 def test_json_is_all_there_is_on_standard_output() -> None:
     done = process("run", "los_angeles", "--json")
     assert done.returncode == 0, done.stderr.decode()
@@ -130,6 +131,7 @@ def test_refusals_of_a_process_are_on_standard_error_with_code_2() -> None:
     assert b"Traceback" not in done.stderr
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1"])
 def test_units_do_not_break_a_terminal_that_lacks_their_signs(encoding: str) -> None:
     done = process("run", "montreal", "--set", "sensors.gyro.noise_density=99", PYTHONIOENCODING=encoding)

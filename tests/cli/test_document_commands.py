@@ -86,6 +86,7 @@ def done() -> set[str]:
     return set()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("document", [one for one in DOCUMENTS if of_lab(one)], ids=name_of)
 def test_the_command_lines_of_a_document_run(document: Path, library: Path, done: set[str]) -> None:
     for line in of_lab(document):

@@ -32,6 +32,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.proof
 def test_the_homework_of_the_document_is_solved_handed_in_and_graded(folder: Path) -> None:
     assert stat.S_IMODE((folder / "receiver.key").stat().st_mode) == 0o600
     shown = ask("homework", "show", "receiver.homework").stdout

@@ -15,6 +15,7 @@ def drive(tmp_path_factory):
     return write(tmp_path_factory.mktemp("logs") / "drive", tables(40, 120, lever_arm=(2.0, 0.0, 0.0)))
 
 
+@pytest.mark.proof
 def test_a_log_is_identified_and_run_with_what_was_found(drive, tmp_path):
     settings, card = tmp_path / "found.toml", tmp_path / "mine.toml"
     answer = ask("identify", str(drive), "--settings", str(settings), "--card", str(card), "--json")
@@ -32,6 +33,7 @@ def test_a_log_is_identified_and_run_with_what_was_found(drive, tmp_path):
     assert used["lever_arm"] == pytest.approx(facts["changes"]["navigator"]["lever_arm"])
 
 
+@pytest.mark.proof
 def test_the_table_says_what_is_not_observable(drive):
     answer = ask("identify", str(drive))
     assert answer.exit_code == 0, answer.stderr

@@ -45,6 +45,7 @@ def sent(flight: SimulatedFlight, device: str, *, imu: bool = True) -> list[Chun
     return chunks
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", ["vectornav", "ublox", "xsens"])
 def test_a_capture_becomes_a_log_that_runs(flight: SimulatedFlight, tmp_path: Path, device: str) -> None:
     path = tmp_path / "drive.bin"

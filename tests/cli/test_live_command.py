@@ -37,6 +37,7 @@ def test_the_list_names_protocols_and_sources() -> None:
     assert set(found) == {"ports", "problem", "protocols", "simulated devices", "sources"}
 
 
+@pytest.mark.proof
 def test_a_simulated_device_in_another_process_is_watched() -> None:
     port = free_port()
     simulate = [sys.executable, "-m", "dashboards", "live", "simulate", "montreal", "--rate", "100"]
@@ -62,6 +63,7 @@ def test_a_simulated_device_in_another_process_is_watched() -> None:
     assert "nothing was lost" in answer.stderr
 
 
+@pytest.mark.proof
 def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> None:
     folder = str(tmp_path)
     answer = ask("live", "record", "simulated:montreal?hz=50", "drive", "--seconds", "9", "--out", folder)
@@ -84,6 +86,7 @@ def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> N
     assert len(recorded_samples(tmp_path / "twice.inslab").imu) == len(recorded_samples(raw).imu)
 
 
+@pytest.mark.proof
 def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
     folder = str(tmp_path)
     source = "simulated:montreal?hz=50&rest=12"
@@ -128,6 +131,7 @@ def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.proof
 def test_a_second_interrupt_tells_how_the_recording_becomes_a_mission(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,6 +201,7 @@ def test_mistakes_are_answered_with_what_is_accepted(arguments: list[str], words
     refused(ask("live", *arguments), *words)
 
 
+@pytest.mark.proof
 def test_a_device_that_sends_no_readings_says_so_and_who_does(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SimulatedDevice, "finished", True)  # it need not fly
     fitted = ("--set", "sensors.heading.fitted=true", "--set", "sensors.odometer.fitted=true")

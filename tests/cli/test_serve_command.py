@@ -88,6 +88,7 @@ def _answers(address: str, within: float) -> bool:
     return False
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
 def test_serving_answers_with_the_page(address: str) -> None:
     port = free_port()

@@ -8,6 +8,7 @@ from asking import ask
 from lab.experiment import variants
 
 
+@pytest.mark.proof
 def test_warm_reports_how_many_combinations_are_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     refused = {"navigator.model": "nonlinear", "navigator.smoother": True}
     monkeypatch.setattr(variants, "variants", lambda: [{}, refused])

@@ -33,6 +33,7 @@ def applied(walk: Walk, made: Experiment) -> Experiment:
     return walk.page.session.experiment
 
 
+@pytest.mark.proof
 def test_the_drift_of_the_receiver_is_applied_to_the_filter(walk: Walk) -> None:
     made = Experiment(mission="los_angeles")
     made.update({"trajectory.imu_rate": 50.0, "sensors.gps.correlated_sigma": 1.5})
@@ -41,6 +42,7 @@ def test_the_drift_of_the_receiver_is_applied_to_the_filter(walk: Walk) -> None:
     assert changed.sensors.to_dict() == made.sensors.to_dict()
 
 
+@pytest.mark.proof
 def test_a_suggestion_beside_a_consistent_verdict_is_applied(
     walk: Walk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

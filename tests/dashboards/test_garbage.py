@@ -164,6 +164,7 @@ def test_a_callback_that_was_called_is_gone_with_its_page() -> None:
     assert left() is None
 
 
+@pytest.mark.proof
 def test_pages_leave_next_to_nothing() -> None:
     """Served pages, each with 38,000 objects, are freed by the searches from them alone."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -78,6 +78,7 @@ def key_of(one: Opened) -> str:
     return one.page._watched.key
 
 
+@pytest.mark.proof
 def test_a_source_of_a_student_is_seen_by_its_owner_and_the_teacher(room: Room) -> None:
     ann, ben, teacher = room.page("ann"), room.page("ben"), room.page("tom", teaches=True)
     guest, other = room.page("guest", ""), room.page("eve", "xyz")
@@ -97,6 +98,7 @@ def test_a_source_of_a_student_is_seen_by_its_owner_and_the_teacher(room: Room) 
     assert not teacher.page._share.visible
 
 
+@pytest.mark.proof
 def test_a_student_who_opens_the_same_gets_another_device(room: Room) -> None:
     ann, ben, teacher = room.page("ann"), room.page("ben"), room.page("tom", teaches=True)
     first, second, third = ann.connect(), ben.connect(), teacher.connect()
@@ -173,6 +175,7 @@ def test_offers_follow_without_another_click(room: Room) -> None:
     assert ben.page._fields._source.options == before
 
 
+@pytest.mark.proof
 def test_when_the_class_ends_the_owner_alone_goes_on(room: Room) -> None:
     ann, ben, teacher = room.page("ann"), room.page("ben"), room.page("tom", teaches=True)
     of_ann, of_teacher = ann.connect(), teacher.connect()
@@ -207,6 +210,7 @@ def test_outside_of_a_class_all_do_what_they_like(room: Room) -> None:
         assert not one.page._share.visible
 
 
+@pytest.mark.proof
 def test_a_third_source_is_refused_and_the_refusal_says_which_are_open(
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -150,6 +150,7 @@ def test_devices_of_one_name_are_told_apart(opened: Callable[[], Opened]) -> Non
     assert watched[1] == f"{watched[0]} (2)"
 
 
+@pytest.mark.proof
 def test_a_paused_page_loses_nothing(opened: Callable[[], Opened]) -> None:
     one = opened()
     one.page._window.value = "4 min"  # a busy computer may take longer than the 20 s that are shown else

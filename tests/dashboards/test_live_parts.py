@@ -65,6 +65,7 @@ def rate_times(one: Opened) -> list[float]:
     return times
 
 
+@pytest.mark.proof
 def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     page, station = one.page, one.page._station
     assert station is not None
@@ -94,6 +95,7 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     assert part._use.disabled
 
 
+@pytest.mark.proof
 def test_samples_from_before_the_source_was_lost_are_no_position(one: Opened) -> None:
     page, station = one.page, one.page._station
     assert station is not None
@@ -107,6 +109,7 @@ def test_samples_from_before_the_source_was_lost_are_no_position(one: Opened) ->
     assert "no samples" in page._axes._notice.text
 
 
+@pytest.mark.proof
 def test_the_deviation_grows_and_becomes_a_card(
     one: Opened, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -151,6 +154,7 @@ def test_the_deviation_grows_and_becomes_a_card(
     assert len(source.data["at"]) == 0
 
 
+@pytest.mark.proof
 def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     page = one.page
     page._choice.value = ERRORS
@@ -205,6 +209,7 @@ def test_plots_are_filled_before_a_browser_gets_them(one: Opened) -> None:
     assert parcel.taken
 
 
+@pytest.mark.proof
 def test_a_desk_sensor_without_fixes_is_compared_at_rest(
     without_fixes: Opened, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -101,6 +101,7 @@ def test_quick_clicks_lose_no_recording(
     assert all(any(path.name in text and "No mission" in text for text in told) for path in files)
 
 
+@pytest.mark.proof
 def test_two_pages_share_one_recording(opened: Callable[[], Opened], folder: Path) -> None:
     first, second = opened(), opened()
     station = first.page._station
@@ -174,6 +175,7 @@ def begun_and_left(opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
     return recorder(again)
 
 
+@pytest.mark.proof
 def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
     opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +195,7 @@ def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
     assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
 
 
+@pytest.mark.proof
 def test_an_unfinished_recording_is_discarded_only_after_a_question(
     opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,6 +208,7 @@ def test_an_unfinished_recording_is_discarded_only_after_a_question(
     assert not found.offer.view.visible
 
 
+@pytest.mark.proof
 def test_a_device_that_is_unplugged_is_recorded_when_it_comes_back(
     opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -230,6 +234,7 @@ def test_a_device_that_is_unplugged_is_recorded_when_it_comes_back(
     assert made.log.time.size >= len(recorded_samples(name).imu) - 2 > 50
 
 
+@pytest.mark.proof
 def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Opened]) -> None:
     one = opened()
     station = recording(one)
@@ -238,6 +243,7 @@ def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Op
     assert not records(one)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("ends_by_itself", [False, True])
 def test_what_a_full_disk_lost_is_told_with_the_mission(
     opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch, *, ends_by_itself: bool

@@ -53,6 +53,7 @@ def settle(walk: Walk) -> None:
     walk.settle()
 
 
+@pytest.mark.proof
 def test_a_replaced_result_is_gone_before_the_next_run(long: Walk) -> None:
     for title in ("Errors", "Consistency", "Ground track", "3-D", "Budget", "Summary"):
         long.open(title)

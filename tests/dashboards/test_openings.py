@@ -175,6 +175,7 @@ def end_pages(turns: Openings, count: int) -> None:
         completed(end_one)
 
 
+@pytest.mark.proof
 def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -125,6 +125,7 @@ def test_models_are_found_and_sent_as_bokeh_does_it() -> None:
         assert all(sent[name] is every[name] or sent[name] == every[name] for name in sent)
 
 
+@pytest.mark.proof
 def test_a_whole_page_is_sent_as_it_is_without() -> None:
     """But for the names of models: Bokeh numbers them, and Panel draws one at random."""
     sent = []

@@ -90,6 +90,7 @@ def test_every_two_of_the_choices_of_a_filter_are_walked() -> None:
             assert any(set(pair) <= set(choice) for choice in walked), pair
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("model", "mechanization", "states"), sorted(LINEAR | NONLINEAR))
 def test_models_mechanizations_and_numbers_of_states(
     walk: Walk, model: str, mechanization: str, states: int
@@ -106,6 +107,7 @@ def test_models_mechanizations_and_numbers_of_states(
     assert visit(walk, titles) == {}
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", CARDS)
 def test_every_card(walk: Walk, name: str) -> None:
     flown = experiment(navigator__states=21)
@@ -149,6 +151,7 @@ RUNS: dict[str, dict[str, object]] = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", RUNS)
 def test_every_kind_of_run(walk: Walk, kind: str) -> None:
     outcome = walk.run(experiment(**RUNS[kind]))
@@ -156,6 +159,7 @@ def test_every_kind_of_run(walk: Walk, kind: str) -> None:
     assert visit(walk, quick("Budget", "Allan")) == {}
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("reference", [True, False])
 def test_a_log(walk: Walk, tmp_path, reference: bool) -> None:
     folder = write(tmp_path / "drive", tables(60, 90), 'title = "Drive"')
@@ -301,6 +305,7 @@ def assert_told(walk: Walk, title: str) -> None:
     assert walk.figures() == []
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("title", ["Consistency", "Allan", "Models", "Budget"])
 def test_what_is_worked_out_and_cannot_be_drawn_is_said(
     walk: Walk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, title: str

@@ -84,6 +84,7 @@ def test_a_barometer_holds_the_height_over_an_outage(folder: Path) -> None:
     assert nis.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / nis.size))
 
 
+@pytest.mark.proof
 def test_what_a_log_does_not_show_is_refused_with_its_other_sensors_too(folder: Path) -> None:
     for aided in (drive(folder), drive(folder, barometer=True), drive(folder, odometer=True, airspeed=True)):
         with pytest.raises(ResultError, match="sensor log"):
@@ -279,6 +280,7 @@ def test_axes_that_are_not_those_of_the_vehicle_are_told(folder: Path) -> None:
     assert not [remark for remark in drive(folder, barometer=True).run().remarks if "as large as" in remark]
 
 
+@pytest.mark.proof
 def test_what_the_navigation_depends_on_is_never_taken_from_a_run_with_other_settings(folder: Path) -> None:
     """Every number of sensors and start, one by one, with all states and sensors that this log allows."""
     base = drive(folder, barometer=True, odometer=True, airspeed=True)

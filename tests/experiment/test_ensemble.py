@@ -235,6 +235,7 @@ def test_flights_without_fixes_give_no_figures_and_no_complaints() -> None:
     assert ensemble.coverage["within ±3σ [%]"].isna().all()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "changes",
     [
@@ -258,6 +259,7 @@ def test_a_navigator_that_runs_free_beyond_the_linear_model_is_the_cause(changes
     assert "linear" in many.remark
 
 
+@pytest.mark.proof
 def test_a_few_runs_beyond_the_linear_model_do_not_hide_the_cause_of_the_others() -> None:
     """Fixes that are twice as noisy as assumed; a correction of five seconds is seldom too late."""
     changes = {"navigator.correction_period": 5.0, "navigator.r_scale": 0.5, "trajectory.imu_rate": 20.0}

@@ -138,6 +138,7 @@ SWITCHED = frozenset(f"navigator.{name}_sigma" for name in ("zero_velocity", "sl
 """Settings of states and measurements that are off by default."""
 
 
+@pytest.mark.proof
 def test_settings_have_an_effect_where_they_say_so(folder):
     """Every number of the sensors and of the start, one by one, against the navigation itself."""
     base = experiment(folder)

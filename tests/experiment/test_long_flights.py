@@ -143,6 +143,7 @@ def smoothed(lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Experim
     return experiment
 
 
+@pytest.mark.proof
 def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> None:
     stages.CACHE.clear()
     exact = smoothed((3.0, 1.0, -1.0)).run()
@@ -218,6 +219,7 @@ def test_a_flight_of_the_nonlinear_filter_does_not_change(monkeypatch: pytest.Mo
         np.testing.assert_array_equal(found, wanted.astype(found.dtype), err_msg=name)
 
 
+@pytest.mark.proof
 def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everything_is_long: None) -> None:
     taken = {}
     navigate = smoother.navigate
@@ -257,6 +259,7 @@ def test_the_filter_of_a_smoothed_flight_is_run_alone(
     assert peak / result.time.size < 135
 
 
+@pytest.mark.proof
 def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
     drawn = [_drawn(exact, plots) for plots in GRIDS]
     places = exact.places(np.array([0, 7000, 41000]))
@@ -274,6 +277,7 @@ def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytes
     assert long.drawn_track["time"].values[-1] == long.time[-1]
 
 
+@pytest.mark.proof
 def test_budget_and_observability_do_not_change(request: pytest.FixtureRequest) -> None:
     stages.CACHE.clear()
     exact = settings(rests=False).run()
@@ -323,6 +327,7 @@ STEPS: dict[str, tuple[Callable[[Result], object], int]] = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("step", STEPS)
 def test_what_is_computed_of_a_long_flight_takes_little(
     step: str, monkeypatch: pytest.MonkeyPatch, everything_is_long: None

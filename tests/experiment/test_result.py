@@ -241,6 +241,7 @@ def test_netcdf_gives_the_same_datasets_back(result, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["run.nc"], "nothing else is left behind"
 
 
+@pytest.mark.proof
 def test_temperature_and_thermometer_are_there_where_a_profile_is_set(result, tmp_path):
     assert "temperature" not in result.datasets()
     experiment = Experiment(mission="los_angeles")

@@ -95,6 +95,7 @@ def assert_abreast_as_alone(changes: dict[str, object]) -> None:
         assert_same(run._replace(evidence=single.evidence), single)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "changes",
     [

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from lab import Experiment, cards
 from lab.experiment.variants import compile_variant, variants
 from lab.navigation.belief import chosen_blocks
@@ -69,6 +71,7 @@ def test_a_combination_that_is_refused_is_no_variant() -> None:
     assert not compile_variant(nonlinear)
 
 
+@pytest.mark.proof
 def test_a_run_compiles_nothing_after_its_variant_is_compiled_ahead() -> None:
     """Other rates, receivers, corrections and alignments have the same code."""
     run = subprocess.run(

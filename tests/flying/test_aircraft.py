@@ -35,6 +35,7 @@ def turned(flight: Recording) -> np.ndarray:
     return np.degrees(heading - heading[0])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_every_aircraft_takes_off_climbs_turns_and_descends_in_light_turbulence(name):
     aircraft = AIRCRAFT[name]
@@ -115,6 +116,7 @@ def test_s_turns_go_there_and_back():
     assert heading[-1] == pytest.approx(-90, abs=3)
 
 
+@pytest.mark.proof
 def test_a_turn_by_more_than_once_around_and_a_skid():
     coordinated = in_the_air({"do": "turn_by", "angle_deg": 400.0, "bank_deg": 30.0}, seconds=60.0)
     assert turned(coordinated)[-1] == pytest.approx(400, abs=3)

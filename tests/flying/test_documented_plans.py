@@ -24,6 +24,7 @@ def examples(name: str) -> list[str]:
     ]
 
 
+@pytest.mark.proof
 def test_the_figure_of_eight_flies(tmp_path: Path) -> None:
     pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
     (text,) = examples("docs/flying.md")
@@ -34,6 +35,7 @@ def test_the_figure_of_eight_flies(tmp_path: Path) -> None:
     assert flown.duration == pytest.approx(200, abs=0.06)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("number", range(3))
 def test_the_plans_beside_the_missions_are_flown(number: int, tmp_path: Path) -> None:
     path = tmp_path / "plan.toml"

@@ -190,6 +190,7 @@ def test_without_wind_airspeed_is_speed_over_the_earth():
     np.testing.assert_allclose(still.airspeed, speed, rtol=0, atol=0.02)
 
 
+@pytest.mark.proof
 def test_flying_again_gives_the_shipped_recordings(tmp_path):
     for name in ("montreal", "los_angeles", "pacific"):
         flown = fly_mission(name, folder=tmp_path)
@@ -253,6 +254,7 @@ def test_progress_rises_to_one():
     assert len(told) > 10
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pytest
 from doors import DOORS, besiege
 
 from tests.security.conftest import serving
@@ -15,6 +16,7 @@ from tests.security.conftest import serving
 ATTACKS = 24
 
 
+@pytest.mark.proof
 def test_a_served_laboratory_holds_whatever_comes(tmp_path: Path) -> None:
     wrong: list[str] = []
 

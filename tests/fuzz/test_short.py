@@ -24,6 +24,7 @@ def test_every_reader_has_a_writer():
     assert set(WRITERS) == set(BY_NAME)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", BY_NAME)
 def test_hostile_files_give_a_flight_or_a_reason(name, tmp_path):
     files, rng = seeds(name), np.random.default_rng(zlib.crc32(name.encode()))
@@ -39,12 +40,14 @@ def test_hostile_files_give_a_flight_or_a_reason(name, tmp_path):
     assert name == "INS Lab flight csv" or flights >= 2
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", BY_NAME)
 def test_memory_and_time_stay_in_proportion(name, tmp_path):
     assert attack(name, tmp_path, seeds(name, 80.0), weigh=True) is not None
     assert attack(name, tmp_path, seeds(name, 80.0)) is not None
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", BY_NAME)
 def test_a_zip_bomb_is_refused(name, tmp_path):
     path = tmp_path / "bomb.gz"

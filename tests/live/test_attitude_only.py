@@ -57,6 +57,7 @@ def test_sigma_at_rest_is_honest_without_fixes(name):
     assert (rms[:2] > 0.4).all()
 
 
+@pytest.mark.proof
 def test_good_gyros_find_north_and_say_how_well():
     sensors = SensorSuite()
     sensors.update(card("HG9900").settings())
@@ -76,6 +77,7 @@ def test_good_gyros_find_north_and_say_how_well():
     assert blind.state.euler_sigma[2] > 0.99 * np.pi  # north needs the latitude
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["BMI088", "ADIS16448"])
 def test_sigma_is_honest_after_a_hand_turned_the_sensors(name):
     """Scale factors and misalignments, for which there is no state, must not look like a known bias."""

@@ -60,6 +60,7 @@ def heading_error(live: LiveNavigator, trajectory: Trajectory) -> float:
     return float(wrap(state.euler[2] - np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("vehicle", ["car", "aeroplane"])
 @pytest.mark.parametrize(
     ("aside", "rest", "kept", "period"),

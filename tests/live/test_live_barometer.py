@@ -52,6 +52,7 @@ def test_one_reading_a_second_is_used_and_bad_ones_are_not() -> None:
     assert height[2] + whole.shift == pytest.approx(300.0)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("seed", "late", "settings"),
     [(1, 0.2, {}), (3, 1.7, {"latency": 0.15, "aiding_scale": 4.0}), (4, 0.2, {"correction": "feedforward"})],

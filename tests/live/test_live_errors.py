@@ -115,6 +115,7 @@ def test_what_is_unknown_stays_unknown() -> None:
     assert np.isnan(normalised_rms(found)["position"])
 
 
+@pytest.mark.proof
 def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
     """Ten seeds of a flight with an antenna 2 m ahead, of which the filter knows."""
     arm = {"lever_arm": (2.0, 0.0, 0.0)}

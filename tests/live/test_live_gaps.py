@@ -61,6 +61,7 @@ FAULTS = {
 """What happens to the rows of the IMU."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("fault", "states"),
     [*((fault, 15) for fault in FAULTS), *((fault, 21) for fault in ("almost a break", "lost and shaken"))],
@@ -79,6 +80,7 @@ def test_it_equals_the_batch_with_gaps(fault, states):
     assert_equal(live, navigate_log(log, suite(), settings, start=live.alignment))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "settings",
     [
@@ -100,6 +102,7 @@ def test_it_equals_the_batch_with_gaps_and_other_settings(settings):
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", range(2))
 def test_the_pieces_in_which_samples_arrive_change_no_bit(seed):
     imu, fixes, _ = driven(late=0.2)
@@ -132,6 +135,7 @@ def test_after_a_break_each_piece_equals_the_batch_on_it():
     assert_equal(live, navigate_log(second, suite(), settings, start=live.alignment))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["ADIS16470", "MPU-6000"])
 @pytest.mark.parametrize("states", [15, 21])
 @pytest.mark.parametrize(("damage", "unplugged"), [(1e-3, 0.0), (0.0, 1.5), (1e-4, 3.0)])

@@ -47,6 +47,7 @@ def readings(trajectory, seed: int, late: float = 0.15) -> np.ndarray:
     return rows[np.argsort(rows["arrival"], kind="stable")]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("sensors", "seed", "late", "settings"),
     [
@@ -87,6 +88,7 @@ def test_they_equal_the_batch(sensors, seed: int, late: float, settings: dict, t
     np.testing.assert_allclose(again.odometer.value, log.auxiliary.odometer.value, atol=1e-4)
 
 
+@pytest.mark.proof
 def test_with_barometer_and_gaps_they_equal_the_batch() -> None:
     imu, fixes, trajectory = driven(late=0.2)
     imu["pressure"] = 95_000.0 + np.random.default_rng(1).normal(size=imu.size)
@@ -120,6 +122,7 @@ def test_two_antennas_start_a_vehicle_that_nobody_named_at_rest() -> None:
     assert abs(state.euler[2] - true) < 3 * state.euler_sigma[2] < np.radians(10)
 
 
+@pytest.mark.proof
 def test_the_sigma_covers_the_error_of_the_heading_over_seeds() -> None:
     """σ of the heading at the end of the second rest, against the truth."""
     off = []
@@ -135,6 +138,7 @@ def test_the_sigma_covers_the_error_of_the_heading_over_seeds() -> None:
     assert np.mean(np.square(off)) < 2.51  # chi-square of 8: 99 % below 20.1
 
 
+@pytest.mark.proof
 def test_headings_of_changing_quality_are_weighted_as_the_receiver_says() -> None:
     """Every third heading has ten times the error; the squares of the innovations show whose σ is right."""
     mean: dict[bool, list[float]] = {True: [], False: []}

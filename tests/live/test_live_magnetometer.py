@@ -39,6 +39,7 @@ def driven_with_field(seed: int, late: float = 0.2):
     return imu, fixes, trajectory
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("seed", "late", "settings"),
     [(1, 0.2, {}), (3, 1.7, {"latency": 0.15, "aiding_scale": 4.0}), (4, 0.2, {"correction": "feedforward"})],
@@ -67,6 +68,7 @@ def test_it_equals_the_batch(seed: int, late: float, settings: dict, tmp_path) -
     np.testing.assert_allclose(again.field, log.auxiliary.magnetometer.field, atol=1e-4)
 
 
+@pytest.mark.proof
 def test_with_barometer_rests_and_other_times_it_equals_the_batch() -> None:
     imu, fixes, _ = driven_with_field(2)
     imu["pressure"] = 95_000.0 + np.random.default_rng(1).normal(size=imu.size)

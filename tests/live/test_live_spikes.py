@@ -22,6 +22,7 @@ def spiked(imu: np.ndarray) -> np.ndarray:
     return imu
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("longest", [2, 150])
 def test_it_equals_the_batch_with_spikes(longest):
     imu, fixes, _ = driven(late=0.2)

@@ -52,6 +52,7 @@ GOOD = {"position_variance": 0.01, "velocity_variance": 0.01}
 """A receiver of 10 cm and 10 cm/s."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("mission", "receiver", "words"),
     [

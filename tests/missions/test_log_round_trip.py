@@ -38,6 +38,7 @@ def errors(truth: Trajectory, curve: Trajectory, late: float) -> tuple[float, fl
     )
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("name", "boot", "rate", "bounds"),
     [
@@ -79,6 +80,7 @@ def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
     return attitude.apply(curve.rates(times)[1])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("name", "curve", "bounds"),
     [

@@ -96,6 +96,7 @@ def test_what_a_format_has_is_the_same_at_its_own_times(name, tmp_path):
         assert rms(flight.body_rate - original().rates(np.clip(times, 0, original().duration))[0]) < 1e-4
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", WRITERS)
 def test_only_its_own_reader_recognises_a_file(name, tmp_path):
     for path in written(name, tmp_path):

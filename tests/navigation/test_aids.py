@@ -92,6 +92,7 @@ def test_memory_of_measurements_is_counted() -> None:
     assert bytes_per_aid(solution.states) * found.time.size == sum(array.nbytes for array in arrays)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "own",
     [
@@ -289,6 +290,7 @@ ALL = VEHICLE | RECEIVER | MISALIGNED | DRIFTING | {"navigator.states": 21}
 """All sensors, all conditions and all states together."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("settings", "model", "rate"),
     [
@@ -370,6 +372,7 @@ def test_observability_shows_what_each_state_gains(monkeypatch: pytest.MonkeyPat
     np.testing.assert_allclose(constant, float(constant[0]))
 
 
+@pytest.mark.proof
 def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
     """Matrices that advice changes are those of IMU and GPS: the settings accept no others."""
     ensemble = run_ensemble(of(ALL | {"navigator.p0_scale": 0.05, "navigator.q_scale": 0.02}), range(2))

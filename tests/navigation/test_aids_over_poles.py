@@ -28,6 +28,7 @@ SENSORS = {
 """Readings between the samples of the IMU too, so that north has turned since."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", ["phi", "nonlinear"])
 def test_other_sensors_over_a_pole_are_consistent(model: str, tmp_path: Path) -> None:
     """Straight over it, where the heading turns by 180° at once, and about it in a curve."""

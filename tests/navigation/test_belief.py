@@ -152,6 +152,7 @@ def test_between_fixes_of_metres_flicker_of_quiet_accelerometers_is_believed_as_
     assert np.mean(squares) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", DRIFTS)
 def test_the_filter_of_a_drifting_sensor_is_consistent(name):
     """Flicker is modelled by a substitute, hence the quarter."""
@@ -168,6 +169,7 @@ def test_an_alignment_leaves_flicker_less_its_mean():
     assert np.mean(np.square(left)) == pytest.approx(FLICKER_AFTER_REST, rel=0.12)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["iIMU-FSAS", "LN-200S"])
 def test_flicker_as_large_as_the_turn_on_bias_counts_from_the_start(name):
     """Over 60 flights, NEES of the three gyro biases has a σ of 0.11."""

@@ -90,6 +90,7 @@ def consistent(name: str, runs: Runs) -> tuple[float, float]:
     return nees, nis
 
 
+@pytest.mark.proof
 def test_position_errors_stay_small(matched: tuple[str, Runs]) -> None:
     name, runs = matched
     rms, largest = runs.rms[:SHOWN], runs.largest[:SHOWN]
@@ -117,6 +118,7 @@ def test_the_filter_tells_the_truth_about_itself(matched: tuple[str, Runs]) -> N
     assert nis >= 0.9
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("settings", [{"q_scale": 100.0}, {"r_scale": 0.01}], ids=["Q × 100", "R ÷ 100"])
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_wrong_noise_shows_in_nees_and_nis(mission: str, settings: dict[str, float]) -> None:

@@ -29,6 +29,7 @@ def distance(solution: Solution, truth: Truth) -> tuple[float, float]:
     return float(metres), float(degrees)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["montreal", "los_angeles"])
 def test_both_missions_close(name: str) -> None:
     _, truth, imu = fly(name)
@@ -49,6 +50,7 @@ def test_both_missions_close(name: str) -> None:
     assert np.abs(solution.velocity_n - truth.velocity_n).max() <= 1e-3
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("rate", [50.0, 100.0, 400.0, 1000.0])
 def test_other_imu_rates_close(rate: float) -> None:
     _, truth, imu = fly("los_angeles", rate)

@@ -194,6 +194,7 @@ np.save({path!r}, np.hstack(both))
 """
 
 
+@pytest.mark.proof
 def test_a_filter_can_be_stepped_through(tmp_path: Path) -> None:
     """Without the compiler, it is the function in the generated file, and computes the same."""
     found = {}

@@ -37,6 +37,7 @@ def heading_error(log, alignment, start: float = 0.0) -> float:
     return float(np.degrees(wrap(euler_from_quaternion(alignment.start.q_nb)[2] - true)))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("nose", [0.0, 1.6, 3.1, 4.5])
 @pytest.mark.parametrize("rest", [0.0, 10.0])
 @pytest.mark.parametrize("late", [0.0, 0.3])

@@ -58,6 +58,7 @@ def antenna(state: FloatArray, rate_measured: FloatArray, arm: FloatArray, age: 
     return np.concatenate((C_nb @ arm, C_nb @ np.cross(rate, arm) - np.cross(omega_ie, C_nb @ arm)))
 
 
+@pytest.mark.proof
 @given(st.integers(0, 2**32 - 1), st.floats(0, DT))
 def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, age: float) -> None:
     """Error by error: taken out of the navigator, it moves the antenna by −H x, to first order."""
@@ -178,6 +179,7 @@ RTK = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("settings", TOLD.values(), ids=TOLD)
 def test_accurate_fixes_of_an_antenna_three_metres_off_are_consistent(settings: dict[str, object]) -> None:
     """With an RTK receiver, at 2 cm, a lever arm that is not in H shows at once."""

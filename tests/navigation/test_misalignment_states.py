@@ -137,6 +137,7 @@ def nees_per_state(experiment: Experiment, runs: int) -> float:
     return float(np.mean(squares))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["LSM6DSO", "ADIS16470", "STIM300", "HG9900"])
 def test_the_filter_that_a_card_brings_tells_the_truth(name: str) -> None:
     """One card of each grade, as loaded: NEES of all states is near one, and far above it without these."""
@@ -203,6 +204,7 @@ def test_what_gravity_shows_of_bias_and_scale_factor_has_its_sigma() -> None:
     assert low < np.sum(squares) < high
 
 
+@pytest.mark.proof
 def test_cards_with_large_biases_and_scale_factors_tell_the_truth() -> None:
     """Accelerometers of 60 to 80 mg and 3 %, gyros of 5 °/s and 3 %; with the biases inside, NEES was 1.3."""
     nees = nees_per_state(quiet("MPU-9250", 1), 40)

@@ -39,6 +39,7 @@ def run(model: str, seed: int = 1, rate: float | None = None, **settings: object
     return experiment.run()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", ["psi", "invariant", "nonlinear"])
 def test_a_matched_filter_tells_the_truth_about_itself(model: str) -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
@@ -167,6 +168,7 @@ def heading_errors(model: str, seed: int) -> tuple[FloatArray, FloatArray, float
     return result.time, np.abs(np.degrees(error)), float(result.consistency.nees.values[late].mean())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", MODELS)
 def test_from_a_heading_60_degrees_off(model: str) -> None:
     """Until take-off, at 6 s, the heading cannot be seen."""

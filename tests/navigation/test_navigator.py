@@ -94,6 +94,7 @@ def test_feedforward_leaves_the_navigator_alone() -> None:
     np.testing.assert_array_equal(free.position[:first], fed.position[:first])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "schedule",
     [

@@ -134,6 +134,7 @@ def assert_agrees_with_filterpy(**estimated: Any) -> None:
         assert np.nanmax(np.abs(found - expected) / scale, initial=0.0) < 1e-9, part
 
 
+@pytest.mark.proof
 def test_beside_misalignments_of_2_degrees_a_filter_agrees_with_filterpy() -> None:
     """Both take misalignments off to third order."""
     declare()
@@ -142,6 +143,7 @@ def test_beside_misalignments_of_2_degrees_a_filter_agrees_with_filterpy() -> No
     assert_agrees_with_filterpy(**names, **sizes, navigator__estimate_misalignments=True)
 
 
+@pytest.mark.proof
 def test_a_filter_with_own_states_agrees_with_filterpy_and_tells_the_truth() -> None:
     """Unit and scale are of this declaration alone; σ is 3·10⁻⁴ and 10⁻⁴ rad/s/(m/s²)."""
     declare(shown_unit="mrad/s/(m/s²)", shown_scale=1e3)

@@ -26,6 +26,7 @@ CLOSE = {"89.8° north": 0.05, "89.8° south at the date line": 0.05}
 counts."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_both_mechanizations_agree(tmp_path: Path, name: str, model: str) -> None:

@@ -87,6 +87,7 @@ def assert_propagated(w: FloatArray, Phi: FloatArray, P: FloatArray, x: FloatArr
     )
 
 
+@pytest.mark.proof
 @given(seeds, st.floats(1e-4, 1.0), st.sampled_from([15, 21]))
 def test_generated_propagation_is_the_dense_product(seed: int, dt: float, n: int) -> None:
     rng = np.random.default_rng(seed)

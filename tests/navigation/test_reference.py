@@ -177,6 +177,7 @@ def position_deviation(case: Case) -> float:
     return float(1 / np.sqrt(np.linalg.eigvalsh(np.linalg.inv(R)[:3, :3]).max()))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", CASES)
 def test_compiled_and_filterpy_agree(name: str) -> None:
     compiled, in_filterpy = both(CASES[name])

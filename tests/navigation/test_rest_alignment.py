@@ -116,6 +116,7 @@ def test_the_variances_shown_before_a_run_are_about_those_of_the_run() -> None:
 SEEDS = 60
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sigma", [(0.5, 0.5, 2.0), (2.0, 2.0, 10.0), (5.0, 5.0, 40.0)])
 @pytest.mark.parametrize("name", ["ICM-20948", "BMI088", "STIM300", "HG4930", "HG1700", "iIMU-FSAS"])
 def test_the_errors_left_are_as_large_as_p_says(name: str, sigma: tuple[float, float, float]) -> None:

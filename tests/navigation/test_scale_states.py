@@ -49,6 +49,7 @@ def all_errors(result: Result, samples: NDArray[np.int64]) -> FloatArray:
     )
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", models())
 def test_a_matched_filter_tells_the_truth_about_its_scale_factors(model: str) -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -143,6 +144,7 @@ def test_feedback_equals_feedforward_while_errors_are_small() -> None:
     assert np.abs((all_errors(other, samples) - all_errors(one, samples)) / sigma).max() < 0.05
 
 
+@pytest.mark.proof
 def test_smoothed_scale_factors_are_constant_and_better() -> None:
     """A constant is known equally well at all times once all fixes are known."""
     filtered, smoothed = (run(5, navigator__smoother=flag) for flag in (False, True))
@@ -202,6 +204,7 @@ def test_true_scale_factors_follow_the_temperature_and_its_compensation() -> Non
         assert moved < 1e-5 if compensation else moved > 1e-3
 
 
+@pytest.mark.proof
 def test_files_have_the_scale_factors(tmp_path: Path) -> None:
     result = run(1)
     result.to_netcdf(tmp_path / "run.nc")

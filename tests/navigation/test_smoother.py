@@ -152,6 +152,7 @@ def compare(imu: Imu, fixes: Fixes, begin: Start, belief: Belief, schedule: Sche
     return Comparison(float(states), float(deviation))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("decay", "states"), [(0.0, 15), (0.1, 15), (0.1, 21)])
 def test_a_short_flight_against_least_squares(decay: float, states: int) -> None:
     """The navigator runs free, so that both start from the same."""
@@ -223,6 +224,7 @@ def test_an_outage_is_bridged_from_both_sides() -> None:
     assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.proof
 def test_smoothed_errors_are_smaller_and_the_smoother_tells_the_truth() -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
         result, after = flights(seed)
@@ -261,6 +263,7 @@ COMBINATIONS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("settings", COMBINATIONS.values(), ids=COMBINATIONS)
 def test_what_the_filter_did_is_undone_exactly(settings: dict[str, object]) -> None:
     """The smoothed σ is never above the filtered one and never below zero, with the default sensor, too."""
@@ -273,6 +276,7 @@ def test_what_the_filter_did_is_undone_exactly(settings: dict[str, object]) -> N
     np.testing.assert_allclose(apart(smoothed, filtered)[-1], 0, atol=1e-8)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "settings",
     [{"navigator__correction_period": 10.0}, {"navigator__model": "invariant"}, {"navigator__states": 21}],

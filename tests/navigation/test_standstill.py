@@ -48,6 +48,7 @@ def last_errors(result: Result) -> tuple[np.ndarray, np.ndarray]:
     return x[0], np.sqrt(solution.variance[-1])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sigma", [2.0, 15.0])
 def test_fifteen_minutes_at_rest_teach_no_heading(standing: Path, sigma: float) -> None:
     """The Earth's rate is far below the biases of these gyros: σ of the heading stays, and is right."""

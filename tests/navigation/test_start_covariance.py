@@ -153,6 +153,7 @@ def turning_start(rng: np.random.Generator, sigma: float, *, rest: bool) -> floa
     return float(error[seen] @ np.linalg.solve(P[np.ix_(seen, seen)], error[seen]) / seen.size)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sigma", np.radians([3.0, 25.0]))
 @pytest.mark.parametrize("rest", [True, False])
 def test_random_starts_err_as_p0_says(rest, sigma):
@@ -185,6 +186,7 @@ def tilts(
     return error / np.sqrt(made.variance[at, 6:8])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["ADIS16470", "BMI088"])
 @pytest.mark.parametrize(("live", "seeds"), [(False, 20), (True, 8)])
 def test_tilts_of_a_start_at_rest_err_as_the_card_says(name, live, seeds):
@@ -193,12 +195,14 @@ def test_tilts_of_a_start_at_rest_err_as_the_card_says(name, live, seeds):
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
+@pytest.mark.proof
 def test_tilts_of_a_start_without_any_heading_err_as_the_card_says():
     """The log ends before the car moves; of a σ of 180°, the model phi cannot make anything."""
     ratios = [tilts("ADIS16470", 1001 + seed, 0.0, 11.0, model="invariant") for seed in range(20)]
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["ADIS16470", "BMI088"])
 def test_tilts_of_a_start_in_motion_err_as_the_card_says(name):
     """It begins on a straight road, in turns, and with the brakes on."""

@@ -85,6 +85,7 @@ def test_the_kind_of_vehicle_must_show_its_heading_by_its_course(vehicle):
     assert "from the course" not in made.alignment.heading.source
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sigma", [0.5, 1.5, 3.0])
 @pytest.mark.parametrize("vehicle", ["copter", ""])
 def test_the_heading_of_a_copter_is_uncertain_where_positions_do_not_show_it(sigma, vehicle, tmp_path):

@@ -40,6 +40,7 @@ def pitch_when_seen(result: Result) -> NDArray[np.float64]:
     return np.abs(np.degrees(result.known_truth("the pitch").euler[at, 1]))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", ["phi", "nonlinear"])
 def test_the_filter_is_consistent_through_the_vertical(loops: Path, model: str) -> None:
     """NEES per state was 440 and 121 where every heading counted; its σ over these seeds is 0.1."""
@@ -60,6 +61,7 @@ def test_only_headings_near_the_vertical_are_left_out(loops: Path) -> None:
     assert not [remark for remark in result.remarks if "heading" in remark]
 
 
+@pytest.mark.proof
 def test_filterpy_leaves_out_the_same(loops: Path) -> None:
     """With the model whose attitude errors are along the axes of the body."""
     a = fly(loops, 3, model="invariant").solution_arrays

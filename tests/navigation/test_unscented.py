@@ -272,6 +272,7 @@ def test_small_errors_are_the_linear_filters(mission: str) -> None:
     assert sigma < 0.01
 
 
+@pytest.mark.proof
 def test_a_heading_60_degrees_wrong_is_found() -> None:
     """Half of the seeds 60° to the left, half to the right; P0 says that it may be.
 

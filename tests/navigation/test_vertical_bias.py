@@ -28,6 +28,7 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", ["phi", "psi", "invariant", "nonlinear"])
 def test_errors_after_a_quarter_of_an_hour_at_rest_have_the_size_of_sigma(parked: str, model: str) -> None:
     means = []

@@ -51,6 +51,7 @@ def in_earth_axes(position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray
     return np.einsum("nij,nj->ni", C_en, velocity_n), C_eb.as_matrix()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_flights_over_the_poles_close(name: str) -> None:
     flight = fly_over_the_pole(name)
@@ -117,6 +118,7 @@ def run(mission: str, seed: int = 1, **settings: object) -> Result:
     return experiment.run()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("model", "states"), [*((name, 15) for name in wander_models.MODELS), ("psi", 21)])
 def test_filters_of_both_mechanizations_agree(model: str, states: int) -> None:
     """On the same realisation: solution, σ, innovations and their covariances, in north, east, down."""

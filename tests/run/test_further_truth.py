@@ -34,6 +34,7 @@ def test_an_outage_of_a_sensor_does_not_change_its_errors(outage: tuple[float, f
     assert np.ptp(whole.true_further(), axis=0)[:2].min() > 0.01
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("outages", [[(0.0, 1e4)], []])
 def test_nees_is_known_if_a_sensor_never_reads(name: str, outages: list[tuple[float, float]]) -> None:

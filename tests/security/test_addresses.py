@@ -59,6 +59,7 @@ def test_a_hostile_address_costs_little_and_is_answered_in_a_sentence(name: str)
     assert len("".join(problems)) < 20_000
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("path", "host"),
     [

@@ -26,6 +26,7 @@ def cookies(served: Served, path: str = "/", cookie: str = "") -> list[str]:
     return [value for name, value in answer.getheaders() if name == "Set-Cookie"]
 
 
+@pytest.mark.proof
 def test_a_browser_gets_a_random_cookie_once(served: Served) -> None:
     name = f"{COOKIE}_{served.port}"
     found = [cookies(served) for _ in range(2)]

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from lab.experiment.experiment import Experiment
 from lab.missions import add_mission, mission
 from tests.security.conftest import Visitor, serving
@@ -78,6 +80,7 @@ def _inside(model: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.proof
 def test_thousands_of_missions_keep_nobody_waiting(tmp_path: Path, run) -> None:
     folder = tmp_path / "missions"
     folder.mkdir()

@@ -114,6 +114,7 @@ COST = 0.02
 """Most time of the server for one such request [s]; a session takes 0.8 s."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("method", "path", "headers"), LOADED)
 def test_what_another_site_loads_is_refused_and_costs_next_to_nothing(
     served: Served, locked: Served, method: str, path: str, headers: dict[str, str]

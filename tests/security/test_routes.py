@@ -82,6 +82,7 @@ def routes(way: str) -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.proof
 def test_each_route_of_a_served_laboratory_was_looked_at() -> None:
     found = routes("lab")
     assert found.pop("/?") == {"PageDocument", "RootHandler"}  # the second is never reached
@@ -145,6 +146,7 @@ def find() -> Iterator[Any]:
     handler.packages = before
 
 
+@pytest.mark.proof
 def test_whatever_of_a_module_is_named_a_file_or_a_refusal_is_the_answer(find: Any) -> None:
     given = 0
     for name in list(sys.modules):
@@ -175,6 +177,7 @@ def test_a_component_of_another_package_gives_no_file(find: Any, monkeypatch: py
     assert find("another/Own/_css/test_routes.py") == __file__
 
 
+@pytest.mark.proof
 def test_panel_serve_imports_nothing_before_a_page_is_open_and_after(tmp_path: Path) -> None:
     """With what ``pyproject.toml`` declares, also if this installation is older."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"]

@@ -66,6 +66,7 @@ def test_what_is_too_much_is_refused_before_it_is_parsed(reader: str, attack: st
     assert len(str(caught.value)) < 1000
 
 
+@pytest.mark.proof
 def test_the_worst_that_is_accepted_takes_little_memory() -> None:
     text = "".join(f"[t{number}.b.c.d.e.f.g.h]\n" for number in range(16_000))
     tracemalloc.start()
@@ -115,6 +116,7 @@ def test_a_seed_of_many_digits_is_a_sentence() -> None:
     assert isinstance(answer.exception, SystemExit)
 
 
+@pytest.mark.proof
 def test_what_the_lab_writes_is_accepted() -> None:
     command = {
         "type": 1, "yaw_deg": 12.345678, "pitch_deg": 0.0, "roll_deg": -12.5, "forward_m_s": 123.456,

@@ -34,6 +34,7 @@ def ask(served: Served, path: str) -> tuple[int, dict[str, str], str]:
     return answer.status, dict(answer.getheaders()), answer.read().decode()
 
 
+@pytest.mark.proof
 def test_the_link_becomes_a_cookie_and_leaves_the_address(taught: Served) -> None:
     found = re.search(r"Teachers open http://[^/]+(/teach\?key=([\w-]{43,})) and", taught.log.read_text())
     assert found is not None
@@ -70,6 +71,7 @@ def test_a_token_is_new_each_time_and_valid_for_one_server_only() -> None:
     assert not teacher.is_token(second)
 
 
+@pytest.mark.proof
 def test_a_small_class_follows_its_teacher(taught: Served, run: Callable[..., Any]) -> None:
     async def follow() -> tuple[list[float], bool]:
         async with class_of(taught, STUDENTS) as (leads, followers):

@@ -95,6 +95,7 @@ signal.pause()
 """
 
 
+@pytest.mark.proof
 @posix_only
 @pytest.mark.parametrize(("number", "left"), [("SIGTERM", 0), ("SIGKILL", 1)])
 def test_a_server_that_is_ended_leaves_none_and_one_that_is_killed_none_for_long(

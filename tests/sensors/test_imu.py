@@ -177,6 +177,7 @@ def test_the_scale_factor_is_drawn_apart_from_the_bias():
     assert np.abs(np.corrcoef(np.reshape(pairs, (700, 9)).T) - np.eye(9)).max() < 5 / np.sqrt(700)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("errors", "unit"),
     [
@@ -201,6 +202,7 @@ def test_flicker_has_the_allan_floor_of_its_coefficient_at_any_rate(errors, unit
     assert np.allclose(np.sqrt(variance) / (0.664 * np.array((1, 2, 4))), 1, atol=4 / np.sqrt(400 * runs))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("errors", "unit"),
     [

@@ -33,6 +33,7 @@ def test_samples_have_the_variance_that_was_given(rate: int) -> None:
         assert found == pytest.approx(given_variance[triad], rel=5 * np.sqrt(2 / len(noise)))
 
 
+@pytest.mark.proof
 @given(
     variance=st.tuples(*[st.floats(1e-8, 0.09)] * 3),
     rate=st.floats(10, 2000),

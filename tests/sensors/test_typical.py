@@ -66,6 +66,7 @@ def horizontal_error(name: str, seed: int) -> float:
     return float(np.hypot(*result.errors.position.values[end][:2]))
 
 
+@pytest.mark.proof
 def test_cards_order_by_grade_after_an_outage_of_a_minute() -> None:
     """All cards, eight seeds: no consumer part beats a tactical one, and the medians of the grades are apart.
 

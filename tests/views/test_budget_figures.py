@@ -42,6 +42,7 @@ def test_the_legend_names_what_counts(result: Result, axis: TimeAxis) -> None:
     )
 
 
+@pytest.mark.proof
 def test_every_source_that_can_be_set_has_a_family_of_colours() -> None:
     experiment = Experiment(mission="los_angeles")
     for sensor in ("gyro", "accelerometer"):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 NOTEBOOK = """
 from IPython.core.interactiveshell import InteractiveShell
 shell = InteractiveShell.instance()
@@ -16,6 +18,7 @@ print("SHOWN AS", *shown)
 """
 
 
+@pytest.mark.proof
 def test_a_layout_is_shown_as_a_plot_and_not_as_its_name() -> None:
     done = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True, check=True)
     (shown,) = (line for line in done.stdout.splitlines() if line.startswith("SHOWN AS"))

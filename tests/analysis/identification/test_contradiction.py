@@ -54,6 +54,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("quantity", FAULTS)
 def test_a_fault_of_the_log_is_named_and_not_a_noise_that_covers_it(quantity):
     words, damage = FAULTS[quantity]
@@ -64,6 +65,7 @@ def test_a_fault_of_the_log_is_named_and_not_a_noise_that_covers_it(quantity):
     assert "Tried" in finding.advice
 
 
+@pytest.mark.proof
 def test_triads_that_are_turned_against_each_other_may_both_be_wrong():
     """Without a vehicle that follows its nose, nothing tells which of them is right."""
     (finding,) = run(log_of(damage=columns(signs(-1, -1, 1), SAME))).verdict.findings
@@ -93,6 +95,7 @@ def vibrating(times: float):
     return damage
 
 
+@pytest.mark.proof
 def test_a_vibrating_aeroplane_gets_the_noise_that_it_needs():
     """60 × the assumed noise is 3,600 × its variance: it shows in the samples, and is stated."""
     (finding,) = run(log_of(damage=vibrating(60.0))).verdict.findings
@@ -101,6 +104,7 @@ def test_a_vibrating_aeroplane_gets_the_noise_that_it_needs():
     assert finding.changes[0].rows == (3, 6)
 
 
+@pytest.mark.proof
 def test_an_unknown_fault_is_a_contradiction_in_its_channel():
     """The gyro about down shows what it showed 7 s before: no axis, no clock and no noise explains it."""
 
@@ -115,6 +119,7 @@ def test_an_unknown_fault_is_a_contradiction_in_its_channel():
     assert not finding.changes
 
 
+@pytest.mark.proof
 def test_headings_that_are_off_by_half_a_turn_are_named():
     assert run(log_of(headings=0.0)).verdict.consistent
     (finding,) = run(log_of(headings=180.0)).verdict.findings

@@ -106,6 +106,7 @@ def test_a_filter_that_is_too_sure_of_itself_in_some_outages_is_not_chosen_for_i
     assert (found.r, found.q) == (0.1, 1.0)
 
 
+@pytest.mark.proof
 def test_a_drive_whose_r_is_wrong_is_predicted_nearly_as_well_as_can_be(recordings, tmp_path):
     result = Experiment(mission=str(described(tmp_path / "log", recordings / "comma2k19"))).run()
     found = result.identify()

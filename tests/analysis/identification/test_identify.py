@@ -59,6 +59,7 @@ def within(row, true: float) -> bool:
     return abs(np.log(found / true)) < LIMIT * half
 
 
+@pytest.mark.proof
 def test_what_the_filter_assumes_wrongly_is_found(control):
     _, found = control
     rows = {row.parameter: row for row in found.rows}
@@ -101,6 +102,7 @@ def test_the_settings_change_what_the_filter_assumes_and_not_the_sensors(control
     assert changed.run().verdict.headline != made.run().verdict.headline
 
 
+@pytest.mark.proof
 def test_the_noise_of_a_log_is_found(of_the_drive):
     made, found = of_the_drive
     rows = {row.parameter: row for row in found.rows}
@@ -157,6 +159,7 @@ def test_r_factors_are_of_each_part(drive):
         made.set("navigator.r_factors", (1, 1, 0))
 
 
+@pytest.mark.proof
 def test_what_the_innovations_do_not_refute_is_left_as_it_is():
     """A Q that is too small: the advice of the verdict is taken over, and no lever arm, latency or R."""
     made = Experiment(mission="montreal", seed=1001)
@@ -206,6 +209,7 @@ def test_chance_changes_a_parameter_in_one_run_of_twenty():
     assert changed < 0.05 * 400 + 4 * np.sqrt(0.05 * 400)
 
 
+@pytest.mark.proof
 def test_noise_is_found_beside_other_sensors_and_further_states():
     """What states of the filter estimate stays with them."""
     made = Experiment(mission="los_angeles", seed=1001)
@@ -222,6 +226,7 @@ def test_noise_is_found_beside_other_sensors_and_further_states():
     assert found.recommended
 
 
+@pytest.mark.proof
 def test_the_least_r_is_a_tenth_of_the_receivers_own(tmp_path):
     """Fixes that share nearly all of their errors look as good as they differ from one to the next."""
     log = tables(40, 130)

@@ -53,6 +53,7 @@ def hostile(judge: Judge, changes: Mapping[str, Any]) -> Examined:
     return Examined(dict.fromkeys(FIGURES, 0.0) | {"nees": high, "nis": low}, [True])
 
 
+@pytest.mark.proof
 def test_a_hostile_run_costs_its_own_row_only(tmp_path: Path) -> None:
     (tmp_path / "find.toml").write_text(SOURCE, encoding="utf-8")
     keyed, folder = make_homework(tmp_path / "find.toml"), tmp_path / "handed"

@@ -45,6 +45,7 @@ def test_steps_ask_something_and_answers_are_judged(lesson: Lesson) -> None:
                 assert not step.judge(wrong_number, None).right
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("lesson", ALL, ids=lambda lesson: lesson.name)
 def test_each_check_accepts_the_solution_and_refuses_what_is_wrong(lesson: Lesson) -> None:
     tried = trials(lesson)

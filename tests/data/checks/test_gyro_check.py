@@ -13,6 +13,7 @@ from lab.data.checks.gyro_check import GyroError
 from lab.data.files.sensor_log_csv import read_sensor_log
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("order", "signs"),
     [((0, 1, 2), (1, 1, -1)), ((0, 1, 2), (-1, 1, 1)), ((0, 2, 1), (1, 1, 1)),
@@ -51,6 +52,7 @@ def test_a_copter_that_looks_against_its_turns_passes(tmp_path):
     read_sensor_log(write(tmp_path, copter(60, nose=0.7, aside=-1.0), 'vehicle = "copter"'))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("signs", [(1, 1, -1), (-1, 1, 1), (1, -1, 1), (-1, 1, -1)])
 def test_a_walkers_wrong_gyros_are_found(recordings, tmp_path, signs):
     folder = described(tmp_path / "walk", recordings / "rtkx_walk")

@@ -121,6 +121,7 @@ def test_going_on_from_a_state_gives_the_same_bits() -> None:
     assert later.tobytes() == expected[4321:].tobytes()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("usual", [2e-4, 2e-3, 1e-2])
 @pytest.mark.parametrize("drift", [0.0, 2e-4, -1e-3])
 def test_the_sigma_of_the_drift_holds_from_the_beginning(usual: float, drift: float) -> None:

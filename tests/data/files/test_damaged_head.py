@@ -63,6 +63,7 @@ def said_of(read, path, data):
     return " ".join(found.repairs if isinstance(found, SensorLog) else found.remarks)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("read", [lambda path: read_raw([path]), lambda path: read_log([path])])
 @pytest.mark.parametrize(("name", "ending"), [("ArduPilot DataFlash", "bin"), ("PX4 ULog", "ulg")])
 def test_a_binary_log_that_was_copied_as_text(tmp_path, recording, name, ending, read):

@@ -118,6 +118,7 @@ IRON = np.array((-80.0, 25.0, 110.0))
 """What Android calls the bias of the uncalibrated field [µT]."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kinds", [("UncalMag",), ("Mag",), ("UncalMag", "Mag")], ids="+".join)
 def test_the_field_is_the_calibrated_one(tmp_path, kinds):
     """The uncalibrated rows give the bias beside the field with it; it is as good as the calibrated one."""

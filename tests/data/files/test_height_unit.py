@@ -9,6 +9,7 @@ from sensor_logs import tables, write_csv
 from lab.data.sheets.sensor_csv import read_logs
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("start", [0, 30, 90])
 @pytest.mark.parametrize(("unit", "metre"), [("m", 1), ("ft", 0.3048), ("cm", 0.01)])
 def test_the_accelerometers_show_the_unit_of_heights_in_a_flight(tmp_path, start, unit, metre):

@@ -26,6 +26,7 @@ def later(table, seconds):
     return table + np.append(seconds, np.zeros(table.shape[1] - 1))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("start", "late", "words"), [(0, LEAP, "earlier .* 18 s late"), (60, -LEAP, "later .* 18 s early")]
 )

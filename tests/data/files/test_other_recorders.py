@@ -119,6 +119,7 @@ def test_angles_in_cells():
     np.testing.assert_allclose(values, [north, north, -12.5, -12.5, -0.25, north, np.nan], atol=1e-7)
 
 
+@pytest.mark.proof
 def test_a_wrong_gyro_is_not_blamed_on_the_accelerometers(recordings, tmp_path):
     """With all accelerations reversed as well, nothing refuses the log, but the velocities do not fit."""
     imu, gnss = (

@@ -64,6 +64,7 @@ def export(request, tmp_path):
     return folder.with_suffix(".zip"), words
 
 
+@pytest.mark.proof
 def test_an_export_in_another_language_is_read(export):
     path, (_, force, rate, *_) = export
     one, log = drive(), read_log([path], vehicle="car")

@@ -52,6 +52,7 @@ def test_gyros_57_times_too_slow_are_found_on_a_drive(tmp_path, seed):
         check_log(written(tmp_path, one, one.rate, "deg_s"))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_an_axis_that_is_not_quite_level_shows_no_other_unit(tmp_path, seed):
     """It follows the course as well as the vertical one, 50 times as slowly."""

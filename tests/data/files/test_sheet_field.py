@@ -126,6 +126,7 @@ def axes_of(log):
     return C
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize(("speed", "course"), [(0.0, 20.0), (0.0, 250.0), (0.8, 130.0), (0.8, 320.0)])
 def test_the_magnetometer_of_a_phone_gives_the_heading(tmp_path, mount, speed, course):

@@ -174,6 +174,7 @@ def test_the_limit_holds_for_what_is_decompressed(tmp_path, monkeypatch):
         read_table(tmp_path / "large.gz", WANTED, REQUIRED)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "text",
     [

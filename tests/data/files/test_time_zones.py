@@ -63,6 +63,7 @@ def test_an_abbreviation_that_says_nothing_or_several_things_is_refused(tmp_path
         read_log([tmp_path])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%H:%M:%S.%f"])
 @pytest.mark.parametrize(("zone", "hours"), [("CET", 1), ("PST", -8), ("NZDT", 13)])
 def test_the_imu_in_one_zone_and_the_receiver_in_utc_are_of_one_clock(

@@ -176,6 +176,7 @@ def test_the_log_goes_on_behind_what_was_appended(written):
 HEADER = b"ULog\x01\x12\x35\x01" + bytes(8)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("data", "words"),
     [

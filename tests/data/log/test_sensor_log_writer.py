@@ -152,6 +152,7 @@ def test_added_logs_are_listed_and_names_are_free_once(log, own):
     assert [name for name in missions() if name not in {"montreal", "los_angeles", "pacific"}] == ["drive"]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("writer", "boot"), [(ulog, ulog.BOOT), (ardupilot, ardupilot.BOOT)])
 def test_the_log_of_an_autopilot_is_navigated_to_the_flight_it_was_made_of(writer, boot, own):
     recording = mission("montreal").recording

@@ -67,6 +67,7 @@ def by_end(found: Samples) -> dict[tuple[str, int], list[bytes]]:
     return rows
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("part", [1e-4, 1e-3])
 @pytest.mark.parametrize("stream", STREAMS)
 def test_undamaged_frames_are_kept_and_damaged_ones_are_not(stream, part):

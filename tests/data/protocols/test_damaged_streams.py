@@ -51,6 +51,7 @@ def test_decoders_and_encoders_are_what_they_promise_to_be(name):
     assert decoder_of(name).name == ENCODERS[name]().name == name
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", DECODERS)
 def test_bytes_one_by_one_give_what_all_at_once_give(name):
     data = seed(name)
@@ -60,6 +61,7 @@ def test_bytes_one_by_one_give_what_all_at_once_give(name):
         assert same(decoded(decoder_of(name), data, step), whole)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", CAPTURES)
 def test_pieces_of_a_capture_give_what_all_of_it_gives(name):
     data = capture(CAPTURES[name])[:60_000]
@@ -98,6 +100,7 @@ def test_bytes_at_random_raise_nothing(name, data, step, head):
     attack_decoder(name, STARTS[name] + data if head else data, step)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", DECODERS)
 @pytest.mark.parametrize("kind", ["random", "starts", "repeated"])
 def test_memory_is_bounded_whatever_comes(name, kind):

@@ -331,6 +331,7 @@ def force_error(recording: Recording, trajectory: Trajectory, first: float) -> f
     return float(np.sqrt(np.mean(np.sum((found - exact) ** 2, axis=1))))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("step", [0.055, 0.01])
 def test_false_specific_force_by_precision_and_path(step):
     table = false_force(step)

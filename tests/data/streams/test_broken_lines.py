@@ -91,6 +91,7 @@ class Port:
         os.close(self._theirs)
 
 
+@pytest.mark.proof
 @pseudo_terminals
 @pytest.mark.parametrize("protocol", ["", "&protocol=vectornav"])
 def test_a_wrong_speed_is_named_as_the_cause(protocol: str, tmp_path: Path) -> None:

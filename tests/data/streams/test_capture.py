@@ -41,6 +41,7 @@ def capture(tmp_path):
     return write
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("protocol", WITH_CLOCK)
 def test_samples_come_at_the_times_that_are_in_them(capture, protocol):
     found = recorded_samples(capture(protocol))

@@ -46,6 +46,7 @@ def received(device: str, chunks: list[Chunk]) -> tuple[Reception, np.ndarray]:
     return reception, np.concatenate([*parts, reception.lose(chunks[-1].arrival)[0]])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("many", [1, 10])
 @pytest.mark.parametrize("step", [1.0, -1.0, 3600.0, -3600.0, 0.3, -0.02, -(BEGIN + AT / RATE)])
 @pytest.mark.parametrize("device", [*DEVICES, "ublox"])

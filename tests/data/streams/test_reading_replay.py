@@ -55,6 +55,7 @@ def sensors() -> SensorSuite:
     return made
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", ["ublox", "mavlink"])
 def test_a_recorded_file_replays_bit_for_bit_and_its_mission_has_all(
     device: str, flight: SimulatedFlight, tmp_path: Path

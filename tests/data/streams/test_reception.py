@@ -42,6 +42,7 @@ def received(reception: Reception, stream: list[Chunk]) -> tuple[np.ndarray, np.
     return np.concatenate([imu for imu, _ in parts]), np.concatenate([fix for _, fix in parts])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", IMU_DEVICES)
 @pytest.mark.parametrize("known", [False, True])
 def test_every_device_is_recognised_and_timed(device: str, known: bool) -> None:

@@ -106,6 +106,7 @@ def scripted(count: int = 200) -> tuple[Scripted, Source]:
     return transport, lab.live.open(transport, protocol="vectornav")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("line", LINES)
 def test_samples_come_and_are_recorded_and_replayed_bit_by_bit(line: str, tmp_path: Path) -> None:
     path = tmp_path / "flight.inslab"
@@ -129,6 +130,7 @@ def test_samples_come_and_are_recorded_and_replayed_bit_by_bit(line: str, tmp_pa
     assert read.imu.tobytes() == live.imu.tobytes()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", ["vectornav", "memsense", "mip", "text"])
 @pytest.mark.parametrize("before", [1, 30])
 def test_a_recording_that_begins_before_the_first_sample_has_the_same_bits(
@@ -167,6 +169,7 @@ def test_what_comes_is_what_the_simulated_sensors_measured() -> None:
     assert np.abs(read.imu["rate"] - true).max() < 1e-6
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("line", LINES)
 def test_unplugging_is_shown_and_survived(line: str, tmp_path: Path) -> None:
     path = tmp_path / "unplugged.inslab"

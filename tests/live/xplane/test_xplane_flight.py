@@ -73,6 +73,7 @@ def silent() -> SensorSuite:
     return sensors
 
 
+@pytest.mark.proof
 def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
     """Eight seeds through packets, curve, sensors, bytes, clock and navigator."""
     normed: dict[str, list[float]] = {"position": [], "velocity": [], "attitude": []}
@@ -159,6 +160,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
     assert not np.array_equal(one.imu["rate"], other.imu["rate"])
 
 
+@pytest.mark.proof
 def test_a_jump_begins_another_flight_behind_a_gap_that_is_not_filled() -> None:
     flight = XPlaneFlight(SensorSuite(), 1, RATE)
     imu = []
@@ -183,6 +185,7 @@ def test_a_jump_begins_another_flight_behind_a_gap_that_is_not_filled() -> None:
     assert truth.position[2, 0] - truth.position[0, 0] > 0.009
 
 
+@pytest.mark.proof
 def test_the_navigator_aligns_again_after_a_jump() -> None:
     experiment = Experiment(mission="montreal")
     navigator = LiveNavigator(experiment.sensors, experiment.navigator)

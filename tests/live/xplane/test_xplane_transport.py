@@ -48,6 +48,7 @@ def events(source: Source) -> str:
     return " ".join(event.text for event in source.status.events)
 
 
+@pytest.mark.proof
 def test_samples_fixes_and_truth_come_and_a_replay_has_the_same_bits(
     xplane: XPlaneSimulator, tmp_path: Path
 ) -> None:
@@ -74,6 +75,7 @@ def test_samples_fixes_and_truth_come_and_a_replay_has_the_same_bits(
     until(lambda: not xplane.subscribers)  # X-Plane is asked to stop
 
 
+@pytest.mark.proof
 def test_a_jump_is_named_and_a_new_flight_begins(xplane: XPlaneSimulator) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 200)
@@ -88,6 +90,7 @@ def test_a_jump_is_named_and_a_new_flight_begins(xplane: XPlaneSimulator) -> Non
     assert np.diff(imu["time"]).max() > 2.9
 
 
+@pytest.mark.proof
 def test_the_navigator_tells_the_cause_of_a_jump_once(xplane: XPlaneSimulator) -> None:
     live = LiveNavigator(SensorSuite(), NavigatorSettings())
     with opened(xplane) as source:
@@ -102,6 +105,7 @@ def test_the_navigator_tells_the_cause_of_a_jump_once(xplane: XPlaneSimulator) -
     assert "silent" not in " ".join(live.state.remarks)
 
 
+@pytest.mark.proof
 def test_a_pause_is_told_and_leaves_no_gap(xplane: XPlaneSimulator) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 150)
@@ -127,6 +131,7 @@ def test_another_pace_is_told_and_changes_no_interval(xplane: XPlaneSimulator) -
     assert np.diff(imu["time"]) == pytest.approx(0.01, abs=1e-6)
 
 
+@pytest.mark.proof
 def test_lost_frames_are_bridged_or_break_the_flight(xplane: XPlaneSimulator) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 150)

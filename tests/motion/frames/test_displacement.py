@@ -38,6 +38,7 @@ def uses_radii(path: Path) -> bool:
     )
 
 
+@pytest.mark.proof
 def test_metres_become_latitude_and_back_in_one_place() -> None:
     found = {path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.py") if uses_radii(path)}
     assert found == set(CURVATURE)

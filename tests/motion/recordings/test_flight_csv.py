@@ -268,6 +268,7 @@ def test_lines_without_end_and_remarks_without_end_are_stopped(tmp_path):
     )
 
 
+@pytest.mark.proof
 def test_line_ends_may_fall_anywhere_in_a_large_file(tmp_path):
     values = table(circle(samples=1000, step=0.01))
     rows = np.tile(values, (150, 1))

@@ -33,6 +33,7 @@ def increments(piece: FlownPiece) -> tuple[np.ndarray, np.ndarray]:
     return ideal.dtheta[part], ideal.dvelocity[part]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("jitter", [0.0, 0.004])
 @pytest.mark.parametrize("where", [Turning(), Turning(latitude=-1.2, longitude=np.pi - 1e-5, bank=-0.3)])
 def test_a_turn_feels_what_its_closed_form_feels(where: Turning, jitter: float) -> None:
@@ -103,6 +104,7 @@ def test_pieces_join_to_one_curve(monkeypatch: pytest.MonkeyPatch) -> None:
     assert joints(pieces(rough(times(10))))[3] > 1e-3
 
 
+@pytest.mark.proof
 def test_the_curve_is_tied_to_the_positions() -> None:
     """A velocity that is 0.1 m/s too large, for minutes: the curve stays 2/ω of it ahead."""
     t = times(150)
@@ -123,6 +125,7 @@ def test_it_reaches_back_and_begins_anywhere() -> None:
     assert np.abs(displacement(there.position[None], late.position)).max() < 1e-3
 
 
+@pytest.mark.proof
 def test_memory_is_bounded_and_irregular_frames_are_taken() -> None:
     rng = np.random.default_rng(4)
     t = np.cumsum(rng.choice([0.001, 0.02, 0.06, 0.5], 3000, p=[0.2, 0.6, 0.19, 0.01]))

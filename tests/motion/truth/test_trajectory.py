@@ -225,6 +225,7 @@ def test_velocity_is_the_derivative_of_position(latitude: float) -> None:
     np.testing.assert_allclose(truth.velocity_n, (ahead - behind) / (2 * step), atol=2e-6)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("stamps", [REGULAR, np.arange(0, 205, 0.01), irregular(0.055), irregular(0.01)])
 @pytest.mark.parametrize("imu_rate", [100.0, 128.0, 200.0])
 def test_curve_is_the_flight_between_the_samples(stamps: FloatArray, imu_rate: float) -> None:
@@ -292,6 +293,7 @@ FLIGHTS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("curve", ["rotation", "euler"])
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_pyins_fed_with_the_increments_returns_to_the_truth(name: str, curve: AttitudeKind) -> None:

@@ -57,6 +57,7 @@ def test_nothing_is_left(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("name", "reason"), [("_netcdf", "netCDF library could not write"), ("_csv", "File too large")]
 )
