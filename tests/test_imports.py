@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 SCRIPTS = {Path("dashboards/simulator.py"), Path("dashboards/upstream/rest_routes.py")}
 """Files that a server runs: a page, and what Panel loads with it."""
@@ -40,6 +42,7 @@ def inner(statement: ast.stmt, part: str) -> list[ast.stmt]:
     return [] if is_definition or is_script else getattr(statement, part, [])
 
 
+@pytest.mark.proof
 def test_an_import_changes_nothing_in_the_process() -> None:
     found = {file: calls(ast.parse((ROOT / file).read_text("utf-8")).body) for file in FILES}
     effects = [(str(file), call) for file, called in found.items() for call in called]

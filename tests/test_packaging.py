@@ -38,6 +38,7 @@ def _wheel_names(folder: Path) -> set[str]:
         return set(archive.namelist())
 
 
+@pytest.mark.proof
 def test_the_wheel_holds_every_module_and_nothing_beside(distributions: Path) -> None:
     names = _wheel_names(distributions)
     modules = {
@@ -98,6 +99,7 @@ def test_the_package_imports_fast() -> None:
     assert min(seconds) <= IMPORT_SECONDS
 
 
+@pytest.mark.proof
 def test_a_run_with_its_verdict_loads_no_statistics_package() -> None:
     """scipy.stats takes half a second, a quarter of a first run in a fresh process."""
     script = "import sys; import lab; lab.Experiment().run().summary; print('scipy.stats' in sys.modules)"

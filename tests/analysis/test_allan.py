@@ -131,6 +131,7 @@ def test_an_exact_curve_gives_back_its_terms() -> None:
     assert np.allclose([terms.N[0], terms.B[0], terms.K[0]], [N, B, K], rtol=1e-6)
 
 
+@pytest.mark.proof
 def test_fitted_terms_spread_as_their_uncertainties_say() -> None:
     """All three terms in 120 records: error over σ has the rms 1, known to 6 %, and no preferred sign."""
     true = N, B, K = 0.3, 0.1, 0.02

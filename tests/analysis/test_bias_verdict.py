@@ -34,6 +34,7 @@ def unstable(sensor: str, instability: float, correlation_time: float, seed: int
     return experiment
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("sensor", "instability", "correlation_time"), MATCHED)
 def test_a_filter_matched_to_an_instability_is_not_accused(
     sensor: str, instability: float, correlation_time: float

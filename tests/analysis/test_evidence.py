@@ -145,6 +145,7 @@ WILD = {
 """Bounds of the settings: P0 is so much larger than R that rounding spoils recomputed covariances."""
 
 
+@pytest.mark.proof
 def test_causes_that_rounding_hides_are_withheld_and_the_rest_is_judged() -> None:
     """All of them, or those whose covariance is spoilt; which, depends on the rounding of each processor."""
     withheld = []

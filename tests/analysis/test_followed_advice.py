@@ -44,6 +44,7 @@ def rms(results: list[Result]) -> float:
     return float(np.sqrt(np.mean([np.sum(one.errors["position"].values ** 2, axis=1) for one in results])))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("scale", [0.1, 10.0])
 def test_r_wrong_as_a_whole_is_mended_as_a_whole(scale):
     """One of position and velocity alone would leave the fixes of the other with the wrong weight."""

@@ -49,6 +49,7 @@ def polar(tmp_path: Path, name: str, duration: float = 60.0) -> str:
     return str(path)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["straight over the north pole", "in a curve by the south pole"])
 def test_over_a_pole_all_sources_sum_to_the_covariance_of_a_matched_filter(tmp_path: Path, name: str) -> None:
     """In the north axes of the filter, in which σ of heading and velocity grows close to the pole."""

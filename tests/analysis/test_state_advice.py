@@ -111,6 +111,7 @@ def test_an_ensemble_offers_the_drift_too():
     assert found["GPS correlation"].changes[0].path == "navigator.estimate_gps_drift"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
 def test_a_white_receiver_never_hears_of_drift(mission):
     for seed in range(1, 13):
@@ -214,6 +215,7 @@ def test_who_raised_r_for_a_slow_error_gets_out_of_the_circle(tmp_path):
     assert result.experiment.navigator.estimate_gps_drift
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_log_of_a_white_receiver_never_hears_of_drift(seed, tmp_path: Path):
     driven = run(PRECISE, seed, str(winding_road(tmp_path, 400.0)))

@@ -117,6 +117,7 @@ def test_an_aeroplane_that_goes_exactly_where_its_nose_points_banks(tmp_path):
     assert not may_suggest(drive(tmp_path, 1, banks=True))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("path", [{"current": 0.3}, {"current": 0.5}, {"drift": 0.2}, {"drift": 0.6}])
 def test_a_ship_never_hears_of_it(path, tmp_path):
     """It drifts in a current, or its nose points into its turns."""
@@ -140,6 +141,7 @@ def test_wheels_without_a_gain_are_not_mentioned(tmp_path, monkeypatch):
     assert not suggested(drive(tmp_path, 2))
 
 
+@pytest.mark.proof
 def test_of_a_long_log_a_part_is_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(suggestion, "MOST", 4000)
     result = log_of(drive(tmp_path, 2), tmp_path / "log").run()

@@ -238,6 +238,7 @@ def test_what_one_fault_hides_of_another_is_tried_together() -> None:
     assert trial.worsened(before, trial.figures(trial.advised(result, latency.changes).run()))
 
 
+@pytest.mark.proof
 def test_advice_on_many_runs_is_tried_on_the_first_of_them() -> None:
     experiment = Experiment(mission="los_angeles", seed=3)
     experiment.update({"navigator": {"r_scale": 10.0}})

@@ -93,6 +93,7 @@ def test_a_bias_drive_that_is_too_large_is_named(seed):
     assert (finding.quantity, finding.direction) == ("Q gyro bias", "too large")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["ADIS16470", "VN-100", "KVH P-1775", "HG4930"])
 def test_what_stands_for_flicker_is_not_called_too_large(name):
     """By what the sensor adds alone a third of the drive would do; the estimates need it."""

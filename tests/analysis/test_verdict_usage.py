@@ -27,6 +27,7 @@ def test_a_matched_smoothed_run_is_consistent(mission):
     assert sum(not verdict.consistent for verdict in judged) == 0
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("scale", "direction"), [(0.05, "too small"), (20, "too large")])
 def test_a_wrong_p0_is_seen_through_the_smoother(scale, direction):
     experiment = Experiment(seed=2)
@@ -62,6 +63,7 @@ def test_a_gate_that_rejects_good_fixes_is_never_consistent():
     assert result.innovation_verdict.consistent is False
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("filtered", [True, False])
 def test_small_innovations_of_a_receiver_that_filters_are_no_r_too_large(filtered):
     """Its errors of 1 m hardly change from fix to fix; white errors of 0.1 m are an R too large indeed."""
@@ -117,6 +119,7 @@ def test_a_filter_that_estimates_errors_of_the_receiver_is_judged_by_its_own_err
         assert verdict.basis == "1 run, errors and innovations"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("gate", [0.95, 0.99, 0.999])
 def test_what_a_gate_rejects_by_chance_is_no_finding(gate):
     for seed in range(1, 6):

@@ -51,6 +51,7 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
     expect(page.get_by_text("Disconnected.")).to_be_visible()
 
 
+@pytest.mark.proof
 @pytest.mark.browser
 def test_a_stream_is_drawn_as_it_comes(shared_page: Page) -> None:
     page = shared_page

@@ -120,6 +120,7 @@ def box(page: Page, name: str) -> Locator:
     return page.get_by_role("textbox", name=name)
 
 
+@pytest.mark.proof
 def test_a_plan_is_changed_saved_flown_and_cancelled(mine: Path, shared_page: Page) -> None:
     page = shared_page
     pytest.importorskip("jsbsim")
@@ -184,6 +185,7 @@ def upload(page: Page, *paths: Path) -> None:
     files.set_input_files(list(paths))
 
 
+@pytest.mark.proof
 def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tmp_path: Path) -> None:
     page = shared_page
     flight, broken, nameless = (
@@ -241,6 +243,7 @@ def capture_of(protocol: str, path: Path) -> Path:
     return path
 
 
+@pytest.mark.proof
 def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
     mine: Path, shared_page: Page, tmp_path: Path
 ) -> None:

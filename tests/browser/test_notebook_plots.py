@@ -123,6 +123,7 @@ Explorer(experiment.run()).view.save(sys.argv[1], resources=INLINE)
 """As in a notebook; a process that has imported the dashboard also asks for the scripts of its widgets."""
 
 
+@pytest.mark.proof
 def test_the_explorer_is_as_high_as_its_figures(chromium: Browser, tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", SAVE, str(tmp_path / "explorer.html")], cwd=ROOT, check=True)
     page = new_context(chromium, viewport={"width": 1100, "height": 900}).new_page()

@@ -148,6 +148,7 @@ def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -
     expect(noise(page)[1]).to_have_value("0.05")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("query", "words"),
     [

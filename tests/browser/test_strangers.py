@@ -213,6 +213,7 @@ RECORDINGS = {
 """What strangers write into recordings: names of columns, cells, names of tracks."""
 
 
+@pytest.mark.proof
 def test_what_a_recording_says_is_text_where_it_is_judged(
     strange: Strange, server: str, tmp_path: Path
 ) -> None:

@@ -79,6 +79,7 @@ def test_a_damaged_recording_is_refused_with_its_place(tmp_path: Path) -> None:
     assert "standard output" not in answer.stderr
 
 
+@pytest.mark.proof
 def test_axes_are_those_of_the_device(flight: SimulatedFlight, tmp_path: Path) -> None:
     path = tmp_path / "up.bin"
     path.write_bytes(b"".join(chunk.data for chunk in sent(flight, "vectornav")))

@@ -117,6 +117,7 @@ def test_units_and_settings_are_passed_on(tmp_path: Path) -> None:
     refused(ask("import", str(data), "--set", "curves=position"), "Did you mean curve?")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("settings", [[], ["--as", "log"]])
 def test_a_log_becomes_a_flight_or_a_log(tmp_path: Path, settings: list[str]) -> None:
     path = tmp_path / "sitl.ulg"

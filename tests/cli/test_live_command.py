@@ -102,6 +102,7 @@ def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
     refused(ask("live", "navigate", replay, "--set", "navigator.model=nonlinear"), "nonlinear")
 
 
+@pytest.mark.proof
 def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> None:
     answer = ask(
         "live",

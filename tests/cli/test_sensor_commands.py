@@ -51,6 +51,7 @@ def test_one_card_is_shown_with_sources_and_what_is_missing() -> None:
     assert "0.0028  °/s/√Hz, one-sided" in ask("cards", "ICM-42688-P").stdout
 
 
+@pytest.mark.proof
 def test_what_is_assumed_is_said_with_every_answer_and_can_be_left_out() -> None:
     """In the result, the comparison and the budget; without it a card is what its sheet says."""
     flight = ("los_angeles", "--card", "LN-200S")

@@ -138,6 +138,7 @@ def test_what_is_still_needed_is_found_later() -> None:
     assert left() is None
 
 
+@pytest.mark.proof
 def test_a_search_of_everything_finds_the_rest() -> None:
     page = Link()
     left = ref(page)

@@ -18,6 +18,7 @@ def walk() -> Iterator[Walk]:
         yield opened
 
 
+@pytest.mark.proof
 def test_the_table_comes_and_is_applied(walk: Walk) -> None:
     made = Experiment(mission="los_angeles")
     made.set("trajectory.imu_rate", 50)

@@ -161,6 +161,7 @@ def test_what_is_shared_no_longer_is_gone_at_once_for_others(room: Room) -> None
     assert ann.page._station is station
 
 
+@pytest.mark.proof
 def test_offers_follow_without_another_click(room: Room) -> None:
     ann, ben = room.page("ann"), room.page("ben")
     ann.connect()

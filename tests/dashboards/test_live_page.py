@@ -141,6 +141,7 @@ def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
     first.until(lambda: station.source.ended)
 
 
+@pytest.mark.proof
 def test_devices_of_one_name_are_told_apart(opened: Callable[[], Opened]) -> None:
     first, second = opened(), opened()
     second.session.experiment.seed = 2
@@ -299,6 +300,7 @@ def test_a_device_that_is_open_in_another_way_is_not_watched_unasked(
     assert found.address.options["protocol"] == "mip"
 
 
+@pytest.mark.proof
 def test_x_plane_is_watched_with_the_sensors_of_the_settings(
     opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -385,6 +387,7 @@ def test_the_environment_allows_devices_too(monkeypatch: pytest.MonkeyPatch) -> 
         allow_devices(["COM3"])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("field", "text", "words"),
     [

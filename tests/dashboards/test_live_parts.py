@@ -244,6 +244,7 @@ def test_a_desk_sensor_without_fixes_is_compared_at_rest(
     assert "Connect a source" in part._words.object
 
 
+@pytest.mark.proof
 def test_a_stream_with_fixes_needs_a_minute(one: Opened) -> None:
     one.until(lambda: one.page._station is not None and one.page._station.source.end.fix > 1)
     part = one.page._twin

@@ -125,6 +125,7 @@ def test_two_pages_share_one_recording(opened: Callable[[], Opened], folder: Pat
     assert len([name for name in missions() if name.startswith("recording")]) == 1
 
 
+@pytest.mark.proof
 def test_record_pressed_on_two_pages_at_once_records(opened: Callable[[], Opened], folder: Path) -> None:
     """The second click was made on a Record that shows no more when the server learns of it."""
     first, second = opened(), opened()
@@ -142,6 +143,7 @@ def test_record_pressed_on_two_pages_at_once_records(opened: Callable[[], Opened
     assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
 
 
+@pytest.mark.proof
 def test_a_page_that_leaves_does_not_end_what_others_watch(opened: Callable[[], Opened]) -> None:
     first, second = opened(), opened()
     clicked(first)

@@ -86,6 +86,7 @@ def test_a_failed_run_leaves_the_message_and_the_last_good_result(long: Walk) ->
     assert session.problem == ""
 
 
+@pytest.mark.proof
 def test_the_models_run_without_the_result_which_comes_back(long: Walk) -> None:
     session = long.page.session
     old = ref(session.result)

@@ -189,6 +189,7 @@ def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
     assert len(found) == 2
 
 
+@pytest.mark.proof
 def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     found, turns = searches(monkeypatch), Openings()
     monkeypatch.setattr(openings, "ROOM", 10_000)
@@ -224,6 +225,7 @@ def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
     assert found == [1]
 
 
+@pytest.mark.proof
 def test_everything_is_searched_when_much_memory_was_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stream at 1 kHz is few objects, and 100 MB."""
     memory = [300]
@@ -258,6 +260,7 @@ def test_everything_is_searched_only_while_nobody_moves_a_slider(monkeypatch: py
     assert found == [1]
 
 
+@pytest.mark.proof
 def test_everything_is_searched_once_the_last_page_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its streams may have left much, and the memory taken before was that of streams too."""
     found, turns = searches(monkeypatch), Openings()

@@ -175,6 +175,7 @@ def test_a_log(walk: Walk, tmp_path, reference: bool) -> None:
     assert set(reasons) == {"Budget", "Allan"} | (set() if reference else {"Errors"})
 
 
+@pytest.mark.proof
 def test_several_runs_and_one_again(walk: Walk) -> None:
     for states in (15, 21):
         walk.run(experiment(navigator__states=states))
@@ -267,6 +268,7 @@ def test_21_states_of_a_sensor_without_scale_errors_are_said_to_be_zero(walk: Wa
 STEPS = ("prepare", "show_time", "lacks")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("kind", "step"),
     [*((kind, "draw") for kind in PAGES), *product((Errors, Covariance), STEPS)],

@@ -116,6 +116,7 @@ def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path
 BARO, MAG = "t_s,height_m\n", "t_s,mx_uT,my_uT,mz_uT\n"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("file", "text", "cause"),
     [

@@ -31,6 +31,7 @@ def many() -> Ensemble:
     return ensemble
 
 
+@pytest.mark.proof
 def test_runs_are_those_of_the_experiment_with_their_seeds(many: Ensemble) -> None:
     assert many.seeds == tuple(range(5, 5 + SEEDS))
     for row in (0, 7):

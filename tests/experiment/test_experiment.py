@@ -166,6 +166,7 @@ def test_the_same_settings_and_seed_give_the_same_bits_in_threads(short):
     assert bits(run(short, seed=2)) != first
 
 
+@pytest.mark.proof
 def test_the_same_settings_and_seed_give_the_same_bits_in_another_process(short):
     code = (
         "import hashlib, sys, numpy as np; from lab import Experiment; "
@@ -289,6 +290,7 @@ def test_progress_goes_forward_to_the_end(short):
 GYRO, ACCEL, GPS, NAV = "sensors__gyro__", "sensors__accelerometer__", "sensors__gps__", "navigator__"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "settings",
     [

@@ -79,6 +79,7 @@ def exact() -> Result:
     return settings().run()
 
 
+@pytest.mark.proof
 def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
     summary, evidence = exact.summary, exact.evidence
     states, nees = evidence.states, evidence.nees
@@ -242,6 +243,7 @@ def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everyth
     assert taken["smoother"] / result.time.size < 500
 
 
+@pytest.mark.proof
 def test_the_filter_of_a_smoothed_flight_is_run_alone(
     monkeypatch: pytest.MonkeyPatch, everything_is_long: None
 ) -> None:
@@ -303,6 +305,7 @@ def _drawn(result: Result, plots: tuple[TimePlot, ...]) -> dict[str, np.ndarray]
     return drawn
 
 
+@pytest.mark.proof
 def test_a_plot_of_a_long_flight_holds_no_history(everything_is_long: None) -> None:
     result = settings().run()
     grid = TimeFigures(COVARIANCE, TimeAxis())
@@ -382,6 +385,7 @@ def test_the_sensors_of_a_long_flight_are_not_cached(everything_is_long: None) -
     assert not {"gyro", "accelerometer"} & set(stages.CACHE.computed)
 
 
+@pytest.mark.proof
 def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:
     result = settings().run()
     assert result.errors is not result.errors
@@ -389,6 +393,7 @@ def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:
     assert "euler" not in vars(result.truth_arrays)
 
 
+@pytest.mark.proof
 def test_a_curve_takes_little_while_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = mission("montreal").recording
     monkeypatch.setattr(spline_windows, "WINDOW", 2**11)  # a tenth of the flight

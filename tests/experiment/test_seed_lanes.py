@@ -198,6 +198,7 @@ def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pyte
         np.testing.assert_allclose(whole.rms[seed - 1], single.rms, rtol=1e-7)
 
 
+@pytest.mark.proof
 def test_an_ensemble_is_the_same_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit; its verdict is that of the first runs, its figures those of all."""
     monkeypatch.setattr(seeds_module, "FEW", 20)

@@ -175,6 +175,7 @@ def test_the_pilot_reaches_heading_and_bank(calm):
     assert np.abs(course - 10).max() < 3
 
 
+@pytest.mark.proof
 def test_left_and_right_are_obeyed():
     for direction, sign in (("left", -1), ("right", 1)):
         manoeuvres = [*SHORT["manoeuvres"][:2], {"do": "turn", "heading_deg": 50.0, "direction": direction}]
@@ -336,6 +337,7 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch):
         fly(FlightPlan.from_dict(SHORT))
 
 
+@pytest.mark.proof
 def test_existing_files_are_replaced_only_when_allowed(tmp_path):
     plan = tmp_path / "plan.toml"
     values = {**SHORT, "duration_s": 20.0, "manoeuvres": SHORT["manoeuvres"][:1]}
@@ -356,6 +358,7 @@ def test_existing_files_are_replaced_only_when_allowed(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"plan.toml", "plan.csv.gz", LOCK_FILE}
 
 
+@pytest.mark.proof
 def test_a_shipped_mission_is_flown_into_the_users_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path / "mine"))
     before = {path: path.read_bytes() for path in shipped_folder().iterdir()}

@@ -33,6 +33,7 @@ def test_no_fix_no_position_but_an_attitude_carried_by_the_gyros():
     assert np.abs(ratios).max() < 3.5
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["BMI088", "MPU-6000", "ADIS16448"])
 def test_sigma_at_rest_is_honest_without_fixes(name):
     """A consumer card on a table: σ of the heading is never below its error, over 20 seeds."""

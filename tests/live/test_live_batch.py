@@ -97,6 +97,7 @@ def test_rows_that_cannot_be_used_are_counted_and_change_nothing():
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 
 
+@pytest.mark.proof
 def test_a_polled_sensor_repeats_samples():
     imu, fixes, _ = driven(late=0.2)
     doubled = np.repeat(imu, np.tile((1, 2, 3), 3000))

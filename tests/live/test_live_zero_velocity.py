@@ -15,6 +15,7 @@ from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("pieces", "barometer", "settings"),
     [

@@ -47,6 +47,7 @@ def test_the_sensors_of_the_settings_are_not_accused(
     assert sentences(flown, monkeypatch, "") == []
 
 
+@pytest.mark.proof
 def test_a_card_that_was_just_measured_is_not_accused_in_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """A record at rest shows no turn-on bias: those of the settings are simulated with its noise."""
     monkeypatch.setattr(twin_module, "TWINS", 5)

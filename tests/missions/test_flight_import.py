@@ -262,6 +262,7 @@ def test_long_flights_take_time_in_proportion():
 NUMBERS = st.floats(-1e4, 1e4) | st.floats(allow_nan=False, allow_infinity=False)
 
 
+@pytest.mark.proof
 @given(st.data())
 def test_whatever_the_numbers_there_is_a_report_or_a_message(data):
     count = data.draw(st.integers(4, 30))

@@ -256,6 +256,7 @@ def test_a_name_taken_while_the_files_were_written_is_refused(own, monkeypatch, 
     assert len(files(own)) == 2
 
 
+@pytest.mark.proof
 def test_several_processes_add_at_once(own):
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"

@@ -55,6 +55,7 @@ def rms(vectors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=-1))))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", BOUNDS)
 def test_the_flight_is_the_same_to_the_precision_of_the_format(name, tmp_path):
     made = prepare_import(written(name, tmp_path))

@@ -150,6 +150,7 @@ def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
     return moved
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", range(10), ids=lambda kind: aids.NAMES[kind])
 @pytest.mark.parametrize("age", [0.0, 0.007])
 def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
@@ -390,6 +391,7 @@ def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
     changed.run()
 
 
+@pytest.mark.proof
 def test_files_hold_what_other_sensors_measured(tmp_path: Path) -> None:
     result = of(VEHICLE).run()
     result.to_csv(tmp_path)

@@ -127,6 +127,7 @@ def test_wrong_noise_shows_in_nees_and_nis(mission: str, settings: dict[str, flo
     assert nis < 0.9
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("settings", [{"q_scale": 0.01}, {"r_scale": 100.0}], ids=["Q ÷ 100", "R × 100"])
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_too_little_gain_colours_the_innovations(mission: str, settings: dict[str, float]) -> None:

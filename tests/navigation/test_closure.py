@@ -91,6 +91,7 @@ def test_a_steep_flight_in_the_air_closes() -> None:
     assert degrees <= 1e-6
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", PLANNED)
 def test_motions_without_a_simulator_close(kind: str) -> None:
     trajectory = Trajectory.from_recording(lab.missions.fly(read_plan(PLANNED[kind])).recording, 200.0)

@@ -57,6 +57,7 @@ def moving(rng: np.random.Generator, off: float = 0.0) -> FloatArray:
     return state
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("model", list(MODELS))
 @pytest.mark.parametrize("names", [ALL, (*blocks.MISALIGNMENTS, blocks.LEVER_ARM)], ids=["33", "30"])
 def test_columns_are_derivatives(model: str, names: tuple[str, ...]) -> None:

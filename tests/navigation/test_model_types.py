@@ -113,6 +113,7 @@ def test_invariant_agrees_with_phi_while_errors_are_small(seed: int) -> None:
     assert figures[0.1][0] < 0.5 * figures[1.0][0]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["HG1700", "STIM300"])
 def test_all_types_agree_with_a_good_sensor(name: str) -> None:
     """With a gyro fit to align with, all four are one filter; with the default one each errs its own way."""

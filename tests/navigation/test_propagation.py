@@ -112,6 +112,7 @@ def test_propagation_over_many_samples_is_the_dense_product(seed: int, n: int) -
     assert_propagated(w, np.eye(n) + E, P, x)
 
 
+@pytest.mark.proof
 @given(seeds, st.sampled_from([15, 21]))
 def test_transition_over_many_samples_is_the_matrix_exponential(seed: int, n: int) -> None:
     """To third order: it leaves less than a fifth of the error to second order."""
@@ -179,6 +180,7 @@ def noisy_fixes(name: str, rate: float) -> tuple[Fixes, SensorSuite]:
     return Fixes(found.time, found.position, found.velocity_n), sensors
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["montreal", "los_angeles"])
 @pytest.mark.parametrize(
     "scales", [{}, {"q_scale": 1e6}, {"r_scale": 1e-6}, {"p0_scale": 1e6}, {"q_scale": 1e-6}]

@@ -211,6 +211,7 @@ def test_tilts_of_a_start_in_motion_err_as_the_card_says(name):
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("arm", [ARM, (0.0, 0.0, -2.0), (-4.0, 3.0, 1.0)])
 @pytest.mark.parametrize("begin", [0.0, 31.0])
 def test_a_precise_receiver_away_from_the_imu(arm, begin):

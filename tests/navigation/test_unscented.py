@@ -105,6 +105,7 @@ def assert_close(P: FloatArray, expected: FloatArray, tolerance: float) -> None:
     np.testing.assert_allclose(P / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=tolerance)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("rank", [15, 12, 3])
 @pytest.mark.parametrize("seed", range(5))
 def test_points_that_stay_where_they_are_give_their_covariance_back(seed: int, rank: int) -> None:

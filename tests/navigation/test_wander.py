@@ -201,6 +201,7 @@ def test_pieces_give_the_same_bits_over_the_pole(polar_csv: str) -> None:
 SEEDS = 100
 
 
+@pytest.mark.proof
 def test_a_filter_over_the_pole_tells_the_truth_about_itself(tmp_path: Path) -> None:
     """NEES and NIS over the seeds; and σ of the heading grows towards the pole, as true north turns."""
     path = tmp_path / "pole.csv"

@@ -93,6 +93,7 @@ print(left())
 """
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
 def test_a_server_gives_the_blocks_of_ended_streams_back() -> None:
     ran = subprocess.run(

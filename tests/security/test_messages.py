@@ -146,6 +146,7 @@ def memory(served: Served) -> int:
     return 1024 * next(int(line.split()[1]) for line in status if line.startswith("VmHWM"))
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux tells the most memory taken")
 def test_an_attack_takes_little_memory_and_time_and_log(served: Served, run) -> None:
     """Two hundred megabytes in a text of 271 kB, and then as many refused messages as can be sent."""

@@ -188,6 +188,7 @@ def test_datasheet_units_become_those_of_the_settings(name: str, group: str, ter
     assert cards.card(name).value(group, term) == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", NAMES)
 def test_a_card_at_rest_gives_back_its_noise(name: str) -> None:
     """Simulated at rest and fitted: N within 5 % and B within 30 %, on every axis."""

@@ -116,6 +116,7 @@ CUTS = [
 ]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("ends", CUTS, ids=["one", "few", "many"])
 def test_pieces_are_the_batch_bit_for_bit(ends: list[int]) -> None:
     found = in_pieces(suite(), sorted(ends))
@@ -129,6 +130,7 @@ def test_pieces_are_the_batch_bit_for_bit(ends: list[int]) -> None:
         assert np.array_equal(getattr(found.fixes, name), getattr(fixes, name)), name
 
 
+@pytest.mark.proof
 def test_pieces_with_flicker_are_the_batch_to_a_millionth() -> None:
     sensors = suite(with_flicker=True)
     for triad in (sensors.gyro, sensors.accelerometer):

@@ -63,6 +63,7 @@ def test_the_scene_is_a_page_that_needs_no_server(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.proof
 def test_the_explorer_draws_its_tabs_when_they_are_opened(result: Result) -> None:
     explorer = Explorer(result)
     assert [len(tab) for tab in explorer.tabs] == [1] * len(explorer.tabs)

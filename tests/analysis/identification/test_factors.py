@@ -71,6 +71,7 @@ def test_a_choice_is_judged_by_fixes_it_was_not_made_by(wrong):
     assert found.after.position_error >= held_out(again, best, turns, dropped).position_error
 
 
+@pytest.mark.proof
 def test_a_filter_that_is_right_is_left_as_it_is():
     result, again, turns, dropped = flown()
     found = choose(again, result.experiment, turns, dropped)

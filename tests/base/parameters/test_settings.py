@@ -317,6 +317,7 @@ VALUES: dict[type, Callable[[Any], st.SearchStrategy[Any]]] = {
 }
 
 
+@pytest.mark.proof
 @given(st.data())
 def test_any_experiment_comes_back_from_toml_as_it_was(data: st.DataObject) -> None:
     experiment = Experiment()

@@ -133,6 +133,7 @@ def seen() -> dict[str, Signature]:
     return {name: signature(run(name, "los_angeles", 1)) for name in (MATCHED, *FAULTS)}
 
 
+@pytest.mark.proof
 def test_each_fault_has_a_signature_that_differs_from_all_others(seen: dict[str, Signature]) -> None:
     assert len(set(seen.values())) == len(FAULTS) + 1
     assert seen[MATCHED] == Signature("-", "=", "=", "=", "=")

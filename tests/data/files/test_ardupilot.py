@@ -141,6 +141,7 @@ def old(request) -> tuple[int, bytes]:
     return request.param, writer.write_old(mission("montreal").recording, request.param)
 
 
+@pytest.mark.proof
 def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, file):
     year, data = old
     flight = ardupilot.read([file(data)], {})
@@ -197,6 +198,7 @@ def as_text(data: bytes) -> bytes:
     return "\r\n".join(lines).encode()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("year", [2013, 2014])
 def test_a_log_as_text_is_the_log(year, file):
     data = writer.write_old(mission("montreal").recording, year)

@@ -66,6 +66,7 @@ def heading_error(log: SensorLog, made: RecordedRun, yaw: float) -> float:
     return float(np.degrees(wrap(found - device.as_euler("ZYX")[0, 0])))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("yaw", [40.0, 130.0, 300.0])
 def test_the_motion_shows_the_heading_where_forward_is_assumed(tmp_path, yaw):
     """The course of the car is not the heading of a device that lies askew in it."""

@@ -14,6 +14,7 @@ from lab.missions.flight_import import read_log
 from lab.motion.frames.rotation import wrap
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["PX4 ULog", "ArduPilot DataFlash"])
 def test_vehicle_and_own_solution(name, tmp_path):
     path = tmp_path / "flight.log"

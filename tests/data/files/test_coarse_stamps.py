@@ -66,6 +66,7 @@ def written(folder, made, stamp, fix_stamp=float):
     return [table(folder / "a.csv", IMU, rows), table(folder / "b.csv", PLACE, fixes)]
 
 
+@pytest.mark.proof
 def test_no_sample_is_lost_that_has_the_stamp_of_another(tmp_path, made, expected):
     """A log in whole seconds turns and accelerates as the original does."""
     log = read_log(

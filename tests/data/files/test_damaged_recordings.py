@@ -62,6 +62,7 @@ def test_the_seed_itself_is_a_flight(tmp_path, name):
     assert flight.dropped == ()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", [name for name in FORMATS if "FlightGear" not in name])
 def test_a_header_in_every_line_and_one_without_end(tmp_path, name):
     ((file, seed),) = seeds(name).items()

@@ -120,6 +120,7 @@ def test_an_iphone_reports_accelerations_along_gravity(tmp_path, made, expected)
     assert any("-accelerometerAccelerationX(G)" in remark for remark in log.repairs)
 
 
+@pytest.mark.proof
 def test_accelerations_along_gravity_are_suspected_in_turns(tmp_path, made, expected):
     """Swapped gyros look alike, so that nothing is reversed without a word of a person."""
     imu, _ = made
@@ -218,6 +219,7 @@ def test_a_folder_of_phyphox(tmp_path, made, expected):
     same(read_log([tmp_path]), expected, 1e-5)
 
 
+@pytest.mark.proof
 def test_a_drive_of_kitti(tmp_path, made, expected):
     imu, gnss = made
     with zipfile.ZipFile(tmp_path / "drive.zip", "w") as archive:

@@ -96,6 +96,7 @@ def test_the_flight_is_the_one_that_was_sent(written, file):
     assert "geoid's separation of the receiver (-31.4 m)" in flight.remarks[1]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("imu", "turn", "force"),
     [

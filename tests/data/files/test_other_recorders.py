@@ -53,6 +53,7 @@ CLOCKS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", CLOCKS)
 def test_a_clock_begins_again_during_the_log(tmp_path, made, expected, name):
     same(read_log(stamped(tmp_path, made, *CLOCKS[name])), expected, 1e-3)

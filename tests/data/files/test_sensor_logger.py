@@ -68,6 +68,7 @@ def zipped(folder):
     return folder.with_suffix(".zip")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("platform", "standardised", "sign"), [("ios", "false", -1), ("ios", "true", 1), ("android", "false", 1)]
 )

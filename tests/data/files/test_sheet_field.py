@@ -212,6 +212,7 @@ def directions(count):
     return vectors / np.linalg.norm(vectors, axis=1)[:, None]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("iron", 40.0 * directions(6), ids=str)
 def test_hard_iron_makes_nothing_worse(tmp_path, iron):
     """The walk with a corner is that without the magnetometer, and the report says what the field is."""

@@ -55,6 +55,7 @@ def test_a_zone_before_the_year_and_one_of_a_time_of_day(text, expected):
     np.testing.assert_allclose(seconds_of_texts([text]), expected)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("zone", ["BST", "IST", "AST", "XYZ"])
 def test_an_abbreviation_that_says_nothing_or_several_things_is_refused(tmp_path, made, zone):
     imu, gnss = made

@@ -70,6 +70,7 @@ def test_pieces_of_a_capture_give_what_all_of_it_gives(name):
         assert same(decoded(decoder_of(name), data, step), whole)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", DECODERS)
 def test_damaged_content_that_passes_its_check_raises_nothing(name):
     rng = np.random.default_rng(zlib.crc32(name.encode()) + 1)
@@ -81,6 +82,7 @@ def test_damaged_content_that_passes_its_check_raises_nothing(name):
             assert same(found, attack_decoder(name, hostile, max(len(hostile), 1)))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", DECODERS)
 def test_hostile_streams_raise_nothing(name):
     rng = np.random.default_rng(zlib.crc32(name.encode()))

@@ -53,6 +53,7 @@ def test_samples_come_at_the_times_that_are_in_them(capture, protocol):
     assert found.reception.loss.jumps == 0
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("protocol", ["vectornav", "xsens", "mip", "ublox"])
 def test_a_capture_becomes_a_log(capture, protocol):
     log = log_of_recording(capture(protocol))

@@ -75,6 +75,7 @@ def test_a_counter_of_32_bits_that_turns_over_is_called_so(device: str) -> None:
     assert len(imu) == COUNT
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("words", ["runs backwards", "repeats"])
 def test_a_useless_clock_is_one_event_and_samples_are_timed_by_number(device: str, words: str) -> None:
@@ -129,6 +130,7 @@ def test_a_datagram_that_comes_after_later_ones_is_no_change_of_the_clock() -> N
     assert (len(imu), reception.loss.backwards, reception.loss.jumps) == (COUNT - 1, 1, 0)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("words", ["set", "backwards"])
 @pytest.mark.parametrize("begin", [0, AT - 50, AT + 100])
 def test_a_recording_of_it_has_the_samples_of_the_stream(words: str, begin: int, tmp_path: Path) -> None:

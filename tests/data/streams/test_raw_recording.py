@@ -89,6 +89,7 @@ while True:
 """
 
 
+@pytest.mark.proof
 def test_a_killed_program_loses_a_second_at_most(tmp_path: Path) -> None:
     path = tmp_path / "killed.inslab"
     with subprocess.Popen(

@@ -334,6 +334,7 @@ def test_pieces_do_not_matter_to_the_values(size: int) -> None:
     assert np.abs(imu["rate"] - motion(300)["rate"]).max() < 1e-6
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("device", ["vectornav", "mip"])
 @pytest.mark.parametrize("step", [5.0, -5.0, 4000.0])
 @pytest.mark.parametrize("many", [1, 10])

@@ -389,6 +389,7 @@ def test_udp_is_listened_to_from_one_sender() -> None:
         assert source.status.statistics.skipped == 0
 
 
+@pytest.mark.proof
 def test_simulated_devices_misbehave_as_told() -> None:
     wrong = "corruption=0.001&jitter_ms=5&drift_ppm=300"
     with lab.live.open(f"simulated:rest?hz=200&rest=60&{wrong}") as source:

@@ -51,6 +51,7 @@ def assert_all_came(data: bytes, flight: SimulatedFlight) -> None:
     np.testing.assert_allclose(found.imu["rate"], flight.imu["rate"], atol=1e-6)
 
 
+@pytest.mark.proof
 def test_what_finds_no_room_comes_late_and_in_order(flight):
     line = Narrow(0)
     with SimulatedDevice(flight, "vectornav", line) as device:
@@ -64,6 +65,7 @@ def test_what_finds_no_room_comes_late_and_in_order(flight):
     assert_all_came(bytes(line.taken), flight)
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_a_reader_that_is_held_up_gets_every_sample(flight):
     line, data = PseudoTerminal(), bytearray()

@@ -118,6 +118,7 @@ def turning(seconds: float, sensors: SensorSuite, seed: int = 1):
     return rows(flight, found), flight
 
 
+@pytest.mark.proof
 def test_sensors_without_errors_feel_the_turn_of_the_aircraft() -> None:
     """Limits: 0.1 mrad/s and 3 mg, from the single precision of angles, velocity and clock in packets."""
     found, flight = turning(20.0, silent())
@@ -153,6 +154,7 @@ def test_samples_follow_each_other_and_their_clock_needs_no_correction() -> None
     assert abs(reception.clock.drift) < 1e-9
 
 
+@pytest.mark.proof
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
     one, again, other = (turning(6.0, SensorSuite(), seed)[0] for seed in (3, 3, 4))
     assert one.imu.tobytes() == again.imu.tobytes()

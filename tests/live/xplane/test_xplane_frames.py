@@ -129,6 +129,7 @@ def test_numbers_of_no_flight_are_refused(field: str, bad: float) -> None:
     assert len(wire.fly(coming[1:4])) == 3  # the flight goes on
 
 
+@pytest.mark.proof
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.binary(max_size=120) | st.binary(min_size=64, max_size=64).map(lambda b: b"RPOS4" + b)
                 | st.binary(min_size=48, max_size=48).map(lambda b: b"RREF," + b), max_size=60))  # fmt: skip

@@ -146,6 +146,7 @@ def test_lost_frames_are_bridged_or_break_the_flight(xplane: XPlaneSimulator) ->
         until(lambda: source.end.imu > count + 50)
 
 
+@pytest.mark.proof
 def test_no_x_plane_is_told() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
         deaf.bind(("127.0.0.1", 0))
@@ -168,6 +169,7 @@ def test_an_x_plane_without_a_clock_is_told(xplane: XPlaneSimulator) -> None:
         assert source.end.imu == 0
 
 
+@pytest.mark.proof
 def test_hostile_packets_among_the_others_change_nothing(xplane: XPlaneSimulator) -> None:
     xplane.noise = b"RPOS4" + bytes(range(64)) * 5
     with opened(xplane) as source:

@@ -212,6 +212,7 @@ def test_rates_are_those_of_the_inertial_motion(latitude: float, curve: Attitude
     np.testing.assert_allclose(omega_ib_b, omega_expected, atol=2e-7)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("latitude", LATITUDES)
 def test_velocity_is_the_derivative_of_position(latitude: float) -> None:
     trajectory = Trajectory.from_recording(Flight(latitude).recording(REGULAR))
@@ -244,6 +245,7 @@ def test_curve_is_the_flight_between_the_samples(stamps: FloatArray, imu_rate: f
     np.testing.assert_allclose(rotation.wrap(truth.euler - flight.euler(t)), 0, atol=1e-6)
 
 
+@pytest.mark.proof
 def test_increments_are_integrals_of_the_rates() -> None:
     trajectory = Trajectory.from_recording(Flight(-0.6).recording(irregular(0.055)), 200)
     for rate in (50.0, 200.0, 600.0):
@@ -303,6 +305,7 @@ def test_pyins_fed_with_the_increments_returns_to_the_truth(name: str, curve: At
     assert degrees < 1e-6
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("imu_rate", [100.0, 128.0, 500.0])
 def test_closure_improves_with_the_imu_rate(imu_rate: float) -> None:
     trajectory = Trajectory.from_recording(Flight().recording(irregular(0.055)), imu_rate)
