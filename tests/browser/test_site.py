@@ -96,6 +96,7 @@ def test_every_link_leads_to_a_place_that_exists(site: Path, pages: dict[Path, H
                 assert place in pages[target].ids, f"{file.relative_to(site)}: {link}"
 
 
+@pytest.mark.proof
 def test_nothing_is_fetched_from_the_network(site: Path, pages: dict[Path, Html]) -> None:
     for file, page in pages.items():
         assert not [one for one in page.fetched if re.match(r"(https?:)?//", one)], file.relative_to(site)
@@ -105,6 +106,7 @@ def test_nothing_is_fetched_from_the_network(site: Path, pages: dict[Path, Html]
         )
 
 
+@pytest.mark.proof
 def test_every_public_name_is_in_the_reference(pages: dict[Path, Html]) -> None:
     places = set().union(*(page.ids for page in pages.values()))
     for name in set(lab.__all__) - {"__version__"}:
@@ -112,12 +114,14 @@ def test_every_public_name_is_in_the_reference(pages: dict[Path, Html]) -> None:
         assert (f"module-{module}" if module else f"lab.{name}") in places, name
 
 
+@pytest.mark.proof
 def test_every_setting_is_in_the_reference(site: Path) -> None:
     text = (site / "docs/site/reference/settings.html").read_text("utf-8")
     for path, _, _ in Experiment().leaves():
         assert text.count(f">{path}</span>") == 1, path
 
 
+@pytest.mark.proof
 def test_equations_and_notebooks_are_on_their_pages(site: Path, pages: dict[Path, Html]) -> None:
     for source in THEORY:
         page = pages[site / "docs/theory" / f"{source.stem}.html"]
@@ -129,6 +133,7 @@ def test_equations_and_notebooks_are_on_their_pages(site: Path, pages: dict[Path
         assert "# %%" not in text
 
 
+@pytest.mark.proof
 def test_the_search_knows_the_pages_without_a_server(site: Path) -> None:
     script = (site / "searchindex.js").read_text("utf-8")
     index = json.loads(script.removeprefix("Search.setIndex(").removesuffix(")"))
@@ -145,6 +150,7 @@ def equations(text: str) -> Iterator[tuple[str, str]]:
         yield parts[at], rest.strip().partition("\n\n")[0]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("document", THEORY, ids=lambda path: path.stem)
 def test_every_equation_names_its_function(document: Path) -> None:
     text = document.read_text("utf-8")
@@ -281,6 +287,7 @@ def test_pages_fit_the_screen_and_axe_finds_nothing_serious(
         accessible(page, f"{name}, {theme}, {width} px")
 
 
+@pytest.mark.proof
 @pytest.mark.browser
 def test_pictures_are_those_of_the_theme(site: Path, visit: Callable[[Path, str, int], Page]) -> None:
     for theme, other in (THEMES, THEMES[::-1]):
@@ -289,6 +296,7 @@ def test_pictures_are_those_of_the_theme(site: Path, visit: Callable[[Path, str,
         expect(page.locator(f"img[src$='errors-{other}.png']")).to_be_hidden()
 
 
+@pytest.mark.proof
 @pytest.mark.browser
 def test_the_search_finds_a_page_in_a_folder(site: Path, visit: Callable[[Path, str, int], Page]) -> None:
     page = visit(site / "search.html", "light", 1440)
@@ -315,6 +323,7 @@ def accessible(page: Page, what: str) -> None:
     assert texts == [], what
 
 
+@pytest.mark.proof
 @pytest.mark.browser
 def test_outputs_are_kept_until_the_notebook_changes(
     short: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -335,6 +344,7 @@ def test_outputs_are_kept_until_the_notebook_changes(
             module.executed(name, changed, cache)
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(not hasattr(os, "getloadavg"), reason="Windows reports no load")
 def test_a_cell_has_more_time_on_a_computer_with_other_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(SITE))

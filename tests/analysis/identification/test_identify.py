@@ -125,6 +125,7 @@ def test_the_noise_of_a_log_is_found(of_the_drive):
     assert found.inside[1] > 0.85 > found.inside[0]
 
 
+@pytest.mark.proof
 def test_a_card_of_a_log_can_be_loaded(of_the_drive, tmp_path):
     _, found = of_the_drive
     path = tmp_path / "own.toml"
