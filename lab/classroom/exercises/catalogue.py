@@ -15,7 +15,7 @@ def _exercise(table: Mapping[str, Any]) -> Exercise:
     """Return the exercise of a table: with a number as the right answer, or with words."""
     if isinstance(table["right"], str):
         return Choice(**table)
-    mistakes = {float(answer): help for answer, help in table["mistakes"].items()}
+    mistakes = {float(answer): hint for answer, hint in table["mistakes"].items()}
     return Number(**{**table, "mistakes": mistakes})
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.base.registry import find
+from lab.base.registry import find, names
 from lab.data.streams.address import Address
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.raw_recording import NEW_AXES
@@ -16,7 +16,7 @@ from lab.data.streams.sensor_server import SensorServerTransport
 from lab.data.streams.serial_port import SerialPort
 from lab.data.streams.source import Source
 from lab.data.streams.tcp_connection import TcpConnection
-from lab.data.streams.transport import Transport
+from lab.data.streams.transport import Transport, TransportError
 from lab.data.streams.udp_listener import UdpListener
 
 SPEEDS = (0.1, 10.0)
@@ -68,7 +68,13 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
 
 def _maker(kind: str) -> Callable[[Address], Transport]:
     """Return what makes a transport of an address; that of a simulation is registered by `lab.live`."""
-    return _TRANSPORTS[kind] if kind in _TRANSPORTS else find("source", kind)
+    if kind in _TRANSPORTS:
+        return _TRANSPORTS[kind]
+    if kind not in names("source"):
+        raise TransportError(
+            f"{kind}: is simulated by lab.live; import it, or open the source with lab.live.open"
+        )
+    return find("source", kind)
 
 
 def _follow(source: Source, event: Mapping[str, Any]) -> None:

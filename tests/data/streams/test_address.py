@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -83,3 +86,13 @@ def test_any_text_is_an_address_or_refused(text: str, kind: str) -> None:
         except TransportError:
             continue
         assert Address.of(str(address)).options == address.options
+
+
+def test_a_simulated_source_without_the_room_that_simulates_is_refused_in_words() -> None:
+    code = (
+        "from lab.data.streams.source_opening import open_source\n"
+        "try: open_source('simulated:montreal')\n"
+        "except ValueError as error: print(error)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "lab.live.open" in ran.stdout
