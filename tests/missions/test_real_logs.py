@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab import Experiment
 from lab.missions import ImportSettings, prepare_import
 from lab.missions.flight_import import FlightImport, read_log
+from lab.missions.library import add_log
 
 ROOT = Path(__file__).parents[2]
 
@@ -81,3 +83,10 @@ def test_sdlog2_holds_an_imu_and_a_receiver(logs):
     turn, force = log.rates
     assert np.linalg.norm(force.mean(axis=0)) == pytest.approx(9.8, abs=0.1)
     assert np.degrees(np.linalg.norm(turn.mean(axis=0))) < 0.5
+
+
+def test_few_fixes_with_correlated_errors_are_not_taken_for_an_r_that_is_too_large(logs, tmp_path):
+    """Followed, the advice to divide R by 46 made the errors across withheld outages 1.35 times as large."""
+    log = add_log(read_log([logs / "px4_small.ulg"]), "small", title="Small", folder=tmp_path)
+    verdict = Experiment(mission=str(log.path)).run().tried_verdict
+    assert [finding.quantity for finding in verdict.findings] == ["GPS correlation"]
