@@ -14,7 +14,7 @@ from typing import Any
 import panel_material_ui as pmui
 
 from dashboards.messages import CHUNK
-from lab.base.files.folder_lock import LOCK_FILE, hold
+from lab.base.files.locks import LOCK_FILE, hold
 from lab.data.formats import MAX_FILES
 from lab.missions.mission_name import PUNCTUATION
 

@@ -36,7 +36,7 @@ from lab.views.cards import register_cards
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
     from lab.base.parameters.setting_error import SettingError
-    from lab.classroom.exercises.catalogue import check
+    from lab.classroom.exercises.exercise import check
     from lab.experiment.ensembles.comparison import compare
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.ensembles.seeds import run_ensemble
@@ -100,7 +100,7 @@ _HOMES = {
     "Trajectory": "lab.motion.truth.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
-    "check": "lab.classroom.exercises.catalogue",
+    "check": "lab.classroom.exercises.exercise",
     "compare": "lab.experiment.ensembles.comparison",
     "declare_states": "lab.navigation.filters.own_states",
     "export_track": "lab.views.export",

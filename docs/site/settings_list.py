@@ -6,8 +6,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from lab.base.parameters.setting_help import value_text
-from lab.base.parameters.setting_kinds import describe
+from lab.base.parameters.setting_kinds import describe, value_text
 from lab.experiment.experiment import Experiment
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from lab.analysis import allan
 from lab.base.arrays import FloatArray
+from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
-from lab.base.files.text_blocks import check_file
 from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
 from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.sensor_csv import sheets_of

@@ -13,7 +13,7 @@ from lab.cli.terminal import table
 
 if TYPE_CHECKING:
     from lab.classroom.lessons.catalogue import Entry
-    from lab.classroom.lessons.trial import Trial
+    from lab.classroom.lessons.lesson import Trial
 
 EXAMPLES = """\b
 Examples:
@@ -77,7 +77,7 @@ def check(
     print(f"{file}: {found.title}: steps: {len(found.steps)}, to solve: {asked}")
     if not run:
         return
-    from lab.classroom.lessons.trial import trials  # noqa: PLC0415 - takes a second
+    from lab.classroom.lessons.lesson import trials  # noqa: PLC0415 - takes a second
 
     with working(str(file)) as progress:
         tried = trials(found, progress)

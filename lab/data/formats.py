@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
-from lab.base.files.text_blocks import check_file
 from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
 from lab.data.files import (
     ardupilot,

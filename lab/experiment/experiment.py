@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lab.base.parameters.setting_help import is_changed
+from lab.base.parameters.setting_kinds import is_changed
 from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.log_run import run_log

@@ -13,8 +13,8 @@ import io
 from pathlib import Path
 from typing import Any
 
+from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
-from lab.base.files.text_blocks import check_file
 from lab.flying.motion_commands import MAX_COMMANDS, MotionPlan
 
 MAX_BYTES = 2**22

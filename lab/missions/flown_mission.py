@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lab.base.files.description_toml import read_toml
-from lab.base.files.folder_lock import folder_lock
+from lab.base.files.locks import folder_lock
 from lab.base.files.mission_error import MissionError
 from lab.flying.flight import fly, refuse_seed
 from lab.flying.flight_plan import FlightPlan

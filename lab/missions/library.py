@@ -18,7 +18,7 @@ from typing import Any
 
 from lab.base.files.atomic_file import atomic_file
 from lab.base.files.description_toml import file_in_same_folder, read_toml
-from lab.base.files.folder_lock import folder_lock
+from lab.base.files.locks import folder_lock
 from lab.base.files.mission_error import MissionError
 from lab.base.files.temporary_files import sweep, temporary_folder, unfinished
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from lab.base.files.description_toml import read_toml
+from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import check_file
 from lab.data.files.log_toml import DESCRIPTION_FILE, KEYS
 from lab.data.files.sensor_log_csv import LogFiles, log_files
 from lab.data.log.sensor_log import SensorLog

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from lab.base.files.description_toml import check_keys, file_in_same_folder, read_toml
+from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import check_file
 from lab.base.notebook_card import NotebookCard
 from lab.motion.recordings.flight_csv import flight_duration, read_flight_csv
 from lab.motion.recordings.recording import Recording

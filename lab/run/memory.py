@@ -15,8 +15,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base import control_groups
 from lab.base.histories import SINGLE
+from lab.base.processors import control_group_folders, system_text
 from lab.navigation.filters.kalman import MEASUREMENTS
 
 BESIDE = 202
@@ -270,13 +270,13 @@ def available() -> int:
 
 def address_space() -> int:
     """Return the address space of this process [bytes]."""
-    pages = control_groups.text(Path("/proc/self/statm")).split()
+    pages = system_text(Path("/proc/self/statm")).split()
     return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
 
 def resident() -> int:
     """Return the memory that this process has now [bytes]; 0 where the system does not tell."""
-    pages = control_groups.text(Path("/proc/self/statm")).split()
+    pages = system_text(Path("/proc/self/statm")).split()
     return int(pages[1]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
 
@@ -293,7 +293,7 @@ def _sources() -> Iterator[int]:
 
 def _of_system() -> int:
     """Return the available memory of the system; if unknown, so much that nothing is refused."""
-    for line in control_groups.text(Path("/proc/meminfo")).splitlines():
+    for line in system_text(Path("/proc/meminfo")).splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
     try:
@@ -305,16 +305,16 @@ def _of_system() -> int:
 
 def _of_groups() -> Iterator[int]:
     """Iterate over the remaining memory of this process's control groups and their parents."""
-    for folder, version in control_groups.folders("memory"):
+    for folder, version in control_group_folders("memory"):
         limit, used, cached = _GROUP_FILES[version]
-        numbers = [control_groups.text(folder / name).strip() for name in (limit, used)]
+        numbers = [system_text(folder / name).strip() for name in (limit, used)]
         if all(number.isdigit() for number in numbers):
             yield int(numbers[0]) - int(numbers[1]) + _cached(folder, cached)
 
 
 def _cached(folder: Path, name: str) -> int:
     """Return the file cache within the memory of a control group, which the system can release."""
-    for line in control_groups.text(folder / "memory.stat").splitlines():
+    for line in system_text(folder / "memory.stat").splitlines():
         key, _, value = line.partition(" ")
         if key == name and value.strip().isdigit():
             return int(value)

@@ -118,7 +118,7 @@ def _members(owner: object, *, private: bool) -> list[tuple[str, str]]:
 
 def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
     """Return settings and groups first, then the methods."""
-    from lab.base.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_kinds import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     groups, values, methods = settings.groups(), [], []
     for name in listed:
@@ -146,6 +146,6 @@ def _about(owner: object, name: str) -> str:
 
 
 def _paths(settings: Settings) -> list[tuple[str, str]]:
-    from lab.base.parameters.setting_help import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_kinds import brief  # noqa: PLC0415 - importing the lab loads no settings
 
     return [(path, brief(owner.param[name], getattr(owner, name))) for path, owner, name in settings.leaves()]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from lab.base.parameters.setting_help import is_changed, value_text
-from lab.base.parameters.setting_kinds import describe
+from lab.base.parameters.setting_kinds import describe, is_changed, value_text
 from lab.base.parameters.settings import Settings
 from lab.classroom.exercises.exercise import Outcome
 from lab.experiment.result import Result

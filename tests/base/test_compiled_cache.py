@@ -11,7 +11,7 @@ import pytest
 from numba.core.compiler_lock import global_compiler_lock
 
 from lab.base.compiling import compiled_cache
-from lab.base.files.file_lock import locked
+from lab.base.files.locks import locked
 from lab.navigation.kernels.compilation import is_ready
 
 SOURCE = """

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from lab import Experiment
-from lab.base import control_groups
-from lab.base.processors import processors
+from lab.base.processors import processors, system_text
 from lab.experiment.ensembles import seeds, sweeping
 from lab.experiment.ensembles.seeds import memory_of, run_ensemble, thread_count
 from lab.run import memory
@@ -18,10 +17,11 @@ from lab.run import memory
 
 def in_groups(groups: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Put this process into control groups whose files are in a folder."""
-    text = control_groups.text
     own = Path("/proc/self/cgroup")
-    monkeypatch.setattr(control_groups, "text", lambda path: groups if path == own else text(path))
-    monkeypatch.setattr(control_groups, "ROOT", folder)
+    shown = lambda path: groups if path == own else system_text(path)  # noqa: E731
+    for module in ("lab.base.processors", "lab.run.memory"):
+        monkeypatch.setattr(f"{module}.system_text", shown)
+    monkeypatch.setattr("lab.base.processors.CONTROL_GROUPS", folder)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.upload import LONGEST_NAME, Upload, plain_name
-from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.files.locks import LOCK_FILE
 
 
 class Inbox:

@@ -17,7 +17,7 @@ import pymap3d
 import pytest
 from scipy.interpolate import CubicSpline
 
-from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.files.locks import LOCK_FILE
 from lab.base.parameters.toml_file import toml_text
 from lab.flying.simulated_aircraft import Instruments, SimulatedAircraft
 from lab.missions import (

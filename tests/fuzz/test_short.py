@@ -12,8 +12,7 @@ from attack import BY_NAME, attack, rebuild, seeds
 from mutations import mutated
 from writers import WRITERS
 
-from lab.base.files.decompression import whole
-from lab.base.files.text_blocks import TextBlocks
+from lab.base.files.file_content import TextBlocks, whole
 from lab.data.formats import read_raw
 from lab.missions import MissionError
 

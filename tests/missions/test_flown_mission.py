@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.files.locks import LOCK_FILE
 from lab.missions import Flight, MissionError, add_mission, describe_mission, fly, fly_mission, mission
 from lab.missions import flown_mission as writer
 from lab.missions import library as shelf

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_logs import tables, write
 
-from lab.base.files.folder_lock import LOCK_FILE
+from lab.base.files.locks import LOCK_FILE
 from lab.base.parameters.toml_file import MAX_BYTES
 from lab.missions import (
     MissionError,

@@ -25,7 +25,7 @@ from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
 from dashboards.visitors import VARIABLE
-from lab.base.files.folder_lock import folder_lock, hold
+from lab.base.files.locks import folder_lock, hold
 from lab.missions import MissionError, describe_mission, missions
 from lab.missions import library as mission_library
 

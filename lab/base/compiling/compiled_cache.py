@@ -23,7 +23,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from lab.base.compiling.fingerprint import fingerprint
-from lab.base.files.file_lock import locked
+from lab.base.files.locks import locked
 
 log = logging.getLogger(__name__)
 

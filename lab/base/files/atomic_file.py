@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from lab.base.files.file_lock import locked
+from lab.base.files.locks import locked
 from lab.base.files.temporary_files import TEMPORARY, clear
 
 

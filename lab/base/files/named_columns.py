@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
-from lab.base.files.text_blocks import TextBlocks
 
 MAX_BYTES = 256 * 2**20
 """Largest file accepted, as stored and as decompressed [bytes]."""

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from lab.base.files.folder_lock import LOCK_FILE, hold_file
+from lab.base.files.locks import LOCK_FILE, hold_file
 
 TEMPORARY = ".ins-lab-"
 """How the names of temporary folders begin; in that of a temporary file, it follows the name of the file."""

@@ -16,8 +16,7 @@ import param
 
 from lab.base.notebook_card import NotebookCard
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.setting_help import listing, paragraph
-from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, describe
+from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, describe, listing, paragraph
 from lab.base.parameters.setting_text import MAX_PATH, value_of
 
 _MAX_SHOWN = 60

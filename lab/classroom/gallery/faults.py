@@ -2,6 +2,12 @@
 
 A fault changes what the sensors measure, without the filter being told, or what the filter assumes, without
 the page showing it. `lab.classroom.gallery.faulty_experiment` is the one place that uses them.
+
+Each function for an IMU takes and returns the increments (n, 3) of a triad over the sample intervals, [rad]
+or [m/s], with the true flight at both ends of the intervals, and their length dt [s]. A wrong term of the
+navigation equations is made from its data: what the navigator does wrong with right data, it does wrong in
+the same way, to the first order of its attitude error, with right equations and data that contain the
+opposite.
 """
 
 from __future__ import annotations
@@ -14,10 +20,53 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.classroom.gallery import increments
+from lab.motion.frames import earth, rotation
 from lab.motion.truth.trajectory import Truth
 from lab.sensors.draws import unit_draws
 from lab.sensors.gps import GpsFixes
+
+X_AND_Y_SWAPPED = (1, 0, 2)
+"""Axes of b in the order in which a wrong driver gives them."""
+
+
+def degrees_for_radians(increments: FloatArray, _truth: Truth, _dt: float) -> FloatArray:
+    """Return angles in degrees, which the navigator takes for radians."""
+    return np.degrees(increments)
+
+
+def swapped(increments: FloatArray, _truth: Truth, _dt: float) -> FloatArray:
+    """Return the increments with x and y exchanged."""
+    return increments[:, X_AND_Y_SWAPPED]
+
+
+def gravity_upwards(increments: FloatArray, truth: Truth, dt: float) -> FloatArray:
+    """Return f − 2 C_bn g_n, with which a navigator that adds g_n computes as one that subtracts it."""
+    gravity = np.zeros((truth.time.size, 3))
+    gravity[:, 2] = earth.gravity(np.sin(truth.latitude), truth.height)
+    return increments - 2 * dt * _in_body(truth, gravity)
+
+
+def without_earth_rate(increments: FloatArray, truth: Truth, dt: float) -> FloatArray:
+    """Return ω + C_bn ω_ie,n, with which a navigator that subtracts ω_ie computes as one that does not."""
+    return increments + dt * _in_body(truth, earth_rate(truth))
+
+
+def without_coriolis(increments: FloatArray, truth: Truth, dt: float) -> FloatArray:
+    """Return f + 2 C_bn (ω_ie,n × v_n), the part of the rate of the Earth in the equation of velocity."""
+    return increments + 2 * dt * _in_body(truth, np.cross(earth_rate(truth), truth.velocity_n))
+
+
+def earth_rate(truth: Truth) -> FloatArray:
+    """Return the rate of the Earth resolved in n (n, 3) [rad/s]."""
+    sine, cosine = np.sin(truth.latitude), np.cos(truth.latitude)
+    return np.asarray(earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1))
+
+
+def _in_body(truth: Truth, vectors: FloatArray) -> FloatArray:
+    """Return vectors resolved in n at the samples (n + 1, 3), as means in b over the intervals (n, 3)."""
+    resolved = np.einsum("kji,kj->ki", rotation.C_nb_from_euler(truth.euler), vectors)
+    return np.asarray((resolved[:-1] + resolved[1:]) / 2)
+
 
 Spoil = Callable[[FloatArray, Truth, float], FloatArray]
 Restamp = Callable[[FloatArray, int], FloatArray]
@@ -47,7 +96,7 @@ class Fault:
     sensors : mapping of str to object
         Settings of the sensors as they really are, by their path in `lab.sensors.suite.SensorSuite`.
     gyro, accelerometer : callable
-        Change of the increments of a triad, from `lab.classroom.gallery.increments`.
+        Change of the increments (n, 3) of a triad, with the true flight and the length of the intervals [s].
     stamps : callable
         Change of the time stamps of the fixes, from the stamps (m,) [s] and the seed.
     r_factor : float
@@ -77,9 +126,9 @@ def jittered(stamps: FloatArray, seed: int) -> FloatArray:
 
 
 FAULTS: dict[str, Fault] = {
-    "gravity": Fault("the sign of gravity", accelerometer=increments.gravity_upwards),
-    "degrees": Fault("degrees for radians", gyro=increments.degrees_for_radians),
-    "axes": Fault("two axes swapped", gyro=increments.swapped, accelerometer=increments.swapped),
+    "gravity": Fault("the sign of gravity", accelerometer=gravity_upwards),
+    "degrees": Fault("degrees for radians", gyro=degrees_for_radians),
+    "axes": Fault("two axes swapped", gyro=swapped, accelerometer=swapped),
     "lever_arm": Fault("a lever arm forgotten", sensors={"gps.lever_arm": LEVER_ARM}),
     "latency": Fault("fixes that come late", sensors={"gps.latency": LATE}),
     "r": Fault("R ten times too small", r_factor=R_FACTOR),
@@ -87,8 +136,8 @@ FAULTS: dict[str, Fault] = {
     "jitter": Fault("jitter of the time stamps", stamps=jittered),
     "earth_rate": Fault(
         "the Earth's rate left out",
-        gyro=increments.without_earth_rate,
-        accelerometer=increments.without_coriolis,
+        gyro=without_earth_rate,
+        accelerometer=without_coriolis,
     ),
     "scale": Fault("a scale factor of the gyros", sensors={"gyro.scale_factor": SCALE}),
 }

@@ -1,8 +1,9 @@
 """Bounded runs: runs with students' settings in a process of their own, with bounds of time and memory.
 
-Settings that run for ever, take the memory or end the process cost one row of the grades, not the others. The
-process serves one run after the other, and is started again after a run that exceeded a bound. What is
-reported contains no measured number, so that the same hand-ins give the same table.
+A run gives the figures of its result, and the goals that it reaches. Settings that run for ever, take the
+memory or end the process cost one row of the grades, not the others. The process serves one run after the
+other, and is started again after a run that exceeded a bound. What is reported contains no measured number,
+so that the same hand-ins give the same table.
 """
 
 from __future__ import annotations
@@ -14,12 +15,62 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
-from lab.classroom.homework.examination import Examined, examine
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed, key_text, parse_key
-from lab.run.memory import address_space
+from lab.classroom.lessons.quantities import QUANTITIES
+from lab.run.memory import TooLongError, address_space
+
+FIGURES = ("position_rms", "position_max", "velocity_rms", "tilt_rms", "heading_rms", "nees", "nis")
+"""Quantities of the result in the table of the grades; see `lab.classroom.lessons.quantities`."""
+
+
+class Examined(NamedTuple):
+    """What a run with a student's settings gave.
+
+    Attributes
+    ----------
+    figures : dict
+        The value of each of `FIGURES`; empty if the settings cannot be run.
+    passed : list of bool
+        Whether it reaches each goal.
+    problem : str
+        Why the settings cannot be run; empty if they can.
+    is_memory : bool
+        Whether they cannot be run because the memory does not suffice.
+    """
+
+    figures: dict[str, float]
+    passed: list[bool]
+    problem: str = ""
+    is_memory: bool = False
+
+    @classmethod
+    def failed(cls, judge: Judge, problem: str, *, is_memory: bool = False) -> Examined:
+        """Return that settings cannot be run, which reach no goal."""
+        return cls({}, [False] * len(judge.checks), problem, is_memory)
+
+
+def examine(judge: Judge, changes: Mapping[str, Any]) -> Examined:
+    """Run a homework with the changes of a student, in this process and without bounds.
+
+    Parameters
+    ----------
+    judge
+        The homework with its solutions.
+    changes
+        Values by the path of their settings.
+    """
+    try:
+        result = judge.homework.experiment_with(changes).run()
+        figures = {name: QUANTITIES[name].of(result) for name in FIGURES}
+        return Examined(figures, [check.accepts(result) for check in judge.checks])
+    except Exception as error:  # whatever one hand-in does, the others are graded
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        short = isinstance(error, MemoryError | TooLongError)
+        return Examined.failed(judge, f"cannot be run: {kind}{error}", is_memory=short)
+
 
 SECONDS = 300
 """Longest run [s]; compiling the slowest filter, the nonlinear one, took 48 s on a busy computer."""

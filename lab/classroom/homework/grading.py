@@ -20,8 +20,7 @@ from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from lab.base.progress import Progress
-from lab.classroom.homework.bounded_runs import Examining
-from lab.classroom.homework.examination import FIGURES, examine
+from lab.classroom.homework.bounded_runs import FIGURES, Examining, examine
 from lab.classroom.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, read_hand_in
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.decompression import whole
+from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files import sdlog2

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.files.decompression import whole
+from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file

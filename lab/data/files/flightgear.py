@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import TextBlocks
 from lab.data.files.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.data.files.inertial_attitude import inertial_attitude
 from lab.data.files.table import Header, head_lines, plain

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import TextBlocks
 from lab.data.files import jsbsim_csv
 from lab.data.files.fields import (
     NAMED,

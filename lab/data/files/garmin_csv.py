@@ -20,9 +20,9 @@ import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import TextBlocks
 from lab.data.files.fields import (
     NAMED,
     SEA_LEVEL,

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.files.bounds import LATITUDES, LONGITUDES
-from lab.base.files.decompression import content
+from lab.base.files.file_content import content
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file

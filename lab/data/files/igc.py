@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import TextBlocks
 from lab.base.parameters.units import DAY
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.data.files.fixes import UNKNOWN, Fixes, after

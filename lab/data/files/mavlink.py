@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.decompression import whole
+from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray, IntArray
-from lab.base.files.decompression import content
+from lab.base.files.file_content import content
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, KNOT

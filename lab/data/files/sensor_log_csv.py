@@ -52,9 +52,9 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MAX_DURATION
 from lab.base.files.description_toml import file_in_same_folder, read_toml
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES, Column, read_columns, read_duration
-from lab.base.files.text_blocks import TextBlocks
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.auxiliary_check import check_auxiliary
 from lab.data.files.log_columns import (

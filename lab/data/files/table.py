@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
+from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import TextBlocks
 from lab.data.rebuild.raw_flight import Dropped
 
 _DELIMITERS = "|\t;,"

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.decompression import whole
+from lab.base.files.file_content import whole
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, WEEK
 from lab.data.files import nmea

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 from xml.parsers import expat
 
-from lab.base.files.decompression import content
+from lab.base.files.file_content import content
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 

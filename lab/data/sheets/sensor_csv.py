@@ -20,10 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.decompression import whole
+from lab.base.files.file_content import MAX_RATIO, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.base.files.text_blocks import MAX_RATIO
 from lab.data.checks.log_check import is_explained
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown

@@ -20,7 +20,7 @@ from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.cache import StageCache, digest
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.setting_help import value_text
+from lab.base.parameters.setting_kinds import value_text
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import QUANTITIES, UNITS
 from lab.experiment.ensembles.seeds import memory_of, seed_numbers, thread_count

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import Estimate, Experiment, MissionError, allan, earth, mission, run_ensemble
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.classroom.exercises.catalogue import EXERCISES
-from lab.classroom.exercises.exercise import Number
+from lab.classroom.exercises.exercise import EXERCISES, Number
 from lab.experiment.result import Result
 from lab.missions import prepare_import, write_flight_csv
 from lab.navigation import strapdown

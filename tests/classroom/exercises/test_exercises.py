@@ -13,8 +13,7 @@ import pytest
 import xarray as xr
 
 import lab
-from lab.classroom.exercises.catalogue import EXERCISES
-from lab.classroom.exercises.exercise import Choice, Exercise, Number, Outcome
+from lab.classroom.exercises.exercise import EXERCISES, Choice, Exercise, Number, Outcome
 
 ROOT = Path(__file__).parents[3]
 NUMBER = Number("How long? [min]", 84.4, 1.0, "It is.", "Longer or shorter.", {5064.0: "In minutes."})

@@ -13,8 +13,7 @@ from unittest.mock import patch
 import pytest
 
 from lab.classroom.homework import bounded_runs
-from lab.classroom.homework.bounded_runs import BoundedRuns, StartError
-from lab.classroom.homework.examination import FIGURES, Examined, examine
+from lab.classroom.homework.bounded_runs import FIGURES, BoundedRuns, Examined, StartError, examine
 from lab.classroom.homework.grading import GRADED, NOT_RUN, files_of, grade
 from lab.classroom.homework.hand_in import HandIn, write_hand_in
 from lab.classroom.homework.hidden_experiment import HiddenExperiment

@@ -13,10 +13,9 @@ from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.classroom.lessons import lesson_file
 from lab.classroom.lessons.catalogue import Catalogue
 from lab.classroom.lessons.fields import LessonError
-from lab.classroom.lessons.lesson import PAGES
+from lab.classroom.lessons.lesson import PAGES, trials
 from lab.classroom.lessons.lesson_file import OF_LESSON, OF_STEP, read_lesson
 from lab.classroom.lessons.quantities import QUANTITIES
-from lab.classroom.lessons.trial import trials
 
 DOCUMENT = Path(__file__).parents[3] / "docs/lessons.md"
 

@@ -7,9 +7,8 @@ from collections import Counter
 import pytest
 
 from lab.classroom.lessons.catalogue import Catalogue, gallery_lessons
-from lab.classroom.lessons.lesson import Lesson
+from lab.classroom.lessons.lesson import Lesson, trials
 from lab.classroom.lessons.quantities import QUANTITIES
-from lab.classroom.lessons.trial import trials
 
 SHIPPED = [entry.lesson for entry in Catalogue().entries if entry.origin == "shipped"]
 GALLERY = gallery_lessons()

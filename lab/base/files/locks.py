@@ -1,14 +1,36 @@
-"""Folder lock: only one process or thread at a time changes a folder; a crash releases the lock."""
+"""Locks: only one process or thread holds a file, or changes a folder; a crash releases the lock."""
 
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from lab.base.files.file_lock import locked
+if sys.platform == "win32":
+    import msvcrt
+
+    def locked(file: BinaryIO) -> bool:
+        """Take the lock of an open file, until it is closed; return False if it is taken."""
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+    import fcntl
+
+    def locked(file: BinaryIO) -> bool:
+        """Take the lock of an open file, until it is closed; return False if it is taken."""
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
 
 LOCK_FILE = ".lock"
 """The file that is locked; it stays."""
