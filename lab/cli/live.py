@@ -298,7 +298,7 @@ def simulate(
 @contextmanager
 def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
     """Let a simulated device send; refuse a line that cannot be made."""
-    from lab.data.streams.cause import cause_of  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.transport import cause_of  # noqa: PLC0415 - help does not need it
 
     try:
         sender.start()
@@ -316,7 +316,7 @@ def _opened(
 ) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
     """Yield an open source, and a function that waits a moment and returns whether to go on."""
     from lab.data.protocols.column_map import ColumnMapError  # noqa: PLC0415 - help does not need it
-    from lab.data.protocols.decoder_error import DecoderError  # noqa: PLC0415 - help does not need it
+    from lab.data.protocols.decoder import DecoderError  # noqa: PLC0415 - help does not need it
     from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
     from lab.data.streams.transport import TransportError  # noqa: PLC0415 - help does not need it
     from lab.live import open as open_source  # noqa: PLC0415 - help does not need it

@@ -11,7 +11,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.data.checks.full_scale import full_scales
-from lab.data.log.coverage import clock_text
+from lab.data.log.log_remarks import clock_text
 from lab.data.log.log_section import piece
 from lab.data.log.vehicle import vehicle_of
 from lab.experiment.log_result import LogResult

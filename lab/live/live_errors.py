@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.data.streams.true_motion import TrueMotion
 from lab.live.live_state import LiveHistory
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import wrap
+from lab.motion.truth.growing_truth import TrueMotion
 
 
 class LiveErrors(NamedTuple):

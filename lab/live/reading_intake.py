@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.clock.timed_samples import TIMED_IMU
+from lab.data.log.pressure_height import Heights
 from lab.data.streams.live_log import usable_imu
-from lab.data.streams.pressure import Heights
 from lab.live.live_aids import LiveAids
 from lab.live.live_stream import Stream
 

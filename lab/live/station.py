@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from lab.base.files.mission_error import MissionError
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.ring import Read
+from lab.data.streams.rolling import ThinnedSamples
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Status
-from lab.data.streams.thinned_samples import ThinnedSamples
 from lab.live.bench.growing_allan import GrowingAllan
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState

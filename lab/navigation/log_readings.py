@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.data.log.auxiliary_data import Magnetometer
-from lab.data.log.coverage import clock_text, span_text
+from lab.data.log.log_remarks import clock_text, span_text
 from lab.data.log.sensor_log import SensorLog
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field

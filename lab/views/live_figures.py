@@ -260,7 +260,7 @@ class LiveFigures:
 
         Parameters
         ----------
-        rows : (n,) array of `lab.data.streams.thinned_samples.THINNED`
+        rows : (n,) array of `lab.data.streams.rolling.THINNED`
             Samples.
         zero
             Time that the plots call zero [s].

@@ -31,7 +31,7 @@ NOTHING = ": none yet"
 _LEGEND = 0.25
 """Part of an ordinate that is left free at the top for the legend."""
 _ROWS_PER_SECOND = 60
-"""Rows of a source per second at most: those of `lab.data.streams.thinned_samples` and marks of gaps."""
+"""Rows of a source per second at most: those of `lab.data.streams.rolling` and marks of gaps."""
 _MARKERS = ("circle",) * 3 + ("triangle",) * 3
 """Markers of points, in the order of the curves."""
 _STANDS_STILL = 0.6

@@ -11,9 +11,8 @@ import lab.live
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.files.sensor_log_writer import write_sensor_log
-from lab.data.log.pressure_height import height_of, pressure_at
+from lab.data.log.pressure_height import Heights, height_of, pressure_at
 from lab.data.streams.live_log import log_of
-from lab.data.streams.pressure import Heights
 from lab.data.streams.recorded_log import log_of_recording
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings

@@ -9,12 +9,12 @@ import pytest
 
 import lab.live
 from lab import Experiment
-from lab.data.streams.true_motion import TrueFlight
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor, LiveHistory
 from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.motion.frames.earth import radii
+from lab.motion.truth.growing_truth import TrueFlight
 from lab.motion.truth.trajectory import Truth
 
 

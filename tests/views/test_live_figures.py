@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bokeh.models.sources import ColumnDataSource
 
-from lab.data.streams.thinned_samples import THINNED
+from lab.data.streams.rolling import THINNED
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, NAVIGATING, WAITING, LiveHistory, LiveState
 from lab.views.live_figures import LiveFigures
 

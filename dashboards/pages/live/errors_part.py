@@ -12,9 +12,9 @@ from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.seen_names import as_seen
 from dashboards.style import WHOLE
-from lab.data.streams.true_motion import TrueMotion
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
+from lab.motion.truth.growing_truth import TrueMotion
 from lab.views.live_error_figures import LiveErrorFigures
 
 _NO_TRUTH = (

@@ -2,10 +2,15 @@
 
 The second 60 of a leap second is the first of the next day, as in Unix time, which then counts that second
 twice: `over_leap_second` finds the step back.
+
+The abbreviations of zones are those of RFC 5322, section 4.3, and of the IANA time zone database where they
+stand for one offset only. BST, IST, AST and the like stand for several, so a stamp with one of them is not
+understood.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -13,9 +18,30 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DAY
-from lab.data.clock.time_zones import PATTERN, offset_of
 
-_ZONE = rf"\s?({PATTERN})?(?:\[[\w/+-]{{1,40}}\])?"
+_HOURS_EAST = {
+    "Z": 0, "UTC": 0, "UT": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2,
+    "EET": 2, "EEST": 3, "MSK": 3, "EST": -5, "EDT": -4, "CST": -6, "CDT": -5, "MST": -7, "MDT": -6,
+    "PST": -8, "PDT": -7, "AKST": -9, "AKDT": -8, "HST": -10, "JST": 9, "KST": 9, "AEST": 10, "AEDT": 11,
+    "ACST": 9.5, "ACDT": 10.5, "AWST": 8, "NZST": 12, "NZDT": 13, "SGT": 8, "HKT": 8, "SAST": 2,
+}  # fmt: skip
+"""Hours of a zone east of Greenwich."""
+_ZONE_PATTERN = r"(?:Z|(?:UTC|GMT)?[+-]\d{2}:?(?:\d{2})?|[A-Z]{2,5})"
+"""A zone in a stamp, as a regular expression without groups."""
+_ZONE_OFFSET = re.compile(r"(?:UTC|GMT)?([+-])(\d{2}):?(\d{2})?")
+
+
+def offset_of(zone: str | None) -> float:
+    """Return by how much a zone is ahead of UTC [s]: 0 for none, NaN for one that is not known."""
+    if not zone:
+        return 0.0
+    if found := _ZONE_OFFSET.fullmatch(zone):
+        size = int(found[2]) * _HOUR + int(found[3] or 0) * _SIXTY
+        return -size if found[1] == "-" else size
+    return _HOURS_EAST[zone] * _HOUR if zone in _HOURS_EAST else math.nan
+
+
+_ZONE = rf"\s?({_ZONE_PATTERN})?(?:\[[\w/+-]{{1,40}}\])?"
 _HALF = r"(?:\s?([AaPp])\.?[Mm]\.?)?"
 _CLOCK = re.compile(
     rf"(?:[A-Z][a-z]{{2}} )?(\d{{1,3}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?{_HALF}{_ZONE}"
@@ -50,7 +76,7 @@ IS_AMBIGUOUS = re.compile(r"\s*(\d\d?)[-/.](\d\d?)[-/.]\d{2,4}\b")
 ACCEPTED = "2023-11-14T22:13:20.5Z, 14.11.2023 22:13:20,5, 11/14/2023 10:13:20.5 PM or 22:13:20.5"
 ZONES = "with a zone such as +01:00, UTC, CET or PST, or without"
 """Examples of stamps, and zones of them, for messages."""
-_ZONE_WORD = re.compile(rf" ({PATTERN})(?= \d{{4}}$)")
+_ZONE_WORD = re.compile(rf" ({_ZONE_PATTERN})(?= \d{{4}}$)")
 """A zone before the year, as Unix and Java write it."""
 _HUNDRED, _SIXTY, _HOURS, _HOUR = 100.0, 60.0, 24.0, 3600.0
 """Between the digits of hours, minutes and seconds in hhmmss; how many there are of each; an hour [s]."""

@@ -24,7 +24,6 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files import sdlog2
-from lab.data.files.ardupilot_auxiliary import headings_of, magnetometer_of
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.data.files.dataflash_text import DataFlashText, is_text
 from lab.data.files.dataflash_time import TIME, Messages, MessageTimes
@@ -42,11 +41,15 @@ from lab.data.files.streams import (
     is_position,
 )
 from lab.data.files.track import refuse_units, slope
-from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
+_MICROTESLA = 0.1
+"""Microteslas in a milligauss."""
+_NORTH = 360.0
+"""Largest yaw of a receiver with two antennas [°]: it writes north as 360 and not as 0, which is no yaw."""
 NAME = "ArduPilot DataFlash"
 
 _FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA", "PARM")
@@ -399,3 +402,40 @@ def _vehicle(log: Log, parameters: Mapping[str, float]) -> str:
             if text.startswith(name):
                 return vehicle
     return ""
+
+
+def magnetometer_of(messages: Messages | None) -> Magnetometer | None:
+    """Return the field in b, which the autopilot logs in milligauss with its offsets applied.
+
+    Parameters
+    ----------
+    messages
+        The messages MAG of one compass, with their times.
+    """
+    names = ("MagX", "MagY", "MagZ")
+    if messages is None or not set(names) <= set(messages):
+        return None
+    field = np.column_stack([messages[name] for name in names]) * _MICROTESLA
+    healthy = messages.get("Health", np.ones(len(field))) != 0
+    stream = Stream.of("magnetometer", messages[TIME], field, healthy & (field != 0).any(axis=1))
+    return Magnetometer(stream.time, stream.values) if stream.usable else None
+
+
+def headings_of(gps: Messages, fixed: NDArray[np.bool_]) -> Headings | None:
+    """Return the headings of a receiver with two antennas; one without them logs a yaw of zero.
+
+    Parameters
+    ----------
+    gps
+        The messages GPS of one receiver, with their times.
+    fixed
+        Which of them have a fix.
+    """
+    yaw = gps.get("Yaw")
+    if yaw is None:
+        return None
+    fine = fixed & np.isfinite(yaw) & np.isfinite(gps[TIME]) & (yaw > 0) & (yaw <= _NORTH)
+    stream = Stream.of("heading", gps[TIME], yaw, fine)
+    if not stream.usable:
+        return None
+    return Headings(stream.time, np.radians(stream.values[:, 0]), np.full(len(stream.time), np.nan))

@@ -25,8 +25,7 @@ from lab.base.files.file_content import content
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.pressure_tracks import pressure_copies
-from lab.data.files.track import Track, refuse_units
+from lab.data.files.track import Track, pressure_copies, refuse_units
 from lab.data.files.xml_elements import has_root
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.frames import ecef

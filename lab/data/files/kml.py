@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.data.files.fixes import UNKNOWN, Fixes, UtcClock, number
-from lab.data.files.pressure_tracks import pressure_copies
-from lab.data.files.track import refuse_units
+from lab.data.files.track import pressure_copies, refuse_units
 from lab.data.files.xml_elements import has_root, read_elements
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
+
+from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, TIME_STAMPS
+from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import Column
 from lab.data.log.sensor_log import SIGMAS
 
@@ -77,3 +82,29 @@ FIELD = tuple(
     Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
 )
 """Magnetic field along the axes of the IMU."""
+
+
+def one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:
+    """Return the one group of three columns that is there."""
+    started = [group for group in groups if any(name in table for name in group)]
+    choices = " or ".join(", ".join(group) for group in groups)
+    if len(started) > 1:
+        raise MissionError(
+            f"{path}: {started[0][0]} and {started[1][0]} are the same in two units; {choices}"
+        )
+    missing = [name for name in (started or groups)[0] if name not in table]
+    if missing:
+        raise MissionError(f"{path}: column {', '.join(missing)} missing in the header; accepted: {choices}")
+    return np.stack([table[name] for name in started[0]], axis=-1)
+
+
+def columns_or_nan(table: dict[str, FloatArray], columns: tuple[Column, ...], rows: int) -> FloatArray:
+    """Return columns (n, 3), NaN for those that are not there."""
+    return np.stack([table.get(column.name, np.full(rows, np.nan)) for column in columns], axis=-1)
+
+
+def geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
+    """Return latitude, longitude [rad], height [m] (n, 3), NaN in rows that lack one of them."""
+    place = columns_or_nan(table, POSITION, rows)
+    place[np.isnan(place).any(axis=1)] = np.nan
+    return np.column_stack((np.radians(place[:, :2]), place[:, 2]))

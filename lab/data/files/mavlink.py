@@ -24,7 +24,6 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.mav_type import VEHICLES
 from lab.data.files.mavlink_sensors import (
     FIELDS,
     IMUS,
@@ -42,6 +41,7 @@ from lab.data.files.tlog_file import TlogFile, Vehicle, starts_like_a_log
 from lab.data.files.track import Track, refuse_units
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import SensorLog, repaired
+from lab.data.log.vehicle import MAV_TYPES
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
@@ -177,7 +177,7 @@ def _on_the_ground(vehicle: Vehicle) -> bool:
 
 def _kind(vehicle: Vehicle) -> str:
     beat = vehicle.numbers("HEARTBEAT")
-    return "" if beat is None else VEHICLES.get(int(beat["type"][-1]), "")
+    return "" if beat is None else MAV_TYPES.get(int(beat["type"][-1]), "")
 
 
 def _others(log: TlogFile, vehicle: Vehicle) -> tuple[Dropped, ...]:

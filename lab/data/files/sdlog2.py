@@ -23,7 +23,6 @@ from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.mav_type import VEHICLES
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
@@ -38,6 +37,7 @@ from lab.data.files.track import refuse_units
 from lab.data.files.ulog import on_map
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.vehicle import MAV_TYPES
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
@@ -142,7 +142,7 @@ class _Messages:
 
     @property
     def vehicle(self) -> str:
-        return VEHICLES.get(self.parameters.get("MAV_TYPE", 0.0), "")
+        return MAV_TYPES.get(self.parameters.get("MAV_TYPE", 0.0), "")
 
     def messages(self, name: str) -> dict[str, FloatArray] | None:
         return self._log.numbers(name) if len(self._stamps) else None

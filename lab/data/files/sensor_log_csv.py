@@ -74,6 +74,9 @@ from lab.data.files.log_columns import (
     SPEED,
     TIME,
     VELOCITY,
+    columns_or_nan,
+    geodetic,
+    one_of,
 )
 from lab.data.files.log_toml import DESCRIPTION_FILE, check_values
 from lab.data.log.auxiliary_data import (
@@ -265,9 +268,9 @@ class LogFiles:
                 f"{self.imu}: has both increments ({present[0]}) and rates ({rates[0]}); accepted are either"
             )
         if present:
-            gyro, force = _one_of(self.imu, table, INCREMENTS[:1]), _one_of(self.imu, table, INCREMENTS[1:])
+            gyro, force = one_of(self.imu, table, INCREMENTS[:1]), one_of(self.imu, table, INCREMENTS[1:])
         else:
-            gyro, force = _one_of(self.imu, table, GYRO), _one_of(self.imu, table, FORCE)
+            gyro, force = one_of(self.imu, table, GYRO), one_of(self.imu, table, FORCE)
             if "gx_deg_s" in table:
                 gyro = np.radians(gyro)
             if "fx_g" in table:
@@ -281,14 +284,14 @@ class LogFiles:
         table, rows = _read(self.gnss, cells, repairs, _MAX_EMPTY_FIXES)
         gnss = GnssLog(
             time=table["t_s"],
-            position=_geodetic(table, rows),
-            velocity_n=_columns(table, VELOCITY, rows),
-            position_sigma=_columns(table, SIGMA[:3], rows),
-            velocity_sigma=_columns(table, SIGMA[3:], rows),
+            position=geodetic(table, rows),
+            velocity_n=columns_or_nan(table, VELOCITY, rows),
+            position_sigma=columns_or_nan(table, SIGMA[:3], rows),
+            velocity_sigma=columns_or_nan(table, SIGMA[3:], rows),
             lever_arm=np.array(self.lever_arm, dtype=np.float64),
             latency=self.latency,
         )
-        heading, sigma = np.radians(_columns(table, HEADING, rows)).T
+        heading, sigma = np.radians(columns_or_nan(table, HEADING, rows)).T
         known = np.isfinite(heading)
         if not known.any():
             return gnss, None
@@ -414,32 +417,6 @@ def _check_empty(
         )
 
 
-def _one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:
-    """Return the one group of three columns that is there."""
-    started = [group for group in groups if any(name in table for name in group)]
-    choices = " or ".join(", ".join(group) for group in groups)
-    if len(started) > 1:
-        raise MissionError(
-            f"{path}: {started[0][0]} and {started[1][0]} are the same in two units; {choices}"
-        )
-    missing = [name for name in (started or groups)[0] if name not in table]
-    if missing:
-        raise MissionError(f"{path}: column {', '.join(missing)} missing in the header; accepted: {choices}")
-    return np.stack([table[name] for name in started[0]], axis=-1)
-
-
-def _columns(table: dict[str, FloatArray], columns: tuple[Column, ...], rows: int) -> FloatArray:
-    """Return columns (n, 3), NaN for those that are not there."""
-    return np.stack([table.get(column.name, np.full(rows, np.nan)) for column in columns], axis=-1)
-
-
-def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
-    """Return latitude, longitude [rad], height [m] (n, 3), NaN in rows that lack one of them."""
-    place = _columns(table, POSITION, rows)
-    place[np.isnan(place).any(axis=1)] = np.nan
-    return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
-
-
 def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return time, position, velocity and attitude of a solution; NaN where it has none."""
     table, rows = _read(path, (TIME, *PLACE_IF_KNOWN, *VELOCITY, *ATTITUDE), repairs)
@@ -447,9 +424,9 @@ def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArr
     if rows < 2 or (np.diff(time) <= 0).any():
         raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
     parts = (
-        _geodetic(table, rows),
-        _columns(table, VELOCITY, rows),
-        np.radians(_columns(table, ATTITUDE, rows)),
+        geodetic(table, rows),
+        columns_or_nan(table, VELOCITY, rows),
+        np.radians(columns_or_nan(table, ATTITUDE, rows)),
     )
     if not any(np.isfinite(part).all(axis=1).any() for part in parts):
         raise MissionError(
@@ -463,7 +440,7 @@ def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArr
 def _read_headings(path: Path, repairs: list[str]) -> Headings:
     """Return headings with their σ; empty cells are left out."""
     table, rows = _read(path, (TIME, replace(HEADING[0], required=True), HEADING[1]), repairs)
-    heading, sigma = np.radians(_columns(table, HEADING, rows)).T
+    heading, sigma = np.radians(columns_or_nan(table, HEADING, rows)).T
     known = np.isfinite(heading)
     time = table["t_s"][known]
     if (np.diff(time) < 0).any():

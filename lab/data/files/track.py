@@ -3,13 +3,18 @@
 Recorded speed and course give the horizontal velocity: a receiver measures them by Doppler, far more
 accurately than differences of its rounded positions. If the file has no vertical velocity, it is the slope of
 a smooth curve through the heights, as smooth as their noise and quantisation require.
+
+A file may have a second copy of a track, with pressure altitudes as its heights. Converters of IGC files
+write both, the pressure altitudes first, since GPX and KML have one height.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +34,10 @@ from lab.data.rebuild.smoothing import (
     smoothing_spline,
 )
 
+_OF_PRESSURE = re.compile(r"(?i)pres(?:s|alt)|baro")
+"""In the name of a track whose heights are pressure altitudes: PRESALTTRK of GPSBabel, or barometric."""
+_MAX_NAME = 40
+"""Most characters of a name that are reported: the file is hostile."""
 _ZERO = 1e-6
 """Latitude and longitude that are zero but for rounding [°]: a decimetre. Zero is written without a fix."""
 _MIN_COURSE_SPEED = 2.0
@@ -230,3 +239,40 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
     except MissionError:  # stamps too uneven for the equations, which time repair cuts later
         spline = smoothing_spline(t, y, 0.0).derivative()
     return np.asarray(spline(np.clip(time - time[0], 0.0, t[-1]))[:, 0])
+
+
+class _Extent(NamedTuple):
+    points: int
+    start: float
+
+
+def pressure_copies(
+    names: Mapping[int, str], track: NDArray[np.int64], time: NDArray[np.float64]
+) -> dict[int, str]:
+    """Return the tracks with pressure altitudes of which the file has a copy with other heights.
+
+    Parameters
+    ----------
+    names
+        Names of tracks, by number.
+    track, time : (n,) arrays
+        Of each point: the number of its track, and its time [s].
+
+    Returns
+    -------
+    dict
+        A sentence on each, by number of the track.
+    """
+    numbers, first, counts = np.unique(track, return_index=True, return_counts=True)
+    extents = {
+        int(number): _Extent(int(count), float(time[at]))
+        for number, at, count in zip(numbers, first, counts, strict=True)
+    }
+    of_pressure = {number for number in extents if _OF_PRESSURE.search(names.get(number, ""))}
+    others = {extent for number, extent in extents.items() if number not in of_pressure}
+    return {
+        number: f"The track {names[number][:_MAX_NAME]} is not used: its heights are pressure altitudes, and "
+        "the file has the same track with others."
+        for number in sorted(of_pressure)
+        if extents[number] in others
+    }

@@ -23,7 +23,6 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.mav_type import VEHICLES
 from lab.data.files.streams import (
     FIX_3D,
     MAX_GPS_DELAY,
@@ -39,6 +38,7 @@ from lab.data.files.track import refuse_units
 from lab.data.files.ulog_file import MAGIC, ULogFile
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.vehicle import MAV_TYPES
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 
 Messages = NDArray[np.void]
@@ -412,7 +412,7 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
 
 def _vehicle(log: ULogFile) -> str:
     """Return the vehicle; one that flies in both ways, or may, hovers too, whichever comes last."""
-    by_parameter = VEHICLES.get(log.parameters.get("MAV_TYPE", 0.0), "")
+    by_parameter = MAV_TYPES.get(log.parameters.get("MAV_TYPE", 0.0), "")
     status = log.topic("vehicle_status")
     if status is None or not len(status):
         return by_parameter

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.data.log.coverage import clock_text, span_text
+from lab.data.log.log_remarks import clock_text, span_text
 from lab.data.log.sensor_log import MAX_GAP, MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
 
 _LISTED = 5

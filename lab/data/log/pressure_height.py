@@ -1,4 +1,8 @@
-"""Pressure height: the height in the standard atmosphere at a pressure of the air.
+"""Pressure height: heights from the pressure of the air, as a barometer of the navigator.
+
+The height is that of the standard atmosphere; for a stream, it is shifted so that it begins at the height of
+the first fix: the weather moves it by a hundred metres. One reading is used in each `PERIOD`, since the
+errors of a barometer last for longer than a sample of the IMU.
 
 References
 ----------
@@ -10,6 +14,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -37,3 +42,45 @@ def pressure_at(height: FloatArray) -> FloatArray:
 def reading_at(times: FloatArray, time: float) -> int:
     """Return which of the readings at times (k,) is that at a time: the last one before it, or the first."""
     return max(int(np.searchsorted(times, time, "right")) - 1, 0)
+
+
+class Heights:
+    """The heights by pressure of a stream."""
+
+    def __init__(self) -> None:
+        self._newest = self._period = -np.inf
+        self.shift = np.nan
+        """What is added to the heights by pressure [m]; NaN before a reading and a fix have come."""
+
+    def take(self, rows: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
+        """Return times [s] and heights by pressure [m] of the readings to use among some rows.
+
+        Parameters
+        ----------
+        rows : (n,) array of `lab.data.clock.timed_samples.TIMED_IMU`
+            Rows in the order of arrival that have a time, a rate and a force; those that are not later than
+            all before are left out.
+        """
+        time = rows["time"]
+        good = time > np.maximum.accumulate(np.append(self._newest, time))[:-1]
+        self._newest = max(self._newest, *time.tolist()) if time.size else self._newest
+        good &= (rows["pressure"] > ACCEPTED[0]) & (rows["pressure"] < ACCEPTED[1])  # NaN is not
+        rows = rows[good]
+        period = np.floor(rows["time"] / PERIOD)
+        rows = rows[np.diff(period, prepend=self._period) > 0]
+        if period.size:
+            self._period = float(period[-1])
+        return rows["time"].copy(), height_of(rows["pressure"])
+
+    def begin_at(self, time: float, height: float, times: FloatArray, heights: FloatArray) -> None:
+        """Begin at the height of the first fix; later fixes change nothing.
+
+        Parameters
+        ----------
+        time, height
+            Time [s] and height [m] of a fix.
+        times, heights : (k,) arrays
+            The readings so far [s], [m]; that at the fix is the last one before it, or the first one.
+        """
+        if np.isnan(self.shift) and times.size:
+            self.shift = height - float(heights[reading_at(times, time)])

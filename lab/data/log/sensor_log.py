@@ -18,8 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.usual_interval import UsualInterval
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
-from lab.data.log.constant_axes import constant_axes_remarks
-from lab.data.log.coverage import clock_text, coverage_remarks, span_text
+from lab.data.log.log_remarks import clock_text, constant_axes_remarks, coverage_remarks, span_text
 from lab.data.log.spikes import spikes
 
 MAX_GAP = 2.0

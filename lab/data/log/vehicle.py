@@ -1,11 +1,23 @@
-"""Vehicle: the kinds of vehicles, and how close their course is to their heading."""
+"""Vehicle: the kinds of vehicles, and how close their course is to their heading.
+
+References
+----------
+MAVLink, *Common Message Set*, MAV_TYPE, https://mavlink.io/en/messages/common.html
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+MAV_TYPES: Mapping[float, str] = {
+    1: "fixed wing", **dict.fromkeys((2, 3, 4, 13, 14, 15), "rotary wing"), 7: "airship", 8: "balloon",
+    10: "rover", 11: "boat", 12: "submarine", **dict.fromkeys(range(19, 26), "vtol"),
+}  # fmt: skip
+"""Words for the vehicle by the number that MAVLink, and the autopilots that speak it, have for it
+(MAV_TYPE)."""
 UNKNOWN = ""
 """Name of an unknown vehicle."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from lab.data.protocols.decoder import Decoder, Encoder
-from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder import Decoder, DecoderError, Encoder
 from lab.data.protocols.decoder_file import FORM, load_decoder
 from lab.data.protocols.mavlink import Mavlink
 from lab.data.protocols.mavlink_encoder import MavlinkEncoder

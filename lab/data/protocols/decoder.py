@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from lab.data.protocols.samples import Samples
 
 
+class DecoderError(ValueError):
+    """There is no such decoder, or one's own failed to load; the message says why and what is accepted."""
+
+
 @dataclass
 class Statistics:
     """What a decoder has seen.

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from lab.base.python_file import PythonFileError, described, load_object
-from lab.data.protocols.decoder import Decoder, Statistics
-from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder import Decoder, DecoderError, Statistics
 from lab.data.protocols.samples import FIX, IMU, NO_READINGS, READING, Samples
 
 FORM = "FILE.py:Name, such as my_sensor.py:MyDecoder"

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.mavlink import MISSING
-from lab.data.protocols.merging import merged
 from lab.data.protocols.samples import NO_FIX
-from lab.data.protocols.sending import known, microseconds, sent_fix, vector
+from lab.data.protocols.sending import known, merged, microseconds, sent_fix, vector
 
 _ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT

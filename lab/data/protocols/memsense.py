@@ -21,12 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
-from lab.data.protocols.checks import sum8
-from lab.data.protocols.framing import MORE, NONE, Framing
-from lab.data.protocols.merging import merged
+from lab.data.protocols.device_time import WrappingCounter
+from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
-from lab.data.protocols.sending import vector
-from lab.data.protocols.wrapping import WrappingCounter
+from lab.data.protocols.sending import merged, vector
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples

@@ -14,8 +14,7 @@ import struct
 from collections.abc import Mapping
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
-from lab.data.protocols.checks import passes_fletcher16
-from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.framing import MORE, NONE, Framing, passes_fletcher16
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     FIX_2D,

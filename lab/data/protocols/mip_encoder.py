@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
-from lab.data.protocols.checks import fletcher16
-from lab.data.protocols.merging import merged
+from lab.data.protocols.framing import fletcher16
 from lab.data.protocols.mip import (
     FIX_INFO,
     FORCE,
@@ -28,7 +27,7 @@ from lab.data.protocols.mip import (
 )
 from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
-from lab.data.protocols.sending import nanoseconds, sent_fix, vector
+from lab.data.protocols.sending import merged, nanoseconds, sent_fix, vector
 
 # Kinds of fixes of FIX_INFO.
 _FIX_TYPES = {FIX_3D: 0, FIX_2D: 1, FIX_RTK_FLOAT: 5, FIX_RTK: 6, FIX_DIFFERENTIAL: 7}

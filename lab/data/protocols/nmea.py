@@ -21,9 +21,8 @@ from collections.abc import Callable, Sequence
 
 from lab.base.parameters.units import KNOT
 from lab.data.files.nmea import FIELDS
-from lab.data.protocols.calendar import utc_seconds
-from lab.data.protocols.checks import xor8
-from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.device_time import utc_seconds
+from lab.data.protocols.framing import MORE, NONE, Framing, xor8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
 

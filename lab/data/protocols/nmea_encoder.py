@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.units import KNOT
-from lab.data.protocols.checks import xor8
-from lab.data.protocols.merging import merged
+from lab.data.protocols.framing import xor8
 from lab.data.protocols.samples import FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
-from lab.data.protocols.sending import sent_fix
+from lab.data.protocols.sending import merged, sent_fix
 
 _QUALITIES = {FIX_DIFFERENTIAL: 2, FIX_RTK: 4, FIX_RTK_FLOAT: 5}  # quality of GGA; 1 is any other fix
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # zero of the time of a fix

@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from lab.base.parameters.units import WEEK
-from lab.data.protocols.calendar import utc_seconds
+from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
 from lab.data.protocols.sending import sent_fix

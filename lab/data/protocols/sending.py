@@ -1,12 +1,15 @@
-"""Sending: numbers of rows in the forms that devices send."""
+"""Sending: numbers of rows in the forms that devices send, and samples and fixes in the order of a device."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+Write = Callable[[np.void], bytes]
 MOST_SATELLITES = 254
 """Largest number of satellites that is sent: MAVLink has 255 for an unknown one."""
 
@@ -87,3 +90,26 @@ def microseconds(seconds: float) -> int:
 def nanoseconds(seconds: float) -> int:
     """Return a time as a whole number [ns]; 0 if it is not known or negative."""
     return round(1e9 * max(float(seconds), 0.0)) if math.isfinite(seconds) else 0
+
+
+def merged(imu: NDArray[np.void], fix: NDArray[np.void], sample: Write, place: Write) -> bytes:
+    """Return the frames of samples and fixes, each fix after the last sample that is not later.
+
+    Parameters
+    ----------
+    imu : (n,) array of `lab.data.protocols.samples.IMU`
+        Samples, in order.
+    fix : (m,) array of `lab.data.protocols.samples.FIX`
+        Fixes, in order. Those without a time follow all samples.
+    sample, place
+        Return the frame of a sample, and of a fix.
+    """
+    after = np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
+    frames = []
+    begin = 0
+    for number, end in enumerate(after.tolist()):
+        frames += [sample(row) for row in imu[begin:end]]
+        frames.append(place(fix[number]))
+        begin = max(begin, end)
+    frames += [sample(row) for row in imu[begin:]]
+    return b"".join(frames)

@@ -19,12 +19,11 @@ import math
 import struct
 from typing import Literal
 
-from lab.data.protocols.checks import passes_fletcher16
-from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.device_time import WrappingCounter
+from lab.data.protocols.framing import MORE, NONE, Framing, passes_fletcher16
 from lab.data.protocols.pvt import Pvt
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Vector
-from lab.data.protocols.wrapping import WrappingCounter
 
 SYNC = b"\xb5\x62"
 NAV_PVT, NAV_RELPOSNED, ESF_MEAS, ESF_RAW = b"\x01\x07", b"\x01\x3c", b"\x10\x02", b"\x10\x03"

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.units import WEEK
-from lab.data.protocols.checks import fletcher16
-from lab.data.protocols.merging import merged
-from lab.data.protocols.sending import known, vector
+from lab.data.protocols.framing import fletcher16
+from lab.data.protocols.sending import known, merged, vector
 from lab.data.protocols.ublox import (
     COUNT_FROM,
     ESF_MEAS,

@@ -15,8 +15,7 @@ import math
 import re
 
 from lab.base.parameters.units import GAUSS
-from lab.data.protocols.checks import crc16_xmodem, xor8
-from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem, xor8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, NO_FIX
 from lab.data.protocols.vectornav_binary import FIX_TYPES, KILOPASCAL

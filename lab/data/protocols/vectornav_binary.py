@@ -18,9 +18,8 @@ import struct
 from collections.abc import Mapping, Sequence
 
 from lab.base.parameters.units import GAUSS
-from lab.data.protocols.calendar import utc_seconds
-from lab.data.protocols.checks import crc16_xmodem
-from lab.data.protocols.framing import Framing
+from lab.data.protocols.device_time import utc_seconds
+from lab.data.protocols.framing import Framing, crc16_xmodem
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     CLIPPED_FORCE,

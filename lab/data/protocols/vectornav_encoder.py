@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS
-from lab.data.protocols.checks import crc16_xmodem, xor8
-from lab.data.protocols.merging import merged
+from lab.data.protocols.framing import crc16_xmodem, xor8
 from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
-from lab.data.protocols.sending import known, nanoseconds, sent_fix, vector
+from lab.data.protocols.sending import known, merged, nanoseconds, sent_fix, vector
 from lab.data.protocols.vectornav_binary import KILOPASCAL, SYNC
 
 # Kinds of fixes of the device.

@@ -17,12 +17,11 @@ from __future__ import annotations
 import math
 import struct
 
-from lab.data.protocols.checks import sum8
-from lab.data.protocols.framing import MORE, NONE, Framing
+from lab.data.protocols.device_time import WrappingCounter
+from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.pvt import Pvt
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_MAGNETIC, CLIPPED_RATE, NAN, UNKNOWN, Vector
-from lab.data.protocols.wrapping import WrappingCounter
 
 START = b"\xfa\xff\x36"
 """Preamble, bus identifier of a device by itself, MTData2."""

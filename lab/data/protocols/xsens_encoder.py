@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.data.protocols.merging import merged
 from lab.data.protocols.nmea_encoder import headings
-from lab.data.protocols.sending import microseconds
+from lab.data.protocols.sending import merged, microseconds
 from lab.data.protocols.xsens import (
     ACCELERATION,
     EXTENDED,

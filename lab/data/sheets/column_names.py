@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 from lab.base.files.mission_error import MissionError
 from lab.data.files.unit_names import UNITS
-from lab.data.sheets.column_field import FIELD_WORDS, GLUED_FIELD, names_field
-from lab.data.sheets.column_translations import in_english
+from lab.data.sheets.column_words import FIELD_WORDS, GLUED_FIELD, in_english, names_field
 from lab.data.sheets.sheet_cells import UNIT, unit_of
 
 VECTORS = {

@@ -30,16 +30,14 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
-from lab.data.sheets.height_unit import unit_that_agrees
-from lab.data.sheets.leap_offset import end_together, offset_that_agrees, remark_on_ends
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet, as_utf8, layout_of
 from lab.data.sheets.sheet_axes import Oriented, axes_matrix, oriented
 from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
-from lab.data.sheets.sheet_clock import times_of
+from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark_on_ends, times_of
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
-from lab.data.sheets.sheet_heights import about_heights
+from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
 from lab.data.sheets.sheet_imu import Imu, app_of, imu_of, in_other_unit
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (

@@ -19,7 +19,7 @@ from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.sheet_stamps import is_regular, smooth
 from lab.data.clock.stamps import ACCEPTED, ZONES
 from lab.data.files.unit_names import UNITS
-from lab.data.log.coverage import span_text
+from lab.data.log.log_remarks import span_text
 from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import Clock, clock_of

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
+from lab.data.log.pressure_height import Heights
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.log.spikes import stream_spikes
 from lab.data.protocols.samples import FIX_3D
-from lab.data.streams.pressure import Heights
 
 MICROTESLA = 1e6
 """Microtesla per tesla: logs have the field in µT."""

@@ -1,10 +1,20 @@
-"""Sample watch: whether the bytes that come give samples, and if not, why, in a sentence."""
+"""Sample watch: the bytes of a stream that give no sample: why they give none, and those before the first.
+
+A replay finds protocol, rate and clock from the first bytes, as the source did. Without them, a recording
+that began within the first second had other times than the stream.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
+
 from lab.base.parameters.counted import counted
 from lab.data.streams.reception import Reception
+from lab.data.streams.transport import Chunk
 
+MOST = 2**18
+"""Most bytes that are kept: a rate is found within 2 s, at most 0.1 MB/s each."""
 FRUITLESS = 2.0
 """Time with bytes and without a sample after which a source is stale [s]: it holds two fixes of a receiver,
 and the time in which a protocol is looked for twice."""
@@ -73,3 +83,29 @@ def _unread(seconds: float, reception: Reception) -> str:
 
 def _question(is_serial: bool) -> str:
     return "Are the speed of the line and the protocol right?" if is_serial else "Is the protocol right?"
+
+
+class FirstBytes:
+    """The bytes from the beginning of a stream to its first sample."""
+
+    def __init__(self) -> None:
+        self._chunks: deque[Chunk] = deque()
+        self._bytes = 0
+        self._ended = False
+
+    def __iter__(self) -> Iterator[Chunk]:
+        return iter(self._chunks)
+
+    def add(self, chunk: Chunk) -> None:
+        """Keep bytes that gave no sample; of too many, the latest."""
+        if self._ended or not chunk.data:
+            return
+        self._chunks.append(chunk)
+        self._bytes += len(chunk.data)
+        while self._bytes > MOST:
+            self._bytes -= len(self._chunks.popleft().data)
+
+    def end(self) -> None:
+        """Forget the bytes, since a sample came."""
+        self._chunks.clear()
+        self._ended = True

@@ -7,8 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from lab.data.streams.address import Address
-from lab.data.streams.cause import in_words
-from lab.data.streams.transport import Chunk, TransportError
+from lab.data.streams.transport import Chunk, TransportError, in_words
 
 BAUD = 115_200
 """Usual speed of the line [bit/s]; those of USB do not heed it."""

@@ -11,17 +11,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder import DecoderError
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.cause import cause_of
-from lab.data.streams.first_bytes import FirstBytes
 from lab.data.streams.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.data.streams.reception import Reception
 from lab.data.streams.ring import Cursor, Read, Ring
-from lab.data.streams.sample_watch import SampleWatch
+from lab.data.streams.sample_watch import FirstBytes, SampleWatch
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
-from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport
-from lab.data.streams.true_motion import TrueMotion
+from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, cause_of
+from lab.motion.truth.growing_truth import TrueMotion
 
 SILENCE = 0.5
 """Silence after which a source is stale [s]: five samples of the slowest IMU."""

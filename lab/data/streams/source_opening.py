@@ -9,15 +9,14 @@ from typing import Any
 from lab.base.registry import find, names
 from lab.data.streams.address import Address
 from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.network_transports import TcpConnection, UdpListener
 from lab.data.streams.raw_recording import NEW_AXES
 from lab.data.streams.recorded_log import reception_of
 from lab.data.streams.replay import Replay
 from lab.data.streams.sensor_server import SensorServerTransport
 from lab.data.streams.serial_port import SerialPort
 from lab.data.streams.source import Source
-from lab.data.streams.tcp_connection import TcpConnection
 from lab.data.streams.transport import Transport, TransportError
-from lab.data.streams.udp_listener import UdpListener
 
 SPEEDS = (0.1, 10.0)
 """Speeds of a replay that are accepted; beside them ``max``."""

@@ -6,13 +6,13 @@ from functools import cached_property
 
 from lab.data.streams.address import MAX_SEED, Address
 from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.network_transports import TcpConnection
 from lab.data.streams.serial_port import SerialPort
-from lab.data.streams.tcp_connection import TcpConnection
 from lab.data.streams.transport import Chunk, Transport, TransportError
-from lab.data.streams.true_motion import TrueFlight
 from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice
 from lab.live.simulated.simulated_flight import REST, SimulatedFlight
 from lab.live.simulated.simulated_link import link_of, local_link
+from lab.motion.truth.growing_truth import TrueFlight
 
 RATES = (1.0, 2000.0)
 """Rates of a simulated device [Hz]: above, its samples come several at a time."""

@@ -1,9 +1,10 @@
-"""Growing truth: the true motion of a flight that is still being flown, as far as it is known."""
+"""Growing truth: the true motion of a flight that is still being flown, or played, as far as it is known."""
 
 from __future__ import annotations
 
 import threading
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,8 +14,6 @@ from lab.motion.truth.trajectory import Truth
 
 _ROUNDING = 1e-6
 """Largest rounding of the time of a sample [s]: some devices stamp them in microseconds."""
-
-
 _COLUMNS = 9
 """Numbers of a motion: position, velocity and Euler angles."""
 _ROOM = 2**14
@@ -111,3 +110,36 @@ def interpolated(time: FloatArray, known: FloatArray, columns: FloatArray) -> Ki
     position, velocity_n, euler = found[:, :3], found[:, 3:6], np.asarray(wrap(found[:, 6:]))
     position[:, 1] = wrap(position[:, 1])
     return Kinematics(position, velocity_n, euler)
+
+
+class TrueMotion(Protocol):
+    """What knows the true motion of a source."""
+
+    def at(self, time: FloatArray) -> Kinematics:
+        """Return the motion at times (n,) of the host's monotonic clock [s]."""
+        ...
+
+
+class TrueFlight:
+    """The truth of a simulated flight that is played in real time; a `TrueMotion`.
+
+    Between two samples of the truth, the motion is interpolated linearly: at 100 Hz and 30 m/s², the error
+    of a position is below 0.4 mm.
+
+    Parameters
+    ----------
+    truth
+        The truth at all samples.
+    begun
+        Returns the time of the host at the start of the flight [s]; NaN before it.
+    """
+
+    def __init__(self, truth: Truth, begun: Callable[[], float]) -> None:
+        self._truth = truth
+        self._begun = begun
+        self._columns = np.column_stack((truth.position, truth.velocity_n, np.unwrap(truth.euler, axis=0)))
+        self._columns[:, 1] = np.unwrap(self._columns[:, 1])
+
+    def at(self, time: FloatArray) -> Kinematics:
+        """Return the motion at times (n,) of the host's monotonic clock [s]."""
+        return interpolated(time - self._begun(), self._truth.time, self._columns)

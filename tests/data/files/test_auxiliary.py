@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from writers import WRITERS
 
-from lab.data.files.ardupilot_auxiliary import headings_of, magnetometer_of
+from lab.data.files.ardupilot import headings_of, magnetometer_of
 from lab.data.files.dataflash_time import TIME
 from lab.data.log.vehicle import vehicle_of
 from lab.missions import mission

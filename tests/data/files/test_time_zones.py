@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from foreign_tables import UNIX, same, table
 
-from lab.data.clock.stamps import seconds_of_texts
-from lab.data.clock.time_zones import offset_of
+from lab.data.clock.stamps import offset_of, seconds_of_texts
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 

@@ -16,8 +16,8 @@ from live_streams import capture, decoded, fixes, motion
 
 from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
 from lab.data.protocols.decoder import Decoder, Encoder
+from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.limits import LimitCheck, Limits
-from lab.data.protocols.wrapping import WrappingCounter
 
 CAPTURES = {
     "vectornav": "vn100_bin_waves_F00294.bin",

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from lab.data.protocols.catalogue import decoder_of
-from lab.data.protocols.decoder import Decoder
-from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder import Decoder, DecoderError
 
 TEXT = """\
 import numpy as np

@@ -10,8 +10,8 @@ from live_streams import capture, decoded, fixes, motion
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from lab.data.protocols.catalogue import decoder_of
-from lab.data.protocols.checks import crc16_mcrf4xx
-from lab.data.protocols.decoder_error import DecoderError
+from lab.data.protocols.decoder import DecoderError
+from lab.data.protocols.framing import crc16_mcrf4xx
 from lab.data.protocols.mavlink_encoder import MavlinkEncoder
 from lab.data.protocols.recognition import recognise
 

@@ -1,6 +1,8 @@
-"""Column translations: the words of column headings that phones write in German, French, Spanish and Italian.
+"""Column words: words of column headings in other languages, and those that name a magnetometer.
 
-Apps such as phyphox export in the language of the phone: ``Beschleunigung x (m/s^2)``, ``Temps (s)``.
+Apps such as phyphox export in the language of the phone: ``Beschleunigung x (m/s^2)``, ``Temps (s)``. Phones
+and loggers call a magnetometer ``Magnetic field x``, ``magnetometerX``, ``mag_x_uT``, ``Bx``; SensorLog on an
+iPhone calls the field of its compass ``locationHeadingX``.
 """
 
 from __future__ import annotations
@@ -40,6 +42,41 @@ _KNOWN = re.compile(
     rf"(?<![a-z])(?:{'|'.join(sorted(_MEANING, key=len, reverse=True))})(?![a-z])", re.IGNORECASE
 )
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")
+FIELD_WORDS = frozenset(
+    {"magnetic", "magnetometer", "magnetometers", "mag", "magn", "magneto", "magneticfield", "geomagnetic",
+     "vector"}
+)  # fmt: skip
+"""Words of a measured field; a vector is one only beside another of them."""
+GLUED_FIELD = re.compile(r"(?i)^(?:(?:.*[\s_.:/-])?mag|[bm])([xyz])$")
+"""A short name with its axis, such as ``mx`` or ``imu_magx``."""
+_SHORT = {"b", "m", "locationheading"}
+_COMPUTED = {
+    "declination",
+    "inclination",
+    "ned",
+    "enu",
+    "earth",
+    "world",
+    "expected",
+    "model",
+    "offsets",
+    "ofs",
+}
+"""Words of fields that are no measurement in the axes of the sensor."""
+
+
+def names_field(words: frozenset[str], joined: str) -> bool:
+    """Return whether the words of a heading, its axis cut off, name a measured magnetic field.
+
+    Parameters
+    ----------
+    words
+        The words.
+    joined
+        The same, put together.
+    """
+    named = words & (FIELD_WORDS - {"vector"}) or joined in _SHORT
+    return bool(named) and not words & _COMPUTED
 
 
 @lru_cache(maxsize=4096)
