@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from lab.navigation.algorithm import Algorithm, AlgorithmError, Estimate
+from lab.navigation.algorithm import Algorithm, AlgorithmError, Estimate, load_algorithm
 from lab.navigation.solution import Fixes, Imu, Start
-from lab.run.algorithm_file import load_algorithm
 
 VARIABLE = "INS_LAB_ALGORITHMS"
 """Environment variable that names the algorithms for ``panel serve``: ``FILE.py:Name``, separated by commas.

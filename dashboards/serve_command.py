@@ -171,7 +171,7 @@ def _check_folder(option: str, folder: Path | None, files: str) -> None:
 def _take_phones(address: str, port: int) -> None:
     """Let visitors invite phones. None reaches a loopback address: then all addresses are listened on."""
     from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
-    from lab.live.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
+    from lab.live.phone.invitation import is_loopback  # noqa: PLC0415 - takes a second
 
     take_phones("0.0.0.0" if is_loopback(address) else address, port)
     print(f"ins-lab: phones: choose the source “A phone” on the page Live; port {port}", file=sys.stderr)

@@ -152,7 +152,7 @@ def _admission(address: str, port: int, origins: Sequence[str], password: str | 
 def _greeting(where: str, address: str, port: int, *, teacher: bool) -> str:
     """Return where the laboratory is, and the secret link of teachers if they are admitted."""
     from dashboards.teaching.teacher import PATH, admit_no_teacher, admit_teachers  # noqa: PLC0415
-    from lab.live.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
+    from lab.live.phone.invitation import in_address, is_any, own_addresses  # noqa: PLC0415
 
     greeting = f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)"
     if not teacher:

@@ -20,7 +20,7 @@ from document_files import make_files
 from lab.classroom.homework.homework_file import make_homework
 from lab.classroom.lessons.lesson_file import lesson_of
 from lab.experiment.experiment import Experiment
-from lab.flying.plan_kinds import read_plan
+from lab.flying.flight_plan import read_plan
 from lab.missions import mission
 from lab.sensors.cards import read_cards
 

@@ -9,7 +9,7 @@ import pymap3d
 from scipy.spatial.transform import Rotation
 
 from lab.motion.frames import earth
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 
 EARTH = np.array([0.0, 0.0, earth.RATE])
 

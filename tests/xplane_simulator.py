@@ -11,7 +11,7 @@ from xplane_sender import frames_of
 from xplane_stand_in import XPlaneStandIn
 
 from lab.missions import Recording, mission
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 
 STEP = 0.02
 """Interval of frames at 50 Hz [s]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
-from lab.live.phone.addresses import in_address, is_loopback, own_addresses
+from lab.live.phone.invitation import in_address, is_loopback, own_addresses
 
 FIELD = "class"
 """Field of the address with the code of a class, beside those of the settings."""

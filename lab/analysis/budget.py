@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import feedforward
-from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import (
     ACCELEROMETER,
     INSTABILITY,
@@ -42,7 +41,7 @@ from lab.analysis.error_sources import (
     left_out,
     processes,
 )
-from lab.analysis.errors import euler_sigma
+from lab.analysis.errors import euler_sigma, output_map
 from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition

@@ -3,21 +3,45 @@
 Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are
 differences of roll, pitch and heading, and the Jacobian maps the filter's covariance of φ to them
 (`rotation.euler_jacobian`). Close to a pole, positions are compared in Earth-fixed Cartesian axes.
+
+In Earth-fixed axes e, the errors are vectors: no axis turns along the path, so that a pole is a place like
+any other. The output of a filter is along north, east and down of the estimate, which turn from place to
+place by δθ = Θ δr:
+
+    δv = δv_c + v × δθ,   φ = ψ + δθ
+
+with δv_c and ψ the errors in e, resolved in n (as the error model `psi` has them).
+
+A thousand runs with all samples would not fit into memory, so that an ensemble keeps errors over a whole
+flight ten times a second.
+
+References
+----------
+D. O. Benson, *A comparison of two approaches to pure-inertial and Doppler-inertial error analysis*, IEEE
+Trans. AES 11 (1975).
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.error_axes import output_map
 from lab.base.arrays import FloatArray
-from lab.motion.frames import ecef
+from lab.motion.frames import earth, ecef
 from lab.motion.frames.displacement import displacement
+from lab.motion.frames.east_north_up import east_north_up
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
+
+APART = 0.1
+"""Time between two samples of the path [s]: errors change little in it, and the rms by 0.1 %."""
+SMALLEST = 1e-15
+"""Smallest cos L, which stands for all below: 6 nm from a pole, where a filter bounds tan L, too."""
 
 
 def position_error(position: FloatArray, truth: Truth) -> FloatArray:
@@ -98,7 +122,7 @@ def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Trut
     """Return the errors of position, velocity and attitude (m, 9) close to a pole.
 
     Computed in e, where they are small, and converted to n to first order, as the filter's covariance is
-    (`error_axes.output_map`).
+    (`output_map`).
     """
     here, velocity_n = solution.position[samples], solution.velocity_n[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
@@ -153,3 +177,71 @@ def _trigonometry(euler: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     pitch, yaw = np.ascontiguousarray(euler[:, 1:].T)
     tan, cos_yaw, sin_yaw = np.tan(pitch), np.cos(yaw), np.sin(yaw)
     return cos_yaw, sin_yaw, np.sqrt(1 + tan * tan), tan
+
+
+def output_map(position: FloatArray, velocity_n: FloatArray) -> FloatArray:
+    """Return T (m, 9, 9), which takes errors in e to the output errors of a filter, to first order.
+
+    Parameters
+    ----------
+    position : (m, 3) array
+        Latitude, longitude [rad], height [m].
+    velocity_n : (m, 3) array
+        Velocity north, east, down [m/s].
+    """
+    latitude, longitude, height = position.T
+    C_ne = np.swapaxes(ecef.axes(latitude, longitude), 1, 2)
+    sine = np.sin(latitude)
+    meridian, transverse = earth.radii(sine)
+    tangent = sine / np.maximum(np.cos(latitude), SMALLEST)
+    turn = np.zeros((latitude.size, 3, 3))  # Θ
+    turn[:, 0, 1] = 1 / (transverse + height)
+    turn[:, 1, 0] = -1 / (meridian + height)
+    turn[:, 2, 1] = -tangent / (transverse + height)
+    turn = turn @ C_ne
+    T = np.zeros((latitude.size, 9, 9))
+    T[:, POS, POS] = T[:, VEL, VEL] = T[:, ATT, ATT] = C_ne
+    T[:, VEL, POS] = np.cross(velocity_n[:, None, :], np.swapaxes(turn, 1, 2)).swapaxes(1, 2)
+    T[:, ATT, POS] = turn
+    return T
+
+
+def path_of(time: FloatArray, period: float) -> NDArray[np.int64]:
+    """Return the samples of the path.
+
+    Errors jump at the fixes. So the number of samples from one to the next has no factor in common with that
+    from fix to fix: the path then has as many samples soon after a fix as soon before one.
+
+    Parameters
+    ----------
+    time : (n + 1,) array
+        Times of the IMU samples [s].
+    period
+        Time between the fixes [s].
+    """
+    step = float(time[-1] - time[0]) / max(time.size - 1, 1)
+    from_fix = max(1, round(period / step)) if step else 1
+    apart = max(1, int(APART / step + 0.5)) if step else 1
+    while math.gcd(apart, from_fix) > 1:
+        apart -= 1
+    return np.arange(0, time.size, apart)
+
+
+def errors_of(position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, truth: Truth) -> FloatArray:
+    """Return errors (m, 9) east, north, up [m], [m/s], and of roll, pitch, heading [°].
+
+    Parameters
+    ----------
+    position, velocity_n, q_nb : (m, 3), (m, 3), (m, 4) arrays
+        As of `Solution`.
+    truth
+        Truth at the same times.
+    """
+    return np.concatenate(
+        (
+            east_north_up(position_error(position, truth)),
+            east_north_up(velocity_n - truth.velocity_n),
+            np.degrees(wrap(euler_from_quaternion(q_nb) - truth.euler)),
+        ),
+        axis=1,
+    )

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
+from lab.analysis.errors import output_map
 from lab.analysis.fix_causes import hold_heading
 from lab.analysis.transition import NAV
 from lab.analysis.verdicts.aid_verdict import SENSORS

@@ -17,7 +17,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 OLD_NAMES = {
-    "lab.algorithm_file": "lab.run.algorithm_file",
+    "lab.algorithm_file": "lab.navigation.algorithm",
     "lab.analysis.finding": "lab.analysis.verdicts.finding",
     "lab.analysis.verdict": "lab.analysis.verdicts.verdict",
     "lab.datasets.innovations": "lab.experiment.datasets.innovations",
@@ -52,6 +52,7 @@ OLD_NAMES = {
     "lab.parameters.units": "lab.base.parameters.units",
     "lab.result": "lab.experiment.result",
     "lab.result_plots": "lab.experiment.result_plots",
+    "lab.sensors.noise_variance": "lab.sensors.imu_errors",
     "lab.sweep": "lab.experiment.sweep",
     "lab.truth.trajectory": "lab.motion.truth.trajectory",
 }

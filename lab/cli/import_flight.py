@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lab.data.log.sensor_log import SensorLog
     from lab.data.rebuild.import_report import ImportReport
     from lab.missions.flight_import import FlightImport
-    from lab.sensors.sensor_noise import SensorNoise
+    from lab.sensors.imu_errors import SensorNoise
 
 EXAMPLES = """\b
 Examples:

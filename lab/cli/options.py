@@ -122,7 +122,7 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
     """
     if not places:
         return {}
-    from lab.run.algorithm_file import load_algorithms  # noqa: PLC0415 - takes half a second
+    from lab.navigation.algorithm import load_algorithms  # noqa: PLC0415 - takes half a second
 
     try:
         return load_algorithms(places)

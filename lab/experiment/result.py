@@ -29,7 +29,7 @@ from lab.base.histories import cached_unless_long
 from lab.base.notebook_card import HtmlFrame, NotebookCard
 from lab.base.progress import Progress
 from lab.base.registry import find
-from lab.experiment.datasets import aiding, flight, innovations, sensors, tables
+from lab.experiment.datasets import flight, innovations, sensors, tables
 from lab.experiment.result_plots import ResultPlots
 from lab.motion.frames.projection import Projection
 from lab.navigation.algorithm import Algorithm
@@ -191,7 +191,7 @@ class Result(NotebookCard, Repeatable):
 
         Each state has its `unit`. Empty for a filter that has the states of the IMU only.
         """
-        return aiding.further_states(self)
+        return innovations.further_states(self)
 
     @cached_property
     def aiding(self) -> xr.Dataset:
@@ -200,7 +200,7 @@ class Result(NotebookCard, Repeatable):
         Each has its `kind` and `unit`; `used` is false for those that the gate rejected. Empty without other
         sensors.
         """
-        return aiding.aiding(self)
+        return innovations.aiding(self)
 
     @cached_property
     def innovations(self) -> xr.Dataset:
@@ -364,7 +364,7 @@ class Result(NotebookCard, Repeatable):
         remarks += [straight] if straight else []
         beyond = feedforward.remark(self.free_run, self.experiment.navigator)
         # A navigator that is far off contradicts all that is measured.
-        remarks += [beyond] if beyond else aiding.larger_than_assumed(self)
+        remarks += [beyond] if beyond else innovations.larger_than_assumed(self)
         start = float(np.sqrt(np.diag(self.belief.P0)[ATT].max()))
         wide = "" if self.algorithm else linear_verdict.remark(start, self.experiment.navigator)
         remarks += [wide] if wide else []

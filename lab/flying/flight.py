@@ -16,8 +16,8 @@ from lab.flying.simulated_aircraft import STEP_MS, Instruments, SimulatedAircraf
 from lab.motion.recordings.recording import Recording
 
 if TYPE_CHECKING:
+    from lab.flying.flight_plan import Plan
     from lab.flying.motion_commands import MotionPlan
-    from lab.flying.plan_kinds import Plan
     from lab.flying.waypoints import WaypointPlan
 
 SAMPLE_MS = 55

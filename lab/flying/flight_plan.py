@@ -1,10 +1,13 @@
-"""FlightPlan: where a flight starts, in what air, and its manoeuvres: plain data of a mission's TOML file."""
+"""FlightPlan: where a flight starts, in what air, and its manoeuvres; and a plan of any kind, by its list.
+
+Plans are plain data of a mission's TOML file.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lab.base.files.mission_error import MissionError
 from lab.flying import airports
@@ -32,6 +35,12 @@ from lab.flying.plan_table import (
 )
 from lab.flying.weather import CALM, Air, Gust
 
+if TYPE_CHECKING:
+    from lab.flying.motion_commands import MotionPlan
+    from lab.flying.waypoints import WaypointPlan
+
+KINDS = ("manoeuvres", "waypoints", "commands")
+"""The keys of lists, of which a plan has one."""
 MAX_GUSTS = 1000
 """Most gusts in one plan."""
 
@@ -196,3 +205,29 @@ def _manoeuvres(
         height = None if isinstance(manoeuvre, Level) else getattr(manoeuvre, "height_m", height)
         manoeuvres.append(manoeuvre)
     return tuple(manoeuvres)
+
+
+if TYPE_CHECKING:
+    Plan = FlightPlan | WaypointPlan | MotionPlan
+
+
+def read_plan(values: Mapping[str, Any], where: str = "flight") -> Plan:
+    """Return the plan in a mapping, such as the ``[flight]`` table of a mission's TOML file.
+
+    Raises
+    ------
+    MissionError
+        If a key is unknown or missing, or a value is not accepted.
+    """
+    listed = [kind for kind in KINDS if kind in values]
+    if len(listed) > 1:
+        raise MissionError(f"{where}: has {' and '.join(listed)}; accepted is one of {', '.join(KINDS)}")
+    if listed == ["waypoints"]:
+        from lab.flying.waypoints import WaypointPlan  # noqa: PLC0415 - SciPy, for those who need it
+
+        return WaypointPlan.from_dict(values, where)
+    if listed == ["commands"]:
+        from lab.flying.motion_commands import MotionPlan  # noqa: PLC0415 - SciPy, for those who need it
+
+        return MotionPlan.from_dict(values, where)
+    return FlightPlan.from_dict(values, where)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.data.streams.rolling import Rolling
-from lab.live.anchor import Anchor, with_heading
+from lab.live.live_state import Anchor, with_heading
 from lab.live.stream_settings import without
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
@@ -31,7 +31,7 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.frames import model_at, shown
-from lab.navigation.gap_noise import AROUND, gap_noise
+from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.navigator import PIECE, advance
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start

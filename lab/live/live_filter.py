@@ -24,8 +24,8 @@ from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
 from lab.navigation.filters.schedule import SLACK, Schedule
-from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, mean_rates_at_fixes
+from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.navigator import advance
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only

@@ -33,19 +33,15 @@ from lab.data.streams.intake import Increments, Intake
 from lab.data.streams.ring import Cursor
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Event
-from lab.live.anchor import Anchor
 from lab.live.attitude_only import AttitudeOnly
-from lab.live.fix_intake import FixIntake
 from lab.live.live_aids import LiveAids
-from lab.live.live_compass import look_at_compass
 from lab.live.live_filter import LiveFilter
 from lab.live.live_history import History
+from lab.live.live_intake import FixIntake, ReadingIntake
 from lab.live.live_start import LiveStart
-from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
-from lab.live.live_stream import LiveSolution, Stream
+from lab.live.live_state import PHASES, Anchor, HistoryCursor, LiveHistory, LiveState
+from lab.live.live_stream import LiveSolution, Stream, log_of_stream, look_at_compass
 from lab.live.live_view import phase_of, state_of
-from lab.live.reading_intake import ReadingIntake
-from lab.live.stream_log import log_of_stream
 from lab.live.stream_settings import stream_settings
 from lab.motion.frames.rotation import wrap
 from lab.navigation.alignment.alignment import Alignment

@@ -18,7 +18,7 @@ from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.navigation.alignment.alignment import REST_SPEED, Alignment, align
 from lab.navigation.alignment.initial_heading import FORWARD_SPEED, Hints, shows_course
-from lab.navigation.alignment.start_fixes import start_fixes
+from lab.navigation.log_navigation import start_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST

@@ -1,4 +1,8 @@
-"""Live stream: the samples and fixes of one unbroken stream, and the navigators that work on them."""
+"""Live stream: the samples and fixes of one unbroken stream, and the navigators that work on them.
+
+Without fixes, a magnetometer at rest gives its heading. What is kept of it becomes a sensor log for the
+batch.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
+from lab.data.log.auxiliary_data import AuxiliaryData, Magnetometer, Series
+from lab.data.log.sensor_log import GnssLog, SensorLog
+from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.navigation.alignment.alignment import Alignment
+from lab.navigation.alignment.initial_heading import MAGNETIC_SIGMA, by_magnetometer
+from lab.navigation.solution import Imu
+from lab.navigation.standstill import SHORTEST
 
+DECLINATION_SIGMA: Final = np.radians(20.0)
+"""σ of the magnetic declination at an unknown place [rad]: larger only about the magnetic poles."""
+WORSE: Final = np.sqrt(2)
+"""σ of a heading, in that of a magnetometer, from which the magnetometer takes its place: it errs by iron,
+which no mean removes."""
 POSITION_LIMIT: Final = 100.0
 """Largest σ north or east with which a position is shown [m]: ten times that of a poor fix."""
 RECENT: Final = 1.5
@@ -185,3 +201,92 @@ class Stream:
         self.fixes.forget(self.fixes.number("time", oldest) - 2)
         for readings in self.readings:
             readings.forget(readings.number("time", oldest))
+
+
+def look_at_compass(stream: Stream) -> None:
+    """Give the attitude of a stream the heading of its magnetometer at rest, if it has none as good."""
+    attitude = stream.attitude
+    if attitude is None or not attitude.begun or not attitude.rest:
+        return
+    if attitude.P[8, 8] <= (WORSE * MAGNETIC_SIGMA) ** 2:
+        return
+    samples = stream.samples
+    start = max(samples.number("time", stream.now - SHORTEST), samples.first)
+    imu = Imu(*(samples.rows(name, start, samples.end) for name in ("time", "dtheta", "dvelocity")))
+    field = magnetometer_of(imu.time, samples.rows("magnetic", start, samples.end))
+    if field is None:
+        return
+    here = stream.sample(stream.end - 1)
+    place, more = attitude.place, 0.0
+    if place is None:
+        field, place, more = Magnetometer(field.time, field.field, 0.0), np.zeros(3), DECLINATION_SIGMA
+    tilt = float(here.euler_sigma[:2].max())
+    level = float(here.euler[0]), float(here.euler[1])
+    found = by_magnetometer(imu, field, level, tilt, float(SHORTEST), place)
+    if found.source:
+        source = f"{found.source}, from magnetic north" if more else found.source
+        attitude.give_heading(found.heading, float(np.hypot(found.sigma, more)), source)
+
+
+def log_of_stream(
+    stream: Stream, lever_arm: FloatArray, latency: float, height_shift: float, repairs: tuple[str, ...]
+) -> SensorLog:
+    """Return the samples of a stream that are kept as a sensor log, whose time 0 is the first of them.
+
+    Parameters
+    ----------
+    stream
+        The stream.
+    lever_arm : (3,) array
+        From the IMU to the antenna, in b [m].
+    latency
+        How much later than the fixes their times are [s].
+    height_shift
+        What is added to a height by pressure [m]; NaN if it is unknown.
+    repairs
+        What was repaired, as sentences.
+
+    Raises
+    ------
+    MissionError
+        If nothing has come yet.
+    """
+    samples, fixes = stream.samples, stream.fixes
+    if not len(samples):
+        raise MissionError("live stream: no sample has come yet; accepted is a stream with samples")
+    zero = float(samples.column("time")[0])
+    time = samples.column("time") - zero
+    gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
+    heights, speeds, headings, _ = stream.readings
+    barometer = odometer = None
+    if len(heights) and not np.isnan(height_shift):
+        barometer = Series(heights.column("time") - zero, heights.column("value") + height_shift)
+    if len(speeds):
+        odometer = Series(speeds.column("time") - zero, speeds.column("value").copy())
+    return SensorLog(
+        name="live stream",
+        epoch=stream.epoch + zero,
+        time=time,
+        dtheta=samples.column("dtheta")[1:].copy(),
+        dvelocity=samples.column("dvelocity")[1:].copy(),
+        gnss=GnssLog(
+            time=fixes.column("time") + latency - zero,
+            position=fixes.column("position").copy(),
+            velocity_n=fixes.column("velocity_n").copy(),
+            position_sigma=fixes.column("position_sigma").copy(),
+            velocity_sigma=fixes.column("velocity_sigma").copy(),
+            lever_arm=lever_arm,
+            latency=latency,
+        ),
+        reference=None,
+        gaps=np.array(gaps).reshape(-1, 2) - zero,
+        repairs=repairs,
+        auxiliary=AuxiliaryData(
+            magnetometer=magnetometer_of(time, samples.column("magnetic")),
+            headings=headings_of(
+                headings.column("time") - zero, headings.column("value"), headings.column("sigma")
+            ),
+            barometer=barometer,
+            odometer=odometer,
+        ),
+    )

@@ -37,8 +37,7 @@ from lab.motion.recordings.recording import Recording
 if TYPE_CHECKING:
     from lab.data.rebuild.import_settings import ImportSettings
     from lab.flying.flight import Flight, fly
-    from lab.flying.flight_plan import FlightPlan
-    from lab.flying.plan_kinds import read_plan
+    from lab.flying.flight_plan import FlightPlan, read_plan
     from lab.missions.flight_import import FlightImport, prepare_import
     from lab.missions.flown_mission import fly_mission
     from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
@@ -86,7 +85,7 @@ _HOMES = {
     "fly": "lab.flying.flight",
     "fly_mission": "lab.missions.flown_mission",
     "prepare_import": "lab.missions.flight_import",
-    "read_plan": "lab.flying.plan_kinds",
+    "read_plan": "lab.flying.flight_plan",
     "rename_mission": "lab.missions.library",
 }
 """Modules of what is imported at its first use: a run flies, imports and writes no mission."""

@@ -23,7 +23,7 @@ from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight, repair
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
 from lab.motion.recordings.recording import Recording
-from lab.sensors.sensor_noise import SensorNoise
+from lab.sensors.imu_errors import SensorNoise
 
 RECONSTRUCTED = "attitude reconstructed"
 """Tag of a mission whose attitude is not recorded."""

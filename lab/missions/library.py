@@ -25,7 +25,7 @@ from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml
 from lab.data.files.log_toml import DESCRIPTION_FILE
 from lab.data.files.sensor_log_writer import write_sensor_log
 from lab.data.log.sensor_log import SensorLog
-from lab.flying.plan_kinds import read_plan
+from lab.flying.flight_plan import read_plan
 from lab.missions.catalogue import mission, names_in_words, own_folder, places, shipped_folder
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission

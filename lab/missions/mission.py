@@ -18,7 +18,7 @@ from lab.motion.recordings.flight_csv import flight_duration, read_flight_csv
 from lab.motion.recordings.recording import Recording
 
 if TYPE_CHECKING:
-    from lab.flying.plan_kinds import Plan
+    from lab.flying.flight_plan import Plan
 
 _TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording", "ending")
 _KEYS = (*_TEXTS, "tags", "flight")
@@ -143,7 +143,7 @@ class Mission(NotebookCard):
         MissionError
             If the mission has none, or it is not acceptable.
         """
-        from lab.flying.plan_kinds import read_plan  # noqa: PLC0415 - a run needs no plan
+        from lab.flying.flight_plan import read_plan  # noqa: PLC0415 - a run needs no plan
 
         if self.flight is None:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")

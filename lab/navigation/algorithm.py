@@ -1,19 +1,24 @@
-"""Algorithm: a navigator of the user's own, run in an experiment and compared like the built-in ones."""
+"""Algorithm: a navigator of the user's own, run in an experiment and compared like the built-in ones.
+
+It is an object, or is loaded from a Python file that the user names.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.python_file import described
+from lab.base.python_file import PythonFileError, described, load_object
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 
+FORM = "FILE.py:Name, such as my_filter.py:MyFilter"
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
 
 ASYMMETRIC = 1e-6
@@ -209,3 +214,49 @@ def _covariance(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]
             "symmetric, positive definite matrix"
         )
     return array
+
+
+def load_algorithm(place: str) -> Algorithm:
+    """Execute a Python file and return its algorithm.
+
+    Parameters
+    ----------
+    place
+        ``FILE.py:Name``. The name is that of a class, which is called without arguments, or of an object.
+
+    Raises
+    ------
+    AlgorithmError
+        If the file or the name does not exist, if the file or the class fails, or if the object has no method
+        `navigate`.
+    """
+    try:
+        found, offered = load_object(place, FORM, "navigate", "algorithms in the file")
+    except PythonFileError as error:
+        raise AlgorithmError(str(error)) from (error.__cause__ or error)
+    if not isinstance(found, Algorithm) or not callable(found.navigate):
+        raise AlgorithmError(
+            f"{place}: is of type {type(found).__name__}, without a method navigate(imu, fixes, start)"
+            f"{offered}"
+        )
+    return found
+
+
+def load_algorithms(places: Sequence[str]) -> dict[str, Algorithm]:
+    """Return algorithms of Python files by name; by place if two have the same name.
+
+    Parameters
+    ----------
+    places
+        Place of each, as for `load_algorithm`.
+
+    Raises
+    ------
+    AlgorithmError
+        If one cannot be loaded.
+    """
+    names = [place.rpartition(":")[2] for place in places]
+    return {
+        name if names.count(name) == 1 else place: load_algorithm(place)
+        for name, place in zip(names, places, strict=True)
+    }

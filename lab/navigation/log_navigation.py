@@ -3,12 +3,15 @@
 The filter is the same as for simulated flights, with the lever arm and the latency of the log. It processes
 the log in stretches: gaps of the IMU are separate, and so are fixes with different numbers of measurements.
 The settings do not describe the biases found at the start, so these do not decay: they are random walks.
+
+The filter gives no weight to a velocity that was not measured. The start takes it from the positions, with
+the σ that follows from theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +21,13 @@ from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import GnssLog, SensorLog
+from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation import navigator as linear
 from lab.navigation.aiding import aids_of, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment.alignment import Alignment, align
 from lab.navigation.alignment.initial_heading import Hints
 from lab.navigation.alignment.start_covariance import start_covariance
-from lab.navigation.alignment.start_fixes import start_fixes, velocity_of_positions
 from lab.navigation.belief import (
     assumed_latency,
     assumed_lever_arm,
@@ -47,7 +50,6 @@ from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
 from lab.navigation.filters.schedule import Stretch
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.gap_noise import gap_noise
 from lab.navigation.log_readings import fitted_only, readings_of
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
@@ -55,6 +57,12 @@ from lab.navigation.standstill import at_rest, standing_still
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 
+_APART = 1.0
+"""Time between two positions whose difference is a velocity [s]: at 10 Hz, the difference of two neighbours
+has ten times its error. In a steady turn, their difference has the course of the middle."""
+AROUND: Final = 5.0
+"""Time before and after a gap whose motion stands for that in it [s]: a vehicle that begins to move in a gap
+of at most 2 s still moves then, and the live navigator can go back that far."""
 Arrays = TypeVar("Arrays", Imu, Fixes)
 
 UNKNOWN = 1e4
@@ -346,3 +354,72 @@ def _stretches(
         stretches.append(Stretch(end, gate(navigator.gate, count), implausible(navigator, count), noise))
         done = end
     return stretches
+
+
+def gap_noise(imu: Imu, start: float, end: float) -> FloatArray:
+    """Return the densities (6,) of the unknown motion in a filled gap [rad²/s], [m²/s³].
+
+    The rates in the gap are taken to be wrong by their spread about it. An error that lasts for the whole gap
+    has the density variance times length; a shorter one has less.
+
+    Parameters
+    ----------
+    imu
+        The increments, with those that fill the gap.
+    start, end
+        The gap [s].
+    """
+    edges = np.array([start - AROUND - _ROUNDING, end + AROUND + _ROUNDING])
+    first, last = np.searchsorted(imu.time, edges)
+    last = min(max(last, 2), imu.time.size)
+    first = min(first, last - 2)
+    dt = np.diff(imu.time[first:last])[:, None]
+    spread = [(part[first : last - 1] / dt).var(axis=0) for part in (imu.dtheta, imu.dvelocity)]
+    return np.asarray(np.concatenate(spread) * (end - start))
+
+
+def start_fixes(fixes: Fixes, measured: FloatArray, variances: FloatArray) -> tuple[Fixes, FloatArray]:
+    """Return the fixes with which the start is found, and the σ (k, 3) of their velocities [m/s].
+
+    If no fix has a measured velocity, they are those about a second apart, with the velocities of their
+    positions; otherwise all.
+
+    Parameters
+    ----------
+    fixes
+        The fixes, with the velocities that the filter uses.
+    measured : (m, 3) array
+        The measured velocities; NaN if unmeasured [m/s].
+    variances : (m, 6) array
+        Variances of position and velocity that the filter uses [m²], [(m/s)²].
+    """
+    unknown, sigma = np.isnan(measured), np.sqrt(variances)
+    if unknown[:, :2].all():
+        rows = np.flatnonzero(np.diff(np.floor((fixes.time - fixes.time[0]) / _APART), prepend=-1.0))
+        if rows.size > 1:
+            time, position = fixes.time[rows], fixes.position[rows]
+            velocity = velocity_of_positions(time, position)
+            velocity[:, 2] = fixes.velocity_n[rows, 2]
+            fixes, unknown, sigma = Fixes(time, position, velocity), unknown[rows], sigma[rows]
+    over = np.diff(fixes.time, append=fixes.time[-1]) + np.diff(fixes.time, prepend=fixes.time[0])
+    unknown[:, 2] = False  # a vertical velocity is not derived from positions
+    with np.errstate(divide="ignore"):
+        derived = np.sqrt(2) * sigma[:, :3] / over[:, None]
+    return fixes, np.where(unknown, derived, sigma[:, 3:])
+
+
+def velocity_of_positions(time: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the velocity (m, 3) north, east, down from differences of positions; down is zero [m/s].
+
+    Parameters
+    ----------
+    time : (m,) array
+        At least two times [s].
+    position : (m, 3) array
+        Latitude, longitude [rad] and height [m].
+    """
+    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
+    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
+    north = np.gradient(latitude, time) * per_latitude
+    east = np.gradient(longitude, time) * per_longitude
+    return np.stack((north, east, np.zeros_like(north)), axis=-1)

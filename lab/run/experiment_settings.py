@@ -13,7 +13,7 @@ from lab.base.parameters.setting_kinds import Quantity
 from lab.base.parameters.settings import Derived, Settings, group
 from lab.base.parameters.toml_file import TomlError, parse_toml, read_toml, toml_text
 from lab.navigation.settings import NavigatorSettings
-from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
+from lab.sensors.imu_errors import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
 
 

@@ -1,10 +1,11 @@
 """Cards: the datasheet numbers of real inertial sensors, each with its unit and its source, ready to load.
 
 The catalogue is ``cards.toml`` in this folder; a card of your own has the same form. A given number of a card
-has a source. Numbers without a source are assumed to be typical of the grade (`lab.sensors.typical`) and kept
-separate: an error that a sheet omits is present all the same, and without it the sensor with the shortest
-sheet would navigate best. Without the assumed numbers, such a term is off. In-run bias stability or
-instability of datasheets is read as the coefficient B of the Allan deviation, the setting ``flicker``.
+has a source. Numbers without a source are assumed to be typical of the grade (``assumed.toml``, every number
+with its unit and its source) and kept separate: an error that a sheet omits is present all the same, and
+without it the sensor with the shortest sheet would navigate best. Without the assumed numbers, such a term is
+off. In-run bias stability or instability of datasheets is read as the coefficient B of the Allan deviation,
+the setting ``flicker``.
 """
 
 from __future__ import annotations
@@ -24,9 +25,13 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.toml_file import TomlError, read_toml, toml_text
 from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms, setting_of
+from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import TRIADS, SensorSuite
-from lab.sensors.typical import typical
 
+ASSUMED = Path(__file__).with_name("assumed.toml")
+"""The table of typical values."""
+_DECLARED: dict[str, type[Settings]] = {"gyro": GyroErrors, "accelerometer": AccelerometerErrors}
+"""The triads, and the classes that declare their settings."""
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""
 GRADES = ("consumer", "industrial", "tactical", "navigation", "own")
@@ -383,3 +388,29 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
+
+
+@functools.cache
+def grades() -> Mapping[str, Terms]:
+    """Return the typical values by grade, triad and name of the setting.
+
+    Raises
+    ------
+    SettingError
+        If the table is not accepted.
+    """
+    tables = read_toml(ASSUMED)
+    return {grade: _terms(f"{ASSUMED}, {grade}", table) for grade, table in tables.items()}
+
+
+def typical(grade: str) -> Terms:
+    """Return the typical values of a grade; none for grades that the table lacks, such as own sensors."""
+    return grades().get(grade, {})
+
+
+def _terms(where: str, table: Mapping[str, Mapping[str, object]]) -> Terms:
+    sources = read_sources(where, table)
+    return {
+        triad: read_terms(f"{where}, {triad}", declared(), table.get(triad, {}), sources)
+        for triad, declared in _DECLARED.items()
+    }

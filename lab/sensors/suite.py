@@ -14,8 +14,8 @@ from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
 from lab.sensors.heading_sensor import HeadingErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.imu_errors import SensorNoise
 from lab.sensors.odometer import OdometerErrors
-from lab.sensors.sensor_noise import SensorNoise
 from lab.sensors.temperature import TemperatureSettings
 
 TRIADS = ("gyro", "accelerometer")

@@ -17,8 +17,8 @@ CARDS = {
     "verdict": "lab.views.ensemble_cards:verdict_html",
     "comparison": "lab.views.ensemble_cards:comparison_html",
     "ensemble": "lab.views.ensemble_cards:ensemble_html",
-    "sensor card": "lab.views.sensor_card:sensor_html",
-    "sweep": "lab.views.sweep_card:sweep_html",
+    "sensor card": "lab.views.result_cards:sensor_html",
+    "sweep": "lab.views.sweep_plot:sweep_html",
 }
 """The functions that draw the cards."""
 PLOTS = (
@@ -40,7 +40,7 @@ def register_cards() -> None:
     for plot in PLOTS:
         register("plot", plot, f"lab.views.plots:{plot}")
     register("sweep", "plot", "lab.views.sweep_plot:sweep_plot")
-    register("result", "view3d", "lab.views.framed_scene:view3d")
+    register("result", "view3d", "lab.views.scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
     register("experiment", "progress", "lab.views.notebook_display:shown")

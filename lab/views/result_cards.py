@@ -1,4 +1,4 @@
-"""Result cards: what a notebook shows of settings, of a result and of the outcome of an exercise."""
+"""Result cards: what a notebook shows of settings, a sensor, a result and the outcome of an exercise."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from lab.base.parameters.setting_kinds import describe, is_changed, value_text
 from lab.base.parameters.settings import Settings
 from lab.classroom.exercises.exercise import Outcome
 from lab.experiment.result import Result
+from lab.sensors.cards import Card
+from lab.sensors.datum import Datum
 
+_LEFT_CELL = 'style="text-align:left"'
+_QUIET = 'style="text-align:left;opacity:.75"'
 _LEFT = "text-align:left"
 _CHANGED = f"{_LEFT};font-weight:bold"
 _TITLES = ("setting", "value", "accepted", "meaning")
@@ -104,3 +108,31 @@ def outcome_html(outcome: Outcome) -> str:
         f'<div style="border-left: 4px solid {colour}; padding: 0.3em 0.8em; max-width: 50em">'
         f'<b style="color: {colour}">{sign}</b> {escape(str(outcome))}</div>'
     )
+
+
+def sensor_html(card: Card) -> str:
+    """Return a card as HTML; assumed numbers are paler, and missing ones are listed."""
+    rows = [
+        _datum_row(f"{group}.{name}", datum, assumed=terms is card.assumed)
+        for terms in (card.terms, card.assumed)
+        for group, data in terms.items()
+        for name, datum in data.items()
+    ]
+    head = "".join(f"<th {_LEFT_CELL}>{title}</th>" for title in ("setting", "value", "source"))
+    absent = [f"{group}: {', '.join(labels).lower()}" for group, labels in card.missing().items() if labels]
+    rest = f"<p>Neither given nor assumed, and off: {escape('; '.join(absent))}.</p>" if absent else ""
+    return (
+        f"<h4>{escape(card.name)}, {escape(card.grade)} grade, {escape(card.maker)}</h4>"
+        f"{f'<p>{escape(card.note)}</p>' if card.note else ''}"
+        f"<table><tr>{head}</tr>{''.join(rows)}</table>{rest}"
+    )
+
+
+def _datum_row(path: str, datum: Datum, *, assumed: bool) -> str:
+    values = datum.value if isinstance(datum.value, tuple) else (datum.value,)
+    number = f"{', '.join(f'{value:g}' for value in values)} {datum.unit}"
+    convention = f" ({datum.convention})" if datum.convention else ""
+    source = f"{'assumed: ' if assumed else ''}{datum.source}"
+    style = _QUIET if assumed else _LEFT_CELL
+    cells = (breakable(path), escape(number + convention), escape(source))
+    return f"<tr>{''.join(f'<td {style}>{cell}</td>' for cell in cells)}</tr>"

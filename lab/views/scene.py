@@ -1,23 +1,29 @@
-"""Scene: a result in three dimensions, in viser: paths, fixes, uncertainty, and the aircraft at a time."""
+"""Scene: a result in three dimensions, in viser: paths, fixes, uncertainty, and the aircraft at a time.
+
+In a notebook, it is a page in a frame that needs no server.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import rich
 import trimesh
 import viser
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
+from lab.base.notebook_card import HtmlFrame
 from lab.motion.frames.east_north_up import NED_TO_ENU
 from lab.views.envelope import thin_path
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH
 
 if TYPE_CHECKING:
     from lab.experiment.result import Result
-from collections.abc import Sequence
-from functools import cache
 
 LENGTH = 8.1
 """Length of the mesh [m], about that of a Cessna 172."""
@@ -301,3 +307,25 @@ class Scene:
 def _rgb(colour: str) -> tuple[int, int, int]:
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red, green, blue
+
+
+def view3d(result: Result, *, dark: bool = True, height: int = 500) -> HtmlFrame:
+    """Return the scene of a result; see `Result.view3d`."""
+    with _silence():
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            page = Scene(server, result, dark=dark).as_html(dark=dark)
+        finally:
+            server.stop()
+    return HtmlFrame(page, f"{result.mission.title or result.mission.name} in three dimensions", height)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep viser from printing its address: nobody needs to look there."""
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before

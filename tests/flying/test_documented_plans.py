@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.flying.plan_kinds import read_plan
+from lab.flying.flight_plan import read_plan
 from lab.missions import fly, fly_mission
 from lab.missions.mission import Mission
 

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
+from lab.flying.flight_plan import read_plan
 from lab.flying.motion_commands import MotionPlan, move
 from lab.flying.motion_file import read_motion_file
-from lab.flying.plan_kinds import read_plan
 from lab.missions import MissionError, Recording, fly, fly_mission, mission
 
 START = {"latitude_deg": 32.0, "longitude_deg": 120.0, "forward_m_s": 10.0, "yaw_deg": 90.0}

@@ -15,8 +15,7 @@ from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite
-from lab.views.twin_figures import TwinFigures
-from lab.views.twin_table import twin_html
+from lab.views.twin_comparison import TwinFigures, twin_html
 
 HZ = 100.0
 Rows = tuple[NDArray[np.void], NDArray[np.void]]

@@ -20,7 +20,7 @@ from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.flight_import import prepare_flight
 from lab.motion.frames.rotation import C_nb_from_euler
-from lab.sensors.sensor_noise import SensorNoise
+from lab.sensors.imu_errors import SensorNoise
 
 EVEN = np.arange(2000) * 0.05
 

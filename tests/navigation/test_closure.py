@@ -10,7 +10,7 @@ from motions import NO_FILTER, NO_FIXES
 
 import lab.missions
 from lab.analysis.errors import attitude_error, position_error
-from lab.flying.plan_kinds import read_plan
+from lab.flying.flight_plan import read_plan
 from lab.motion.frames import earth, rotation
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.trajectory import Trajectory, Truth

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.navigation.gap_noise import AROUND, gap_noise
+from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.solution import Imu
 
 STEP = 0.01

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.navigation.algorithm import AlgorithmError
-from lab.run.algorithm_file import load_algorithm, load_algorithms
+from lab.navigation.algorithm import AlgorithmError, load_algorithm, load_algorithms
 
 TEXT = """\
 import dataclasses

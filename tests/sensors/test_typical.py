@@ -8,8 +8,8 @@ import pytest
 from lab.experiment.experiment import Experiment
 from lab.experiment.stages import CACHE
 from lab.sensors import cards
+from lab.sensors.cards import grades, typical
 from lab.sensors.suite import TRIADS
-from lab.sensors.typical import grades, typical
 
 TERMS = ("noise_density", "bias_sigma", "flicker", "scale_factor_sigma", "misalignment")
 

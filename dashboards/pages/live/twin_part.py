@@ -20,8 +20,7 @@ from lab.experiment.experiment import Experiment
 from lab.live.station import Station
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.sensors.cards import Card
-from lab.views.twin_figures import TwinFigures
-from lab.views.twin_table import STYLE, twin_html
+from lab.views.twin_comparison import STYLE, TwinFigures, twin_html
 
 SETTINGS, MEASURED = "Those of the settings", "The card made under Allan"
 """Sensors that are simulated."""

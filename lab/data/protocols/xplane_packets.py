@@ -24,7 +24,7 @@ from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import LIMITS, NAMED, SEA_LEVEL
 from lab.data.files.xplane_data import velocity_at_aircraft
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 
 NAME = "X-Plane live"
 

@@ -27,7 +27,7 @@ from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight, Reset
 from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.motion.recordings.recording import Recording
-from lab.sensors.sensor_noise import SensorNoise
+from lab.sensors.imu_errors import SensorNoise
 
 PLAUSIBLE = "plausible"
 

@@ -1,4 +1,4 @@
-"""Innovations: datasets of the fixes the filter used: innovations, their whiteness, and consistency."""
+"""Innovations: datasets of what the filter used: fixes and other measurements, and states for these."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from lab.analysis.fix_causes import of_fixes
 from lab.base.arrays import FloatArray
 from lab.experiment.datasets.labelled import EAST_NORTH_UP, labelled
 from lab.motion.frames.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
+from lab.navigation.aids import NAMES, SHOWN
+from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import POS
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.run.run import Run
 
 if TYPE_CHECKING:
     import xarray as xr
+
+UNLIKELY = 5.0
+"""Excess of a mean square, in its σ √(2 / n), that chance does not explain: one of three million."""
 
 
 def innovations(run: Run) -> xr.Dataset:
@@ -106,3 +111,54 @@ def _of_used_fixes(run: Run, vectors: FloatArray, covariances: FloatArray) -> Fl
     squares = np.full(run.fixes.time.shape, np.nan)
     squares[used] = statistics.normalised_squares(vectors[used], of_fixes(covariances, used))
     return squares
+
+
+def further_states(run: Run) -> xr.Dataset:
+    """Return estimates, σ and true values of the further states; see `Result.further_states`."""
+    names, units, shown = blocks.shown_states(run.blocks)
+    solution, dims = run.solution_arrays, ("time", "state")
+    first = solution.states - len(names)
+    variables = {
+        "estimate": (dims, solution.further * shown, "", "estimates of the further states"),
+        "sigma": (dims, np.sqrt(solution.variance[:, first:]) * shown, "", "their σ"),
+    }
+    if run.truth_arrays is not None and run.shows_sensor_errors:
+        variables["truth"] = (dims, run.true_further() * shown, "", "their true values")
+    return labelled(run, **variables).assign_coords(state=names, unit=("state", units))
+
+
+def aiding(run: Run) -> xr.Dataset:
+    """Return the innovations of the measurements besides GPS; see `Result.aiding`."""
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    solution, kinds = run.solution_arrays, run.aids.kind
+    scale = np.array([factor for _, factor in SHOWN])[kinds]
+    innovation = solution.aid_innovation * scale
+    sigma = np.sqrt(solution.aid_variance) * scale
+    dims = ("time_aid",)
+    return xr.Dataset(
+        {
+            "innovation": (dims, innovation, {"units": "", "long_name": "innovation, in the unit given"}),
+            "sigma": (dims, sigma, {"units": "", "long_name": "σ of the innovation"}),
+            "used": (dims, solution.aid_sample >= 0, {"units": "", "long_name": "whether it was used"}),
+            "kind": (dims, np.array(NAMES)[kinds], {"units": "", "long_name": "what is measured"}),
+            "unit": (dims, np.array([unit for unit, _ in SHOWN])[kinds], {"units": "", "long_name": "unit"}),
+        },
+        coords={"time_aid": (dims, run.aids.time, {"units": "s", "long_name": "time"})},
+    )
+
+
+def larger_than_assumed(run: Run) -> list[str]:
+    """Return remarks on kinds of measurements besides GPS whose innovations are larger than their σ."""
+    remarks = []
+    solution = run.solution_arrays
+    for kind in np.unique(run.aids.kind):
+        squares = (solution.aid_innovation**2 / solution.aid_variance)[run.aids.kind == kind]
+        squares = squares[np.isfinite(squares)]
+        if squares.size and squares.mean() > 1 + UNLIKELY * np.sqrt(2 / squares.size):
+            remarks.append(
+                f"The innovations of {NAMES[kind]} are {np.sqrt(squares.mean()):.2g} × as large as the "
+                "filter says: these measurements, or the axes of the IMU in the vehicle, have other errors "
+                "than assumed, and σ is too small."
+            )
+    return remarks

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
+from lab.analysis.errors import path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
-from lab.analysis.path_errors import path_of
 from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma
 from lab.analysis.consistency import normalised_squares, uncertain
-from lab.analysis.errors import error_state
+from lab.analysis.errors import error_state, errors_of, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_causes import of_fixes
-from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.verdicts.evidence import position_nees, whole_seconds
 from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
 from lab.base.arrays import FloatArray

@@ -13,9 +13,8 @@ from typing import Any, Final
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
 from lab.live.phone.app_request import app_request_of
-from lab.live.phone.connections import Connections
 from lab.live.phone.hub import PhoneHub
-from lab.live.phone.limits import BODY
+from lab.live.phone.limits import BODY, Connections
 from lab.live.phone.page_request import page_request_of
 from lab.live.phone.phone import BAD, FOREIGN, Answer, Phone
 

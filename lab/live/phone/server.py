@@ -16,12 +16,11 @@ from tornado.web import Application
 
 from lab.base.qr_code import qr_code
 from lab.data.streams.transport import TransportError
-from lab.live.phone.addresses import in_address, is_any, is_loopback, own_addresses
 from lab.live.phone.certificate import certificate_file
-from lab.live.phone.connections import MOST, Connections
 from lab.live.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
 from lab.live.phone.hub import PhoneHub, Ticket
-from lab.live.phone.invitation import LOOPBACK, Invitation
+from lab.live.phone.invitation import LOOPBACK, Invitation, in_address, is_any, is_loopback, own_addresses
+from lab.live.phone.limits import MOST, Connections
 
 IDLE: Final = 30.0
 """Time after which a connection without a request is closed [s]; the next one costs a phone 0.1 s."""

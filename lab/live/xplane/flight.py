@@ -13,7 +13,7 @@ import numpy as np
 
 from lab.data.log.sensor_log import MAX_GAP
 from lab.live.xplane.frames import BrokenFlightError, XPlaneFrames
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 from lab.motion.truth.growing_trajectory import FlownPiece, GrowingTrajectory
 from lab.motion.truth.growing_truth import GrowingTruth
 from lab.sensors.sensor_stream import Sensed, SensorStream

@@ -16,7 +16,7 @@ from lab.base.parameters.counted import counted, were
 from lab.data.protocols import xplane_packets
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import C_nb_from_euler
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 
 LOOKED_AT = 12
 """Positions whose packets show which of the two comes first: 0.24 s at 50 Hz."""

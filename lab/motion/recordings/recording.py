@@ -1,8 +1,9 @@
-"""Recording: the data of a flight recording from any file or simulator."""
+"""Recording: the data of a flight recording from any file or simulator, and of one moment of a flight."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,3 +56,24 @@ class Recording:
     def duration(self) -> float:
         """Time from the first sample to the last [s]."""
         return float(self.time[-1] - self.time[0])
+
+
+class Frame(NamedTuple):
+    """The state of a vehicle at a moment.
+
+    Attributes
+    ----------
+    time : float
+        Time of the flight [s].
+    position : (3,) array
+        Latitude, longitude [rad], height [m].
+    velocity_n : (3,) array
+        North, east, down [m/s].
+    euler : (3,) array
+        Roll, pitch, yaw [rad].
+    """
+
+    time: float
+    position: FloatArray
+    velocity_n: FloatArray
+    euler: FloatArray

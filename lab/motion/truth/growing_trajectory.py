@@ -23,8 +23,8 @@ from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef, rotation
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.kinematics.attitude_curve import RotationCurve
-from lab.motion.recordings.frame import Frame
-from lab.motion.truth.geodetic_path import GeodeticPath
+from lab.motion.recordings.recording import Frame
+from lab.motion.truth.flight_paths import GeodeticPath
 from lab.motion.truth.trajectory import Trajectory
 
 BLOCK = 4

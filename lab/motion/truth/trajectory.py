@@ -29,8 +29,7 @@ from lab.motion.kinematics import ideal_imu
 from lab.motion.kinematics.attitude_curve import ATTITUDE_CURVES, AttitudeKind
 from lab.motion.kinematics.ideal_imu import IdealImu
 from lab.motion.recordings.recording import Recording
-from lab.motion.truth.geodetic_path import GeodeticPath
-from lab.motion.truth.polar_path import PolarPath
+from lab.motion.truth.flight_paths import GeodeticPath, PolarPath
 
 MIN_SAMPLES = 4
 """Fewest samples: a cubic needs four points."""

@@ -179,7 +179,7 @@ def align(
     imu, fixes
         The measurements; the fixes are those of the antenna, with all three velocities.
     velocity_sigma : (m, 3) array
-        σ of the velocities [m/s]; see `lab.navigation.alignment.start_fixes`.
+        σ of the velocities [m/s]; see `lab.navigation.log_navigation`.
     hints
         Further information about vehicle and heading.
     assumed

@@ -16,9 +16,9 @@ from played_phone import Played, ask, batch
 
 from lab.data.streams.transport import TransportError
 from lab.live.phone import certificate as certificate_module
-from lab.live.phone.addresses import in_address, own_addresses
 from lab.live.phone.certificate import certificate_file, names_of
 from lab.live.phone.hub import PhoneHub
+from lab.live.phone.invitation import in_address, own_addresses
 from lab.live.phone.server import PhoneServer
 
 NAMES = ["192.168.0.20", "2001:db8::5", "localhost"]

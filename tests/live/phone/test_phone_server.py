@@ -20,11 +20,10 @@ from live_streams import decoded
 from played_phone import JSON, Played, ask, batch, request, untrusting
 
 from lab.data.protocols.phone import PhoneDecoder
-from lab.live.phone import connections as connections_module
+from lab.live.phone import limits as limits_module
 from lab.live.phone import server as server_module
-from lab.live.phone.connections import EACH
 from lab.live.phone.hub import PhoneHub
-from lab.live.phone.limits import BODY
+from lab.live.phone.limits import BODY, EACH
 from lab.live.phone.server import PhoneServer
 
 
@@ -322,7 +321,7 @@ def is_closed(connection: socket.socket) -> bool:
 
 @pytest.mark.parametrize("bound", ["MOST", "STRANGERS"])
 def test_where_strangers_hold_too_many_connections_the_oldest_makes_room(tmp_path, monkeypatch, bound):
-    monkeypatch.setattr(connections_module, bound, 3)
+    monkeypatch.setattr(limits_module, bound, 3)
     with PhoneServer(PhoneHub(), folder=tmp_path) as server:
         played = Played(server)
         where = ("127.0.0.1", server.port)
@@ -336,7 +335,7 @@ def test_where_strangers_hold_too_many_connections_the_oldest_makes_room(tmp_pat
 
 
 def test_one_phone_has_four_connections_and_keeps_no_other_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(connections_module, "MOST", 6)
+    monkeypatch.setattr(limits_module, "MOST", 6)
     with PhoneServer(PhoneHub(), folder=tmp_path) as server:
         greedy, other = Played(server), Played(server)
         held = []

@@ -16,7 +16,7 @@ from xplane_simulator import STEP, packets
 from lab.data.protocols.xplane_packets import POSITION, REFERENCES
 from lab.live.xplane.frames import BRIDGED, LOOKED_AT, BrokenFlightError, XPlaneFrames
 from lab.motion.frames.displacement import displaced, displacement
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 
 
 @cache

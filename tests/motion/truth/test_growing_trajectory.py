@@ -9,7 +9,7 @@ import pytest
 from turning_flight import Turning
 
 from lab.motion.frames.displacement import displacement
-from lab.motion.recordings.frame import Frame
+from lab.motion.recordings.recording import Frame
 from lab.motion.truth import growing_trajectory
 from lab.motion.truth.growing_trajectory import FOLLOWS, FlownPiece, GrowingTrajectory
 

@@ -8,7 +8,7 @@ import pytest
 from lab.missions import mission
 from lab.motion.frames import earth, ecef, rotation
 from lab.motion.recordings.recording import Recording
-from lab.motion.truth.polar_path import PolarPath
+from lab.motion.truth.flight_paths import PolarPath
 from lab.motion.truth.trajectory import Trajectory
 
 
