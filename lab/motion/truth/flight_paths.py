@@ -24,7 +24,23 @@ from lab.motion.kinematics.spline_windows import CubicCurve
 from lab.motion.recordings.recording import Recording
 
 
-class GeodeticPath:
+class _Path:
+    """The curve of the offsets from an origin, and that of the attitudes."""
+
+    def __init__(
+        self, time: FloatArray, origin: FloatArray, offsets: FloatArray, attitude: AttitudeCurve
+    ) -> None:
+        self._origin = origin
+        self._position = CubicCurve(time, offsets)
+        self._attitude = attitude
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's coefficients [bytes]."""
+        return self._position.nbytes + self._attitude.nbytes
+
+
+class GeodeticPath(_Path):
     """One twice-differentiable curve of position and attitude.
 
     Parameters
@@ -39,13 +55,6 @@ class GeodeticPath:
     attitude
         Curve of attitudes C_nb with the same knots.
     """
-
-    def __init__(
-        self, time: FloatArray, origin: FloatArray, offsets: FloatArray, attitude: AttitudeCurve
-    ) -> None:
-        self._origin = origin
-        self._position = CubicCurve(time, offsets)
-        self._attitude = attitude
 
     @classmethod
     def through(cls, recording: Recording, grid: FloatArray, kind: AttitudeKind) -> GeodeticPath:
@@ -65,11 +74,6 @@ class GeodeticPath:
         offsets = anchored_offsets(time, position, recording.velocity_n, grid)
         return cls(grid, position[0], offsets, attitude_curve(time, recording.euler, kind).resampled(grid))
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the curve's coefficients [bytes]."""
-        return self._position.nbytes + self._attitude.nbytes
-
     def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
         """Return position, velocity and attitude at the times; see `trajectory.FlightPath`."""
         position = self._position(times) + self._origin
@@ -88,7 +92,7 @@ class GeodeticPath:
         )
 
 
-class PolarPath:
+class PolarPath(_Path):
     """One twice-differentiable curve of position and attitude, poles included.
 
     Parameters
@@ -102,13 +106,6 @@ class PolarPath:
     attitude
         Curve of attitudes C_eb with the same knots.
     """
-
-    def __init__(
-        self, time: FloatArray, origin: FloatArray, offsets: FloatArray, attitude: AttitudeCurve
-    ) -> None:
-        self._origin = origin
-        self._position = CubicCurve(time, offsets)
-        self._attitude = attitude
 
     @classmethod
     def through(cls, recording: Recording, grid: FloatArray) -> PolarPath:
@@ -128,11 +125,6 @@ class PolarPath:
         C_nb = Rotation.from_quat(rotation.quaternion_from_euler(recording.euler), scalar_first=True)
         attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)
         return cls(grid, ecef.position(position[:1])[0], offsets, attitude)
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the curve's coefficients [bytes]."""
-        return self._position.nbytes + self._attitude.nbytes
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
         """Return position, velocity and attitude at the times; see `trajectory.FlightPath`."""
