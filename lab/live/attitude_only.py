@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.data.streams.rolling import Rolling
-from lab.live.live_state import Anchor, with_heading
+from lab.live.live_state import Anchor, imu_between, with_heading
 from lab.live.stream_settings import without
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
@@ -34,7 +34,7 @@ from lab.navigation.frames import model_at, shown
 from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.navigator import PIECE, advance
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
+from lab.navigation.solution import Belief, Fixes, Solution, Start
 from lab.navigation.standstill import SHORTEST, SPAN, still_seconds
 from lab.sensors.imu import misalignment
 from lab.sensors.suite import SensorSuite
@@ -223,7 +223,7 @@ class AttitudeOnly:
             stop = min(end, self._at + PIECE, *(at for at in ends if at > self._at))
             before = max(self._at - 1, self.samples.first)
             first = self._at - before
-            imu = self._increments(before, stop)
+            imu = imu_between(self.samples, before, stop)
             out = Solution.empty(stop - before + 1, 0)
             advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX)
             for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
@@ -237,19 +237,13 @@ class AttitudeOnly:
             self._hold_speed()
         self._at = max(self._at, end)
 
-    def _increments(self, first: int, last: int) -> Imu:
-        """Return the increments from one sample to another."""
-        return Imu(
-            self.samples.rows("time", first, last + 1),
-            self.samples.rows("dtheta", first + 1, last + 1),
-            self.samples.rows("dvelocity", first + 1, last + 1),
-        )
-
     def _doubt(self, start: float, end: float) -> None:
         """Raise P by the unknown motion in a filled gap that has just ended, by its times [s]."""
         assert self._run is not None
         first = max(self.samples.number("time", start - AROUND - 1e-9), self.samples.first)
-        variance = gap_noise(self._increments(first, self.samples.end - 1), start, end) * (end - start)
+        variance = gap_noise(imu_between(self.samples, first, self.samples.end - 1), start, end) * (
+            end - start
+        )
         C_nb = Rotation.from_quat(self._run.state[_ATTITUDE], scalar_first=True).as_matrix()
         for block, part in ((ATT, variance[:3]), (VEL, variance[3:])):
             self._run.P[block, block] += C_nb * part @ C_nb.T
@@ -274,7 +268,7 @@ class AttitudeOnly:
         edges = (
             np.array([start, end] if self.still == 0 or before == start else [before, start, end]) - before
         )
-        imu = self._increments(before, end)
+        imu = imu_between(self.samples, before, end)
         still = start < end and bool(still_seconds(imu, self.assumed, edges)[-1])
         if not still:
             self._stop()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.data.streams.rolling import Rolling
 from lab.live.live_aids import NONE, LiveAids
+from lab.live.live_state import imu_between
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
 from lab.navigation.filters.error_models import ErrorModel
@@ -28,7 +29,7 @@ from lab.navigation.lever_arm import NO_TURNS, WINDOW, mean_rates_at_fixes
 from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.navigator import advance
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.solution import NO_REST, Belief, Fixes, Solution, Start, read_only
 from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, Held, at_rest, standing_still
 
 BACK: Final = 20.0
@@ -159,7 +160,7 @@ class LiveFilter:
     ) -> None:
         self.samples, self.fixes, self.first = samples, fixes, first
         self._begun = self._time(first)
-        self._step = self._increments(first, samples.end - 1).step
+        self._step = imu_between(self.samples, first, samples.end - 1).step
         self.at = first
         """Number of the sample that it has reached."""
         self.next_fix = fixes.number("time", self._time(first) + _ROUNDING, "right")
@@ -253,7 +254,7 @@ class LiveFilter:
     def _noise_in(self, start: float, end: float) -> FloatArray:
         """Return the densities (12,) of the process noise in a gap [s], from the samples so far."""
         first = max(self.samples.number("time", start - AROUND - _SLACK), self.first)
-        around = self._increments(first, self.samples.end - 1)
+        around = imu_between(self.samples, first, self.samples.end - 1)
         return np.asarray(
             self.assumed.noise
             + np.append(gap_noise(around, start, end), np.zeros(self.assumed.noise.size - 6))
@@ -275,7 +276,7 @@ class LiveFilter:
         times = self.fixes.rows("time", self._unturned, due)
         turn = self.fixes.rows("turn", self._unturned, due)
         start = max(self.samples.number("time", float(times[0]) - 1.0), self.first)
-        imu = self._increments(start, last)
+        imu = imu_between(self.samples, start, last)
         half = max(WINDOW, 2 * self._step) / 2
         whole = times + half <= now
         rows = (turn[:, 3] == 0) | whole | settled
@@ -307,7 +308,7 @@ class LiveFilter:
             return
         fixes = Fixes(*(self.fixes.rows(name, fix, end) for name in ("time", "position", "known_velocity")))
         R = self.fixes.rows("R", fix, end)
-        assumed, imu = self.assumed._replace(R=R), self._increments(start, last)
+        assumed, imu = self.assumed._replace(R=R), imu_between(self.samples, start, last)
         found = at_rest(imu, fixes, assumed, grid) if end > fix else np.zeros(last - start, np.bool_)
         free = 0 if whole == 0 else self.samples.number("time", begun + settled) - start
         rest = self._marked("rest", found, start, free)
@@ -326,14 +327,6 @@ class LiveFilter:
             kept[free:] = found[free:]
             self._stale = min(self._stale, start + 1 + free + int(changed[0]))
         return kept
-
-    def _increments(self, start: int, end: int) -> Imu:
-        """Return the increments between two samples."""
-        return Imu(
-            self.samples.rows("time", start, end + 1),
-            self.samples.rows("dtheta", start + 1, end + 1),
-            self.samples.rows("dvelocity", start + 1, end + 1),
-        )
 
     def _copy(self) -> _Copy:
         return _Copy(self.at, self.next_fix, tuple(getattr(self._run, name).copy() for name in _CHANGING))
@@ -391,7 +384,7 @@ class LiveFilter:
         schedule, noise = self._conditions(end)
         # The kernel stores the start itself if it begins with sample 0.
         before = self.at - (self.at > self.first)
-        imu = self._increments(before, end)
+        imu = imu_between(self.samples, before, end)
         imu = imu._replace(rest=self.samples.rows("rest", before + 1, end + 1) if self._rests else NO_REST)
         due = max(self.next_fix, self.fixes.number("time", self._time(end) + _SLACK, "right"))
         count = due - self.next_fix

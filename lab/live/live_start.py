@@ -16,11 +16,12 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import MIN_OVERLAP
 from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
+from lab.live.live_state import imu_between
 from lab.navigation.alignment.alignment import REST_SPEED, Alignment, align
 from lab.navigation.alignment.initial_heading import FORWARD_SPEED, Hints, shows_course
 from lab.navigation.log_navigation import start_fixes
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu
+from lab.navigation.solution import Belief, Fixes
 from lab.navigation.standstill import SHORTEST
 
 AGAIN: Final = 10.0
@@ -95,8 +96,7 @@ class LiveStart:
         if overlap < MIN_OVERLAP:
             return Sought(None, first, f"IMU and GPS have {max(overlap, 0.0):.0f} s in common; it takes "
                           f"{MIN_OVERLAP:g} s.")  # fmt: skip
-        imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
-        imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
+        imu = imu_between(samples, first, samples.end - 1)
         known, sigma = _fixes_with_velocity(fixes)
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(

@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.data.streams.intake import Counts
+from lab.data.streams.rolling import Rolling
 from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian
 from lab.navigation.filters.error_models import ATT
+from lab.navigation.solution import Imu
 
 WAITING: Final = "waiting"
 """No sample has come."""
@@ -205,3 +207,12 @@ def with_heading(P: FloatArray, sigma: float) -> FloatArray:
     P[down, :] = P[:, down] = 0.0
     P[down, down] = sigma**2
     return P
+
+
+def imu_between(samples: Rolling, first: int, last: int) -> Imu:
+    """Return the increments of a stream from one sample to another."""
+    return Imu(
+        samples.rows("time", first, last + 1),
+        samples.rows("dtheta", first + 1, last + 1),
+        samples.rows("dvelocity", first + 1, last + 1),
+    )

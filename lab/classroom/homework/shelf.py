@@ -5,13 +5,13 @@ A server with the keys runs the homework itself, so that nothing hidden leaves i
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.homework_file import read_key
 from lab.classroom.homework.sealing import SealError
+from lab.classroom.lessons.catalogue import files_in
 from lab.classroom.lessons.fields import LessonError
 
 MOST_FILES = 100
@@ -65,7 +65,10 @@ class Shelf:
         """Read the keys that have changed."""
         if self._folder is None:
             return
-        before, found = self.entries, {path: self._entry(path) for path in _keys(self._folder)}
+        before, found = (
+            self.entries,
+            {path: self._entry(path) for path in files_in(self._folder, ".key", MOST_FILES)},
+        )
         self._read = {path: self._read[path] for path in found if path in self._read}
         self.entries = list(found.values())
         self.version += [id(entry) for entry in before] != [id(entry) for entry in self.entries]
@@ -94,13 +97,3 @@ def _read(path: Path) -> Shelved:
         return Shelved(path.stem, read_key(path).homework)
     except (LessonError, SealError) as error:
         return Shelved(path.stem, None, str(error))
-
-
-def _keys(folder: Path) -> list[Path]:
-    """Return the keys of a folder, by name; none if it cannot be read."""
-    try:
-        with os.scandir(folder) as found:
-            names = sorted(entry.name for entry in found if entry.name.endswith(".key"))
-    except OSError:
-        return []
-    return [folder / name for name in names[:MOST_FILES]]

@@ -60,7 +60,7 @@ class Catalogue:
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
         self._read: dict[Path, tuple[Stamp, Entry]] = {}
-        self._rest = [*(_entry(path, "shipped") for path in _files(SHIPPED))]
+        self._rest = [*(_entry(path, "shipped") for path in files_in(SHIPPED, ".toml"))]
         self._rest += [Entry(lesson.name, "gallery", lesson) for lesson in gallery_lessons()]
         self.entries: list[Entry] = []
         self.version = 0
@@ -69,7 +69,7 @@ class Catalogue:
     def refresh(self) -> None:
         """Read the files of the folder that have changed."""
         before = self.entries
-        own = {path: self._own(path) for path in (_files(self._folder) if self._folder else [])}
+        own = {path: self._own(path) for path in (files_in(self._folder, ".toml") if self._folder else [])}
         self._read = {path: self._read[path] for path in own if path in self._read}
         self.entries = [*own.values(), *self._rest]
         self.version += [id(entry) for entry in before] != [id(entry) for entry in self.entries]
@@ -106,14 +106,14 @@ def _entry(path: Path, origin: str) -> Entry:
         return Entry(path.stem, origin, None, str(error))
 
 
-def _files(folder: Path) -> list[Path]:
-    """Return the TOML files of a folder, by name; none if it cannot be read."""
+def files_in(folder: Path, ending: str, most: int = MOST_FILES) -> list[Path]:
+    """Return the first files of a folder with an ending, by name; none if it cannot be read."""
     try:
         with os.scandir(folder) as found:
-            names = sorted(entry.name for entry in found if entry.name.endswith(".toml"))
+            names = sorted(entry.name for entry in found if entry.name.endswith(ending))
     except OSError:
         return []
-    return [folder / name for name in names[:MOST_FILES]]
+    return [folder / name for name in names[:most]]
 
 
 SUMMARY = "Something is wrong in this run. Find it from errors, innovations, NEES and verdict."
