@@ -20,10 +20,9 @@ from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
-from lab.live.live_state import euler_with_sigma
+from lab.live.live_state import euler_with_sigma, imu_between
 from lab.navigation.alignment.alignment import Alignment
 from lab.navigation.alignment.initial_heading import MAGNETIC_SIGMA, by_magnetometer
-from lab.navigation.solution import Imu
 from lab.navigation.standstill import SHORTEST
 
 DECLINATION_SIGMA: Final = np.radians(20.0)
@@ -212,7 +211,7 @@ def look_at_compass(stream: Stream) -> None:
         return
     samples = stream.samples
     start = max(samples.number("time", stream.now - SHORTEST), samples.first)
-    imu = Imu(*(samples.rows(name, start, samples.end) for name in ("time", "dtheta", "dvelocity")))
+    imu = imu_between(samples, start, samples.end - 1)
     field = magnetometer_of(imu.time, samples.rows("magnetic", start, samples.end))
     if field is None:
         return
