@@ -53,7 +53,7 @@ _PARTS, _SAMPLES_PER_PART = 100, 4
 """Most parts of a record whose means are compared, and fewest samples of each, which average out noise."""
 _LONGEST_STEP = 1.5
 """Longest step between samples, in usual ones: a step over one lost sample takes two."""
-_OFF_GRAVITY = 0.1
+OFF_GRAVITY = 0.1
 """Part by which the specific force at rest may differ from gravity: bias and scale factor of a consumer
 accelerometer make 0.3 m/s² and 3 %, a wrong unit a factor of 9.8."""
 
@@ -326,8 +326,8 @@ def _check_length(path: Path, samples: int) -> None:
 def _check_rest(path: Path, specific_force: FloatArray) -> None:
     """Raise `MissionError` if this is not the specific force of a body at rest."""
     size = float(np.linalg.norm(specific_force.mean(axis=0)))
-    if abs(size - STANDARD_GRAVITY) > _OFF_GRAVITY * STANDARD_GRAVITY:
-        hint = "; this looks like g" if abs(size - 1) < _OFF_GRAVITY else ""
+    if abs(size - STANDARD_GRAVITY) > OFF_GRAVITY * STANDARD_GRAVITY:
+        hint = "; this looks like g" if abs(size - 1) < OFF_GRAVITY else ""
         raise MissionError(
             f"{path}: the mean specific force is {size:.4g} m/s²{hint}; accepted is a record at rest, with "
             "about 9.8 m/s²"

@@ -17,12 +17,10 @@ from lab.analysis.verdicts.finding import Change
 from lab.analysis.verdicts.finding_names import ACCEL_AXES, GYRO_AXES, HEADINGS, IMU_AXES, LOSSES
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
-from lab.data.checks.imu_axes import NAMES, ImuAxes, level, signed
+from lab.data.checks.imu_axes import NAMES, SAME, ImuAxes, level, signed
 from lab.data.clock.usual_interval import UsualInterval
 from lab.data.log.sensor_log import SensorLog
 
-_SAME = np.eye(3)
-"""No change of any axis."""
 _LOST = 1.5
 """Interval in usual ones from which a sample is lost in it: halfway between one and two."""
 _WORTH = 0.05
@@ -95,11 +93,11 @@ def _of_axes(log: SensorLog) -> Iterator[LogFault]:
     Gravity shows the vertical accelerometer when a log is read.
     """
     for matrix in signed(range(3)):
-        if not np.array_equal(matrix, _SAME) and not _is_cyclic(matrix):
-            axes = ImuAxes(matrix, _SAME)
+        if not np.array_equal(matrix, SAME) and not _is_cyclic(matrix):
+            axes = ImuAxes(matrix, SAME)
             yield LogFault(GYRO_AXES, _axes_words("gyro", matrix), axes.remedy, with_axes(log, axes))
     for matrix in level():
-        axes = ImuAxes(_SAME, matrix)
+        axes = ImuAxes(SAME, matrix)
         yield LogFault(ACCEL_AXES, _axes_words("accelerometer", matrix), axes.remedy, with_axes(log, axes))
         both = ImuAxes(matrix, matrix)
         if np.linalg.det(matrix) < 0:

@@ -24,7 +24,7 @@ from lab.base.files.mission_error import MissionError
 MAX_BYTES = 256 * 2**20
 """Largest file accepted, as stored and as decompressed [bytes]."""
 
-_MAX_HEADER_LINE = 1000
+MAX_HEADER_LINE = 1000
 """Last line on which the header may stand: more remarks than anybody writes, few enough to refuse at once."""
 _MAX_SHOWN = 40
 """Longest cell that a message shows whole [characters]."""
@@ -176,12 +176,12 @@ def _header(
     path: Path, text: TextBlocks, accepted: tuple[Column, ...]
 ) -> tuple[list[Column], list[int], int]:
     """Read up to the header; return our columns, their places in it, and how many cells it has."""
-    for line in itertools.islice(text.lines(), _MAX_HEADER_LINE):
+    for line in itertools.islice(text.lines(), MAX_HEADER_LINE):
         if line.strip() and not line.startswith("#"):
             header = [cell.strip() for cell in line.split(",")]
             return *_find_columns(path, header, text.next_line - 1, accepted), len(header)
-    if text.next_line > _MAX_HEADER_LINE:
-        raise MissionError(f"{path}: no header; accepted is one within the first {_MAX_HEADER_LINE} lines")
+    if text.next_line > MAX_HEADER_LINE:
+        raise MissionError(f"{path}: no header; accepted is one within the first {MAX_HEADER_LINE} lines")
     raise MissionError(
         f"{path}: the file is empty; accepted is a header line and rows. {_all_columns(accepted)}"
     )

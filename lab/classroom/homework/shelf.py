@@ -11,13 +11,11 @@ from typing import NamedTuple
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.homework_file import read_key
 from lab.classroom.homework.sealing import SealError
-from lab.classroom.lessons.catalogue import files_in
+from lab.classroom.lessons.catalogue import Stamp, files_in
 from lab.classroom.lessons.fields import LessonError
 
 MOST_FILES = 100
 """Most keys of a folder that are read; more are left out, in the order of their names."""
-
-Stamp = tuple[int, int, int]
 
 
 class Shelved(NamedTuple):

@@ -25,7 +25,7 @@ _MIN_SPEED = 1.0
 """Speed from which fixes show a course [m/s]: a walker has 1.3."""
 _MIN_SPEED_SIGMA = 5.0
 """The same in σ of the velocity: a course good to 11°."""
-_VELOCITY_SIGMA = 0.1
+VELOCITY_SIGMA = 0.1
 """σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
 _MAX_INTERVAL = 2.5
 """Longest interval between two fixes of a stretch [s]: the course of a longer one is ambiguous."""
@@ -129,7 +129,7 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
     velocity = _level_velocity(gnss)
     speed = np.linalg.norm(velocity, axis=1)
     sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
-    sigma = np.where(np.isfinite(sigma), sigma, _VELOCITY_SIGMA)
+    sigma = np.where(np.isfinite(sigma), sigma, VELOCITY_SIGMA)
     fast = (speed > np.maximum(_MIN_SPEED, _MIN_SPEED_SIGMA * sigma)) & (time >= 0) & (time <= log.duration)
     rows = np.flatnonzero(fast)
     course = np.arctan2(velocity[:, 1], velocity[:, 0])

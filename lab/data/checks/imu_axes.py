@@ -12,7 +12,7 @@ from lab.base.arrays import FloatArray
 
 NAMES = ("forward", "right", "down")
 """The axes of the body."""
-_SAME = np.eye(3)
+SAME = np.eye(3)
 """No change of any axis."""
 
 
@@ -25,7 +25,7 @@ class ImuAxes(NamedTuple):
     @property
     def words(self) -> str:
         """What has to be changed."""
-        if not np.array_equal(self.forces, _SAME):
+        if not np.array_equal(self.forces, SAME):
             return f"accelerometers along {_words(self.forces)}"
         return f"gyros about {_words(self.gyros)}"
 
@@ -35,19 +35,19 @@ class ImuAxes(NamedTuple):
         return remedy(("rate", "rad/s", self.gyros), ("force", "m/s²", self.forces))
 
 
-AS_IT_IS = ImuAxes(_SAME, _SAME)
+AS_IT_IS = ImuAxes(SAME, SAME)
 """No change of any axis."""
-GYROS_REVERSED = ImuAxes(np.diag([1.0, 1.0, -1.0]), _SAME)
+GYROS_REVERSED = ImuAxes(np.diag([1.0, 1.0, -1.0]), SAME)
 """The gyro about down has the other sign."""
 
 
 def others() -> Iterator[ImuAxes]:
     """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
     for matrix in signed(range(3)):
-        if not np.array_equal(matrix, _SAME):
-            yield ImuAxes(matrix, _SAME)
+        if not np.array_equal(matrix, SAME):
+            yield ImuAxes(matrix, SAME)
     for matrix in level():
-        yield ImuAxes(_SAME, matrix)
+        yield ImuAxes(SAME, matrix)
 
 
 def level() -> Iterator[FloatArray]:

@@ -18,7 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks.fix_check import check_fixes
-from lab.data.checks.gyro_check import are_explained, check_gyros
+from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_gyros
 from lab.data.checks.velocity_matching import Match, Window, liveliest, turned
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.log_section import piece
@@ -108,8 +108,6 @@ _MAX_OFF_COURSE = np.radians(30.0)
 _MIN_WANDERING = np.radians(10.0)
 """Spread of that angle from which a vehicle goes where it likes [rad]. Measured: up to 4° on aeroplanes
 and cars."""
-_VELOCITY_SIGMA = 0.1
-"""σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
 _OR_ANOTHER_VEHICLE = (
     ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
     f'vehicle = "copter" in log.toml; accepted are {", ".join(VEHICLES)}'
@@ -138,7 +136,7 @@ class FixMotion(NamedTuple):
 def windows_of(log: SensorLog) -> list[Window]:
     """Return the windows of a log without a break in which its velocity changes most."""
     gnss = log.gnss
-    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
+    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, VELOCITY_SIGMA)
     arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
     return liveliest(arrays, _WINDOWS, MAX_LAG)
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
+from lab.data.checks.imu_axes import SAME
 from lab.data.checks.velocity_matching import Match, Window, match
 
 _SIGMA = 0.1
@@ -20,8 +21,6 @@ _MEDIAN_OF_NORMAL = 0.6745
 """Median size of a normal variable over its σ; that of second differences is √6 times as large."""
 _MIN_FIXES = 10
 """Fewest velocities that show their noise: a median of a few is chance."""
-_SAME = np.eye(3)
-"""No change of any axis."""
 
 
 class WindowMatches:
@@ -36,7 +35,7 @@ class WindowMatches:
     def __init__(self, windows: Sequence[Window]) -> None:
         self.windows = list(windows)
         self._first = self.windows
-        self._C = _SAME  # from the axes of the first log to those of this one
+        self._C = SAME  # from the axes of the first log to those of this one
         self._kept: dict[tuple[object, ...], Match] = {}
 
     def turned(self, C: FloatArray) -> WindowMatches:
@@ -63,14 +62,14 @@ class WindowMatches:
         lags
             As of `lab.data.checks.velocity_matching.match`.
         """
-        found = self._match(number, tuple(lags), _SAME, _SAME, by_noise=False)
+        found = self._match(number, tuple(lags), SAME, SAME, by_noise=False)
         return found._replace(
             C_nb=found.C_nb * Rotation.from_matrix(self._C.T),
             gyro_bias=self._C @ found.gyro_bias,
             gyro_bias_sigma=np.sqrt(self._C**2 @ found.gyro_bias_sigma**2),
         )
 
-    def misfit(self, number: int, gyros: FloatArray = _SAME, forces: FloatArray = _SAME) -> float:
+    def misfit(self, number: int, gyros: FloatArray = SAME, forces: FloatArray = SAME) -> float:
         """Return the misfit of a window with other axes and signs of its gyros or accelerometers.
 
         The σ of the velocities is that of their noise, and not what the receiver says.

@@ -23,8 +23,8 @@ MISSING: Final = 1.5
 that of one."""
 _SOONEST: Final = 0.5
 """Interval, in usual ones, below which a clock is not even: as far from the usual one as `MISSING`."""
-_LARGEST_TIME: Final = 1e12
-"""Largest time of a state that is believed [s]: 30 000 years, as in `lab.data.protocols.rows`."""
+LARGEST_TIME: Final = 1e12
+"""Largest time that is believed [s]: 30 000 years. Damaged floats hold any number."""
 REMEMBERED: Final = 0.02
 """Part that a new interval has in the usual one."""
 UNKNOWN_STEP: Final = 1e-3
@@ -149,7 +149,7 @@ class ClockWatch:
         for name in ("last", "usual", "heard"):
             value = state.get(name)
             found.append(
-                float(value) if isinstance(value, int | float) and abs(value) < _LARGEST_TIME else math.nan
+                float(value) if isinstance(value, int | float) and abs(value) < LARGEST_TIME else math.nan
             )
         self.last, self.usual, self._heard = found
         self.usual = self.usual if self.usual > 0 else math.nan

@@ -15,7 +15,7 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
 from lab.data.files.streams import FIX_3D, Stream, believed_lever_arm, geoid_height, gps_delay, is_position
 from lab.data.files.tlog_file import Vehicle
-from lab.data.log.sensor_log import GnssLog, believed_sigma
+from lab.data.log.sensor_log import SINCE_1970, GnssLog, believed_sigma
 
 Messages = dict[str, FloatArray]
 
@@ -45,9 +45,6 @@ PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in
 """Parameters of an autopilot that say where the antenna is and how late its fixes are."""
 UNKNOWN_SPEED = 65_535
 """What stands for an unknown speed or course (of GPS_RAW_INT)."""
-SINCE_1970 = 1e9
-"""Time from which it counts from 1970 and not from switching on [s]: of 2001, or of 32 years without a
-restart."""
 ONE_G = (0.5, 2.0)
 """Median specific force at which the numbers of an IMU are in the unit supposed [g]."""
 

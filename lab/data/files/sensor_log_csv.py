@@ -54,7 +54,7 @@ from lab.base.files.bounds import MAX_DURATION
 from lab.base.files.description_toml import file_in_same_folder, read_toml
 from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
-from lab.base.files.named_columns import MAX_BYTES, Column, read_columns, read_duration
+from lab.base.files.named_columns import MAX_BYTES, MAX_HEADER_LINE, Column, read_columns, read_duration
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.auxiliary_check import check_auxiliary
 from lab.data.files.log_columns import (
@@ -90,8 +90,6 @@ from lab.data.log.auxiliary_data import (
 from lab.data.log.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repaired
 from lab.motion.frames.rotation import C_nb_from_euler
 
-_MAX_HEADER_LINE = 1000
-"""Last line on which a header may stand, as `lab.base.files.named_columns` has it."""
 _MAX_EMPTY_IMU = 0.1
 """Largest share of rows of the IMU with empty cells: loggers lose less than a percent; in files in which rows
 of gyros and accelerometers alternate, all rows have some."""
@@ -170,7 +168,7 @@ class LogFiles:
         for path, names in ((self.imu, IMU[1:]), (self.gnss, POSITION)):
             try:
                 with TextBlocks(path, MAX_BYTES, strict=False) as text:
-                    lines = itertools.islice(text.lines(), _MAX_HEADER_LINE)
+                    lines = itertools.islice(text.lines(), MAX_HEADER_LINE)
                     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
             except MissionError:
                 continue

@@ -41,8 +41,9 @@ _MOVING = 0.5
 """Speed from which two fixes cannot be equal [m/s]: loggers write the latest fix again, and receivers that
 lose the signal freeze. A receiver that holds its position has no speed. At 10 Hz it moves by 5 cm, five steps
 of 10⁻⁷°."""
-_SINCE_1970 = 1e9
-"""Time from which it counts from 1970 [s]: the year 2001."""
+SINCE_1970 = 1e9
+"""Time from which it counts from 1970 and not from switching on [s]: of 2001, or of 32 years without a
+restart."""
 _HOUR = 3600.0
 """[s]."""
 _ZONE, _MAX_ZONE = _HOUR / 2, 14 * _HOUR
@@ -312,8 +313,8 @@ def _clock_hint(imu: FloatArray, gnss: FloatArray) -> str:
     """Return how two clocks without a time in common may differ; empty if nothing is known."""
     if not imu.size or not gnss.size:
         return ""
-    if (imu[0] > _SINCE_1970) != (gnss[0] > _SINCE_1970):
-        first = "IMU" if imu[0] > _SINCE_1970 else "GPS"
+    if (imu[0] > SINCE_1970) != (gnss[0] > SINCE_1970):
+        first = "IMU" if imu[0] > SINCE_1970 else "GPS"
         return f". The clock of the {first} counts from 1970, and the other one does not"
     apart = float(imu[0] - gnss[0])
     zone = round(apart / _ZONE) * _ZONE

@@ -21,9 +21,9 @@ import math
 from typing import Any
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY, TO_SI
-from lab.data.files.mavlink_sensors import ONE_G, SINCE_1970, UNKNOWN_SPEED
+from lab.data.files.mavlink_sensors import ONE_G, UNKNOWN_SPEED
 from lab.data.files.tlog_file import MAGICS, SHORTEST, SIGNATURE, SIGNED
-from lab.data.log.sensor_log import SIGMAS
+from lab.data.log.sensor_log import SIGMAS, SINCE_1970
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_mcrf4xx
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_RTK, NAN, NO_FIX, UNKNOWN

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.data.clock.clock_watch import LARGEST_TIME
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import LimitCheck, Limits
 from lab.data.protocols.samples import (
@@ -20,8 +21,6 @@ from lab.data.protocols.samples import (
     packed_reading,
 )
 
-_LARGEST_TIME = 1e12
-"""Largest time that is believed [s]: 30 000 years. Damaged floats hold any number."""
 _LARGEST_HEIGHT = 1e6
 """Largest height of a fix that is believed [m]: the space station orbits at 4e5 m. Damaged floats hold any
 number."""
@@ -63,7 +62,7 @@ class Rows:
         clipped: int = 0,
     ) -> None:
         """Take a sample of the IMU, or count it as refused; fields as of `IMU`."""
-        if abs(time) > _LARGEST_TIME or not self._check.accepts(rate, force):
+        if abs(time) > LARGEST_TIME or not self._check.accepts(rate, force):
             self._statistics.refused += 1
             return
         self._imu += packed_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
@@ -112,7 +111,7 @@ class Rows:
         heading_sigma: float = NAN,
     ) -> None:
         """Take a heading or a speed, or count it as refused; fields as of `READING`."""
-        if abs(time) > _LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
+        if abs(time) > LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
             self._statistics.refused += 1
             return
         self._reading += packed_reading(end, time, week_time, utc, heading, speed, heading_sigma)

@@ -29,14 +29,12 @@ from lab.data.clock.stamps import (
     seconds_of_digits,
 )
 from lab.data.files.unit_names import UNITS
-from lab.data.log.sensor_log import GnssLog, SensorLog
+from lab.data.log.sensor_log import SINCE_1970, GnssLog, SensorLog
 from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet
 
 _NEAR_LEAP = 1.0
 """Largest deviation of a begin and an end from that offset [s]: fixes are up to a second apart."""
-SINCE_1970 = 1e9
-"""Time from which it counts from 1970 [s]: the year 2001."""
 _END_OF_EPOCH = 4e9
 """Time up to which stamps count from 1970 [s]: the year 2096; ns since switching on pass for ms otherwise."""
 _LONGEST_STEP = 600.0

@@ -28,9 +28,9 @@ SILENCE = 3.0
 
 _WAKE = 0.1
 """Longest wait for a packet [s]: within it a recording that is ended ends."""
-_BUFFER = 2**20
+BUFFER = 2**20
 """Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
-_MAX_PACKET = 2**16
+MAX_PACKET = 2**16
 """Largest packet taken [bytes]: the largest of UDP."""
 
 
@@ -137,7 +137,7 @@ class XPlaneRecorder:
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             udp.settimeout(_WAKE)
-            udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
             udp.bind(("", 0))
             self._ask(udp, self._rate)
         except OSError as error:
@@ -193,7 +193,7 @@ class XPlaneRecorder:
         with udp:
             while not self._ended.is_set() and self.samples < MAX_SAMPLES:
                 try:
-                    packet, sender = udp.recvfrom(_MAX_PACKET)
+                    packet, sender = udp.recvfrom(MAX_PACKET)
                     self._take(packet, sender[0], values)
                 except TimeoutError:
                     pass

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import allan
-from lab.analysis.rest import Record
+from lab.analysis.rest import OFF_GRAVITY, Record
 from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted, were
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.streams.live_log import usable_imu
-from lab.live.bench.static_interval import OFF_GRAVITY
 from lab.sensors.suite import TRIADS
 
 _FIRST_ROOM: Final = 2**10

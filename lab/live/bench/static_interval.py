@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.rest import OFF_GRAVITY
 from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -31,8 +32,6 @@ makes 0.3 °/s of it, a calm hand 1 °/s, a slow turn by hand 20 °/s."""
 FORCE_CHANGE: Final = 0.5
 """Largest change of the mean specific force between blocks of a still device [m/s²]: as in
 `lab.analysis.rest`; a tilt of 3°."""
-OFF_GRAVITY: Final = 0.1
-"""Part by which the mean specific force may differ from gravity: as in `lab.analysis.rest`."""
 OTHER_FACE: Final = math.radians(45.0)
 """Angle between the specific force of a still stretch and that of the last block from which the device shows
 another face [rad]. The jolt of a pressed button averages out within a block."""

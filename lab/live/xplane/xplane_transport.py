@@ -14,7 +14,7 @@ from lab.data.protocols.samples import Samples, joined
 from lab.data.streams.address import MAX_SEED, Address, computer_and_port
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.transport import Chunk, TransportError
-from lab.data.streams.xplane_live import PORT, RATES, SILENCE
+from lab.data.streams.xplane_live import BUFFER, MAX_PACKET, PORT, RATES, SILENCE
 from lab.experiment.experiment import Experiment
 from lab.live.simulated.simulated_flight import fix_rows, imu_rows
 from lab.live.xplane.flight import XPlaneFlight
@@ -26,10 +26,6 @@ from lab.sensors.suite import SensorSuite
 
 SENSOR_RATES = (10.0, 1000.0)
 """Rates of simulated sensors in X-Plane [Hz]: the curve of its motion has its knots at this rate."""
-_BUFFER = 2**20
-"""Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
-_LARGEST = 2**16
-"""Largest packet taken [bytes]: the largest of UDP."""
 _TOLD = 60.0
 """Time for which the reason of a new flight is told [s]: nobody looks at a page all the time."""
 _MOST = 64
@@ -125,7 +121,7 @@ class XPlaneTransport:
         self._peer = (str(found[0][4][0]), self._place[1])
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
             self._socket.bind(("", 0))
             self._ask(self._frames)
         except OSError:
@@ -193,7 +189,7 @@ class XPlaneTransport:
         while True:
             self._socket.settimeout(max(deadline - time.monotonic(), 0.0))
             try:
-                packet, sender = self._socket.recvfrom(_LARGEST)
+                packet, sender = self._socket.recvfrom(MAX_PACKET)
             except (TimeoutError, BlockingIOError):
                 return None
             except ConnectionError:  # on Windows, after an unreachable port

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.histories import LONG
 from lab.motion.frames import ecef, rotation
 from lab.motion.kinematics import ideal_imu
@@ -31,8 +32,6 @@ from lab.motion.kinematics.ideal_imu import IdealImu
 from lab.motion.recordings.recording import Recording
 from lab.motion.truth.flight_paths import GeodeticPath, PolarPath
 
-MIN_SAMPLES = 4
-"""Fewest samples: a cubic needs four points."""
 AT_ONCE = 2**16
 """Number of times for which the truth is computed in one block, with some 500 bytes of temporary memory
 each."""
