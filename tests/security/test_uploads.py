@@ -178,3 +178,32 @@ def test_a_folder_that_stays_locked_is_said_to_be(mine: Path, monkeypatch: pytes
     with held, pytest.raises(MissionError, match="another program has been changing this folder"):
         describe_mission("mine", title="Another title")
     assert describe_mission("mine", title="Another title").title == "Another title"
+
+
+BLOCKED = """
+from tornado.ioloop import IOLoop
+from dashboards.server import serve
+
+
+def block() -> None:
+    print("blocked", flush=True)
+    while True:
+        pass
+
+
+IOLoop.current().call_later(0.1, block)
+serve(port=0, warm=False)
+"""
+
+
+@pytest.mark.proof
+@posix_only
+def test_a_server_whose_loop_is_blocked_ends_when_the_system_asks(temporary: Path) -> None:
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", BLOCKED], env=environment, cwd=ROOT, stdout=subprocess.PIPE
+    ) as child:
+        assert child.stdout is not None
+        assert any(line == b"blocked\n" for line in child.stdout)
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(timeout=20) == -signal.SIGTERM
