@@ -133,7 +133,7 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
     return bool(variance[0] > UNKNOWN or (counts & (response**2 > limit)).any())
 
 
-def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> FloatArray:
+def vertical_bias_noise(state: FloatArray, P: FloatArray, *, in_body: bool) -> FloatArray:
     """Return the process noise (n, n) that raises the variance of the vertical accelerometer bias.
 
     The square of the tilt adds to this bias (`vertical_bias`).
@@ -144,14 +144,16 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
         The navigator.
     P : (n, n) array
         Covariance after an update.
-    D : (2, n) array
-        From `vertical_directions`.
+    in_body
+        Whether the attitude error is resolved in b.
     """
-    across = np.eye(3) - np.outer(D[0, ATT], D[0, ATT])
-    Sigma = across @ P[ATT, ATT] @ across
-    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    force = _three(state, strapdown.PREVIOUS_DVELOCITY)
     down = np.zeros(P.shape[0])
-    down[ACCEL_BIAS] = C_nb[2]
+    down[ACCEL_BIAS] = -force / (np.linalg.norm(force) or 1.0)
+    attitude = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True)
+    own = down[ACCEL_BIAS] if in_body else attitude.apply(down[ACCEL_BIAS])
+    across = np.eye(3) - np.outer(own, own)
+    Sigma = across @ P[ATT, ATT] @ across
     before = down @ P @ down
     least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)
     return np.outer(down, down) * (max(least - before, 0.0) if before > 0 else 0.0)

@@ -62,7 +62,7 @@ from lab.navigation.filters.unscented_filter import (
     check_heading,
 )
 from lab.navigation.filters.unscented_noise import decay_errors, drive
-from lab.navigation.filters.vertical_bias import raise_vertical_bias
+from lab.navigation.filters.vertical_bias import apparent_vertical, raise_vertical_bias
 from lab.navigation.kernels.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.kernels.generation import Variant, generated
@@ -308,8 +308,8 @@ def _update(run: UnscentedFilter, nu: FloatArray, may_hold: bool, held: FloatArr
         remove_directions(x, D)
         for i in range(3):
             held[i] = D[1, NAV + i]
-    vertical = (0.0, 0.0, 1.0)
-    raise_vertical_bias(P, vertical, in_body(run.state, vertical))
+    vertical, down = apparent_vertical(run.state)
+    raise_vertical_bias(P, vertical, down)
     displace(run.state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
 
