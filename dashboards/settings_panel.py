@@ -19,6 +19,7 @@ from dashboards.session import Session
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field
+from lab.base.aid_table import AIDS
 from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_run import has_effect
@@ -26,17 +27,13 @@ from lab.missions import LogMission, missions
 from lab.navigation.alignment.rest_alignment import usual
 from lab.navigation.belief import belief
 from lab.navigation.filters.blocks import IMU_DENSITIES
-from lab.sensors.suite import OTHER_SENSORS
 
 SECTIONS = {
     "sensors.gyro": ("Gyros", True),
     "sensors.accelerometer": ("Accelerometers", False),
     "sensors.temperature": ("Temperature", False),
     "sensors.gps": ("GPS receiver", True),
-    "sensors.barometer": ("Barometer", False),
-    "sensors.heading": ("Heading sensor", False),
-    "sensors.odometer": ("Odometer", False),
-    "sensors.airspeed": ("Airspeed sensor and wind", False),
+    **{f"sensors.{aid.name}": (aid.title, False) for aid in AIDS},
     "navigator": ("Navigator and filter", True),
     "trajectory": ("Trajectory", False),
 }
@@ -57,11 +54,7 @@ COMMON = frozenset(
         "sensors.gps.velocity_variance",
         "sensors.gps.period",
         "sensors.gps.outages",
-        *(f"sensors.{sensor}.{term}" for sensor in OTHER_SENSORS for term in ("fitted", "noise")),
-        "sensors.barometer.bias_sigma",
-        "sensors.heading.bias_sigma",
-        "sensors.odometer.scale_factor_sigma",
-        "sensors.airspeed.wind_sigma",
+        *(f"sensors.{aid.name}.{term}" for aid in AIDS for term in ("fitted", "noise", aid.common)),
         "navigator.model",
         "navigator.states",
         "navigator.correction",

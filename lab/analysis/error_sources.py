@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lab.analysis.transition import N
+from lab.base.aid_table import AIDS
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up_sizes
@@ -39,15 +40,14 @@ if TYPE_CHECKING:
 STAGE = 1.0
 """Spacing of the processes that model flicker, in the logarithm of their correlation times."""
 
-GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY, BAROMETER, HEADING, ODOMETER, AIRSPEED, WIND = range(9)
+GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY, WIND = range(5)
 """Indices of the groups of sensors to which errors belong, and of the wind."""
-SENSOR_CHANNELS = {"barometer": BAROMETER, "heading": HEADING, "odometer": ODOMETER, "airspeed": AIRSPEED}
+SENSOR_CHANNELS = {aid.name: place for place, aid in enumerate(AIDS, WIND + 1)}
 """Index of each sensor with one number, by its group in the settings."""
 SLOW_ERRORS = {
     GPS_POSITION: blocks.GPS_DRIFT,
-    BAROMETER: blocks.BAROMETER_BIAS,
-    HEADING: blocks.HEADING_BIAS,
     WIND: blocks.WIND,
+    **{SENSOR_CHANNELS[aid.name]: aid.state for aid in AIDS if not aid.is_scale},
 }
 """States that stand for the slow error of a measurement."""
 INSTABILITY = "bias instability"
@@ -200,16 +200,15 @@ def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> li
     """Return the constant errors of measurements for which the filter has states; these start at zero."""
     sensors, navigator = experiment.sensors, experiment.navigator
     arm, latency = si(sensors.gps, "lever_arm"), float(sensors.gps.latency)
-    odometer, air = sensors.odometer, sensors.airspeed
     found: dict[str, tuple[str, FloatArray]] = {
         blocks.LEVER_ARM: ("GPS lever arm", assumed_lever_arm(navigator, arm) - arm),
         blocks.LATENCY: ("GPS latency", np.array(assumed_latency(navigator, latency) - latency)),
-        blocks.BAROMETER_BIAS: ("barometer bias", -si(sensors.barometer, "bias_sigma")),
-        blocks.HEADING_BIAS: ("heading sensor bias", -si(sensors.heading, "bias_sigma")),
-        blocks.ODOMETER_SCALE: ("odometer scale factor", -si(odometer, "scale_factor_sigma")),
-        blocks.WIND: ("wind", -np.eye(2) * si(air, "wind_sigma")),
-        blocks.AIRSPEED_SCALE: ("airspeed scale factor", -si(air, "scale_factor_sigma")),
     }
+    for aid in AIDS:
+        if aid.name == "airspeed":
+            found[blocks.WIND] = "wind", -np.eye(2) * si(sensors.airspeed, "wind_sigma")
+        name = f"{aid.state} factor" if aid.is_scale else aid.state
+        found[aid.state] = name, -si(sensors.aids()[aid.name], aid.sigma)
     return [
         _of_block(source, names, block, values) for block, (source, values) in found.items() if block in names
     ]
@@ -282,15 +281,14 @@ def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) 
 def _of_sensors(experiment: ExperimentSettings) -> list[Process]:
     """Return the random errors of the fitted sensors with one number."""
     found = []
-    for sensor, channel in SENSOR_CHANNELS.items():
-        errors = experiment.sensors.groups()[sensor]
+    for aid in AIDS:
+        errors, channel = experiment.sensors.aids()[aid.name], SENSOR_CHANNELS[aid.name]
         if not errors.get("fitted"):
             continue
-        name = "heading sensor" if sensor == "heading" else sensor
-        found.append(Process(f"{name} noise", channel, _first(si(errors, "noise") ** 2)))
-        if channel in SLOW_ERRORS:
+        found.append(Process(f"{aid.owner} noise", channel, _first(si(errors, "noise") ** 2)))
+        if not aid.is_scale:
             drift, time = _first(si(errors, "drift_sigma") ** 2), float(si(errors, "correlation_time"))
-            found.append(Process(f"{name} drift", channel, drift, time))
+            found.append(Process(f"{aid.owner} drift", channel, drift, time))
     air = experiment.sensors.airspeed
     if air.fitted:
         wind = np.array([1.0, 1.0, 0.0]) * float(si(air, "wind_drift_sigma")) ** 2

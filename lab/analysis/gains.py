@@ -18,10 +18,9 @@ from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNE
 from lab.analysis.errors import output_map
 from lab.analysis.fix_causes import hold_heading
 from lab.analysis.transition import NAV
-from lab.analysis.verdicts.aid_verdict import SENSORS
 from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
-from lab.navigation.aids import AIRSPEED
+from lab.navigation.aids import AIRSPEED, SENSORS
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ATT, POS, VEL
 from lab.run.run import Run

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from lab.base.aid_table import AIDS
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.data.checks.full_scale import full_scales
@@ -48,10 +49,6 @@ _IMU_TERMS = (
     "scale_factor",
     "scale_factor_sigma",
 )
-_SLOW_TERMS = ("fitted", "noise", "bias_sigma", "drift_sigma", "correlation_time")
-_AIRSPEED_TERMS = (
-    "fitted", "noise", "scale_factor_sigma", "slowest", "wind_sigma", "wind_drift_sigma", "correlation_time",
-)  # fmt: skip
 IN_EFFECT = frozenset(
     (
         *(f"sensors.{triad}.{term}" for triad in ("gyro", "accelerometer") for term in _IMU_TERMS),
@@ -62,10 +59,7 @@ IN_EFFECT = frozenset(
         "sensors.gps.period",
         "sensors.assumed",
         "sensors.lacking",
-        *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
-        *(f"sensors.heading.{term}" for term in ("source", "declination", "period")),
-        *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),
-        *(f"sensors.airspeed.{term}" for term in _AIRSPEED_TERMS),
+        *(f"sensors.{aid.name}.{term}" for aid in AIDS for term in aid.settings.effective_in_a_log()),
     )
 )
 """Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that

@@ -61,9 +61,9 @@ from lab.run.compiling_apart import compile_apart
 from lab.run.further_truth import simulated_own_errors
 from lab.run.memory import Retiring, bytes_per_run, check_memory, give_back, large_blocks_given_back
 from lab.run.run import in_one
-from lab.sensors import airspeed, barometer, gps, heading_sensor, imu, odometer
+from lab.sensors import gps, imu
 from lab.sensors.draws import unit_draws
-from lab.sensors.readings import Readings
+from lab.sensors.readings import Readings, measure
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
 
@@ -352,14 +352,8 @@ class Stages:
     def readings(self, flight: SampledFlight) -> dict[str, Readings]:
         """Simulate the sensors besides IMU and GPS."""
         found = {}
-        for name, measure in (
-            ("barometer", barometer.measure),
-            ("heading", heading_sensor.measure),
-            ("odometer", odometer.measure),
-            ("airspeed", airspeed.measure),
-        ):
-            errors = self.sensors.groups()[name]
-            if errors.fitted:
+        for name, errors in self.sensors.aids().items():
+            if errors.get("fitted"):
                 seed, trajectory = self.experiment.seed, flight.trajectory
                 key = digest(self.flight_key, seed, errors.to_dict())
                 found[name] = CACHE.get(name, key, partial(measure, trajectory, errors, seed))

@@ -6,11 +6,13 @@ the IMU shows that the vehicle stands still.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import AIDS, FURTHER, SENT
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
@@ -26,12 +28,13 @@ from lab.navigation.aiding import (
     of_one_kind,
     zero_velocity,
 )  # fmt: skip
-from lab.navigation.aids import Aids
+from lab.navigation.aids import KINDS, Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
 from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
 
+_HEADING: Final = next(aid for aid in AIDS if aid.name == "heading")
 READINGS: Final = {
     "time": ((), np.float64),
     "value": ((), np.float64),
@@ -50,30 +53,27 @@ FIELDS: Final = {
 """Columns of the readings of a magnetometer: directions of the field in b, and what came of them."""
 
 
-class Readings(NamedTuple):
-    """Heights [m], speeds [m/s], headings [rad] and fields.
-
-    The first two have the columns `READINGS`, the others those of `HEADINGS` and `FIELDS`.
-    """
-
-    height: Rolling
-    speed: Rolling
-    heading: Rolling
-    field: Rolling
-
-
-class FirstReadings(NamedTuple):
-    """Numbers of the first readings among the measurements of an advance."""
-
-    height: int
-    speed: int
-    heading: int
-    field: int
-
-
-NONE: Final = FirstReadings(0, 0, 0, 0)
+COLUMNS: Final[dict[str, Mapping[str, Any]]] = {
+    "height": READINGS,
+    "speed": READINGS,
+    "heading": HEADINGS,
+    "field": FIELDS,
+    **{aid.live: READINGS for aid in FURTHER},
+}
+"""Columns of heights [m], speeds [m/s], headings [rad], fields, and readings of further sensors."""
+Readings = dict[str, Rolling]
+"""Readings by the names of `COLUMNS`."""
+FirstReadings = dict[str, int]
+"""Numbers of the first readings among the measurements of an advance, by the names of `COLUMNS`."""
+NONE: Final[FirstReadings] = dict.fromkeys(COLUMNS, 0)
 """The first readings of a filter that uses none."""
-_KINDS: Final = FirstReadings(aids.HEIGHT, aids.FORWARD, aids.HEADING, aids.MAGNETIC)
+_SENSORS: Final = {aid.live: aid for aid in AIDS if aid.live} | {"field": _HEADING}
+"""The sensors that give them."""
+
+
+def empty_readings() -> Readings:
+    """Return room for the readings of a stream."""
+    return {name: Rolling(columns) for name, columns in COLUMNS.items()}
 
 
 class LiveAids:
@@ -98,25 +98,26 @@ class LiveAids:
     ) -> None:
         self.readings = readings
         self._sensors, self._samples, self._navigator = sensors, samples, navigator
-        self._is_fitted = bool(sensors.barometer.fitted)
-        self._has_odometer = bool(sensors.odometer.fitted)
-        magnetic = sensors.heading.source == MAGNETOMETER
-        self._has_compass = bool(sensors.heading.fitted) and magnetic
-        self._has_antennas = bool(sensors.heading.fitted) and not magnetic
+        unused = "field" if sensors.heading.source == HEADING else "heading"
+        self._fitted = {
+            name
+            for name, aid in _SENSORS.items()
+            if sensors.aids()[aid.name].get("fitted") and name != unused
+        }
         self._declination = np.nan
         self._no_compass = ""  # why the field does not show the heading here
         self._period = -1.0  # number of that of the last field
         self._newest = 0.0  # time of the last row with a field [s]
         self.stands = bool(navigator.zero_velocity)
         """Whether the filter uses zero velocity."""
-        self.are_used = bool(self._is_fitted or self._has_odometer or sensors.heading.fitted or self.stands)
+        self.are_used = bool(self._fitted or self.stands)
         """Whether the filter uses any."""
         self.shift = np.nan
         """What is added to the heights [m]."""
         self._scale = scale = float(navigator.aiding_scale)
-        self._variance = scale * float(si(sensors.barometer, "noise")) ** 2
-        self._speed_variance = scale * float(si(sensors.odometer, "noise")) ** 2
-        self._heading_variance = scale * float(si(sensors.heading, "noise")) ** 2
+        self._variance = {
+            name: scale * float(si(sensors.aids()[aid.name], "noise")) ** 2 for name, aid in _SENSORS.items()
+        }
         self._place = si(sensors.odometer, "lever_arm")
         # It is never due. With it, the same compiled loop runs whether there are readings or not.
         self._never = of_one_kind(np.full(1, np.inf), aids.HEIGHT, np.zeros(1), 1.0)
@@ -124,71 +125,48 @@ class LiveAids:
     @property
     def remarks(self) -> dict[str, str]:
         """What becomes of the readings of each sensor; empty if nobody expects any."""
-        return {
-            "barometer": self._of_barometer(),
-            "magnetometer": self._of_magnetometer(),
-            "odometer": self._of_odometer(),
-            "headings": self._of_headings(),
-        }
-
-    def _of_odometer(self) -> str:
-        there = len(self.readings.speed) > 0
-        if not self._has_odometer:
-            wanted = "The stream has speeds that are not used; sensors.odometer.fitted = true uses them."
-            return wanted if there else ""
-        if not there:
-            return "The stream has no speed for sensors.odometer.fitted so far."
-        last = _last(self.readings.speed)
-        if last is None:
-            return "Odometer: no reading was used so far."
-        return f"Odometer: the last innovation is {last[0]:.2f} m/s with σ = {last[1]:.2f} m/s."
-
-    def _of_headings(self) -> str:
-        there = len(self.readings.heading) > 0
-        if not self._has_antennas:
-            wanted = (
-                "The stream has headings that are used at the start only; sensors.heading.fitted = true with "
-                f"sensors.heading.source = {HEADING} uses them on."
-            )
-            return wanted if there else ""
-        if not there:
-            return "The stream has no heading for sensors.heading.fitted so far."
-        last = _last(self.readings.heading)
-        if last is None:
-            return "Heading sensor: no reading was used so far."
-        innovation, sigma = np.degrees(last)
-        return f"Heading sensor: the last innovation is {innovation:.1f}° with σ = {sigma:.1f}°."
-
-    def _of_barometer(self) -> str:
-        there = len(self.readings.height) > 0
-        if not self._is_fitted:
-            wanted = "The stream has pressures that are not used; sensors.barometer.fitted = true uses them."
-            return wanted if there else ""
-        if not there:
-            return "The stream has no pressure for sensors.barometer.fitted so far."
-        last = _last(self.readings.height)
-        if last is None:
-            return "Barometer: no reading was used so far."
-        return (
-            f"Barometer: the last innovation is {last[0]:.2f} m with σ = {last[1]:.2f} m; heights "
-            f"by pressure are shifted by {self.shift:.0f} m, to the height of the first fix."
+        shift = (
+            f"; heights by pressure are shifted by {self.shift:.0f} m, to the height of the first fix"
+            if np.isfinite(self.shift)
+            else ""
         )
+        at_start = "used at the start only; sensors.heading.fitted = true with sensors.heading.source = "
+        found = {
+            "barometer": self._remark("height", "Barometer", "pressure", after=shift),
+            "magnetometer": self._no_compass
+            or self._remark(
+                "field",
+                "Magnetometer",
+                "magnetic field",
+                f"a magnetic field that is {at_start}{MAGNETOMETER} uses it on.",
+                " of the heading",
+            ),
+            "odometer": self._remark("speed", "Odometer", "speed"),
+            "headings": self._remark(
+                "heading", "Heading sensor", "heading", f"headings that are {at_start}{HEADING} uses them on."
+            ),
+        }
+        for aid in FURTHER:
+            words = f"{aid.words[0].upper()}{aid.words[1:]}"
+            found[aid.name] = self._remark(aid.live, words, aid.live.replace("_", " "))
+        return found
 
-    def _of_magnetometer(self) -> str:
-        there = len(self.readings.field) > 0
-        if not self._has_compass:
-            wanted = (
-                "The stream has a magnetic field that is used at the start only; sensors.heading.fitted = "
-                f"true with sensors.heading.source = {MAGNETOMETER} uses it on."
-            )
-            return wanted if there else ""
-        if self._no_compass or not there:
-            return self._no_compass or "The stream has no magnetic field for sensors.heading.fitted so far."
-        last = _last(self.readings.field)
+    def _remark(
+        self, name: str, sensor: str, quantity: str, unused: str = "", of: str = "", after: str = ""
+    ) -> str:
+        """Return what becomes of some readings, in a sentence; empty if nobody expects any."""
+        aid, there = _SENSORS[name], len(self.readings[name]) > 0
+        if name not in self._fitted:
+            usual = f"{quantity}s that are not used; sensors.{aid.name}.fitted = true uses them."
+            return f"The stream has {unused or usual}" if there else ""
+        if not there:
+            return f"The stream has no {quantity} for sensors.{aid.name}.fitted so far."
+        last = _last(self.readings[name])
         if last is None:
-            return "Magnetometer: no reading was used so far."
-        innovation, sigma = np.degrees(last)
-        return f"Magnetometer: the last innovation of the heading is {innovation:.1f}° with σ = {sigma:.1f}°."
+            return f"{sensor}: no reading was used so far."
+        form, unit = (".1f", "°") if aid.shown_unit == "°" else (".2f", f" {aid.shown_unit}")
+        innovation, sigma = (f"{aid.shown_scale * value:{form}}{unit}" for value in last)
+        return f"{sensor}: the last innovation{of} is {innovation} with σ = {sigma}{after}."
 
     def take_fields(self, time: FloatArray, magnetic: FloatArray) -> None:
         """Append fields, one in each period of the sensor: their errors are those of the vehicle's iron.
@@ -209,11 +187,13 @@ class LiveAids:
         rows = np.flatnonzero(np.diff(period, prepend=self._period) > 0)
         self._period = float(period[-1])
         field = found.field[rows]
-        _append(self.readings.field, found.time[rows], field=field / np.linalg.norm(field, axis=1)[:, None])
+        _append(
+            self.readings["field"], found.time[rows], field=field / np.linalg.norm(field, axis=1)[:, None]
+        )
 
     def take_heights(self, time: FloatArray, height: FloatArray) -> None:
         """Append heights by pressure (n,) [m] at times (n,) in increasing order [s]."""
-        _append(self.readings.height, time, value=height)
+        _append(self.readings["height"], time, value=height)
 
     def take(self, rows: NDArray[np.void], epoch: float, reach: float) -> float:
         """Append headings and speeds; return the earliest time of one that is used, infinite without one [s].
@@ -228,22 +208,20 @@ class LiveAids:
             Earliest time to which the filter can return [s]; earlier readings are left out.
         """
         earliest = np.inf
-        for name, kept, is_used in (
-            ("speed", self.readings.speed, self._has_odometer),
-            ("heading", self.readings.heading, self._has_antennas),
-        ):
+        for name in (aid.live for aid in SENT):
+            kept = self.readings[name]
             found = rows[np.isfinite(rows[name])]
             time = found["time"] - epoch
             good = time > max(reach, float(kept.column("time")[-1]) if len(kept) else -np.inf)
             own = {"sigma": found["heading_sigma"][good]} if name == "heading" else {}
             _append(kept, time[good], value=found[name][good], **own)
-            if is_used and good.any():
+            if name in self._fitted and good.any():
                 earliest = min(earliest, float(time[good][0]))
         return earliest
 
     def begin_at(self, position: FloatArray) -> None:
         """Take the declination at the first fix (3,) [rad], [m]; later fixes change nothing."""
-        if not self._has_compass or np.isfinite(self._declination) or self._no_compass:
+        if "field" not in self._fitted or np.isfinite(self._declination) or self._no_compass:
             return
         try:
             check_field(position[None])
@@ -262,45 +240,29 @@ class LiveAids:
         after, until
             The times [s].
         """
-        used = FirstReadings(
-            self._is_fitted and bool(np.isfinite(self.shift)),
-            self._has_odometer,
-            self._has_antennas,
-            bool(np.isfinite(self._declination)),
-        )
-        ends = [readings.number("time", until, "right") for readings in self.readings]
-        first = FirstReadings(
-            *(
-                readings.number("time", after, "right") if one else end
-                for readings, one, end in zip(self.readings, used, ends, strict=True)
-            )
-        )
-        height, speed, heading, field = (
-            (readings, start, end) for readings, start, end in zip(self.readings, first, ends, strict=True)
-        )
-        magnetic = of_one_kind(
-            _rows("time", *field),
-            aids.HEADING,
-            np.full(field[2] - field[1], self._declination),
-            self._heading_variance,
-        )
+        known = {"height": np.isfinite(self.shift), "field": np.isfinite(self._declination)}
+        first: FirstReadings = {}
+        parts = []
+        for name, readings in self.readings.items():
+            end = readings.number("time", until, "right")
+            used = name in self._fitted and known.get(name, True)
+            start = readings.number("time", after, "right") if used else end
+            first[name] = start
+            parts.append(self._part(name, readings, start, end))
         still = zero_velocity(self._standing(begun, after, until), self._navigator) if self.stands else []
-        parts = [
-            of_one_kind(
-                _rows("time", *height), aids.HEIGHT, _rows("value", *height) + self.shift, self._variance
-            ),
-            of_one_kind(_rows("time", *speed), aids.FORWARD, _rows("value", *speed), self._speed_variance),
-            of_one_kind(
-                _rows("time", *heading),
-                aids.HEADING,
-                _rows("value", *heading),
-                known_variance(_rows("sigma", *heading), self._scale, self._heading_variance),
-            ),
-            of_fields(self._sensors, magnetic, _rows("field", *field)),
-            *still,
-            self._never,
-        ]
-        return Aids.together(parts, self._place), first
+        return Aids.together([*parts, *still, self._never], self._place), first
+
+    def _part(self, name: str, readings: Rolling, start: int, end: int) -> Aids:
+        """Return readings between two numbers as measurements."""
+        time, kind = _rows("time", readings, start, end), KINDS[_SENSORS[name].name]
+        variance: float | FloatArray = self._variance[name]
+        if name == "field":
+            declination = of_one_kind(time, kind, np.full(time.size, self._declination), variance)
+            return of_fields(self._sensors, declination, _rows("field", readings, start, end))
+        value = _rows("value", readings, start, end)
+        if name == "heading":
+            variance = known_variance(_rows("sigma", readings, start, end), self._scale, self._variance[name])
+        return of_one_kind(time, kind, value + self.shift if name == "height" else value, variance)
 
     def _standing(self, begun: float, after: float, until: float) -> FloatArray:
         """Return the whole seconds since the start in which the vehicle stands still."""
@@ -314,8 +276,9 @@ class LiveAids:
     def keep(self, out: Solution, used: Aids, first: FirstReadings) -> None:
         """Keep the results of readings, which begin with some numbers."""
         due = np.isfinite(used.time)  # without that which is never due
-        for kind, readings, start in zip(_KINDS, self.readings, first, strict=True):
-            rows = np.flatnonzero(due & (used.kind == kind))
+        for name, readings in self.readings.items():
+            kind = aids.MAGNETIC if name == "field" else KINDS[_SENSORS[name].name]
+            rows, start = np.flatnonzero(due & (used.kind == kind)), first[name]
             readings.rows("innovation", start, start + rows.size)[:] = out.aid_innovation[rows]
             readings.rows("variance", start, start + rows.size)[:] = out.aid_variance[rows]
 

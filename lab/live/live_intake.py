@@ -178,7 +178,7 @@ class ReadingIntake:
         stream, aids
             The stream and its measurements.
         """
-        readings, epoch = stream.readings.height, stream.epoch
+        readings, epoch = stream.readings["height"], stream.epoch
         if len(readings) and first is not None and stream.now + epoch >= first[0]:
             self.heights.begin_at(*first, readings.column("time") + epoch, readings.column("value"))
         aids.shift = self.heights.shift

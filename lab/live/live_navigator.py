@@ -384,7 +384,7 @@ class LiveNavigator:
         stream = self._stream
         if not self._is_new_second():
             return
-        found = self._start.seek_again(stream.samples, stream.fixes, stream.readings.heading)
+        found = self._start.seek_again(stream.samples, stream.fixes, stream.readings["heading"])
         if found.alignment is None or stream.alignment is None:
             return
         then = stream.sample(found.first)
@@ -435,7 +435,7 @@ class LiveNavigator:
             return
         look_at_compass(stream)
         found = self._start.seek(
-            stream.samples, stream.fixes, stream.shown_heading(), stream.readings.heading
+            stream.samples, stream.fixes, stream.shown_heading(), stream.readings["heading"]
         )
         stream.missing = found.why
         if found.alignment is not None:

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.log.auxiliary_data import AuxiliaryData, Magnetometer, Series
@@ -18,7 +19,7 @@ from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
-from lab.live.live_aids import FIELDS, HEADINGS, READINGS, Readings
+from lab.live.live_aids import empty_readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma, imu_between
 from lab.navigation.alignment.alignment import Alignment
@@ -97,7 +98,7 @@ class Stream:
         self.epoch = epoch
         self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
         self.fixes = Rolling(FIXES)
-        self.readings = Readings(Rolling(READINGS), Rolling(READINGS), Rolling(HEADINGS), Rolling(FIELDS))
+        self.readings = empty_readings()
         self.gaps: list[tuple[float, float]] = []
         """Start and end of the filled gaps [s]."""
         self.filter: LiveFilter | None = None
@@ -198,7 +199,7 @@ class Stream:
         self.samples.forget(self.samples.number("time", self.now - kept))
         oldest = float(self.samples.column("time")[0])
         self.fixes.forget(self.fixes.number("time", oldest) - 2)
-        for readings in self.readings:
+        for readings in self.readings.values():
             readings.forget(readings.number("time", oldest))
 
 
@@ -256,12 +257,12 @@ def log_of_stream(
     zero = float(samples.column("time")[0])
     time = samples.column("time") - zero
     gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
-    heights, speeds, headings, _ = stream.readings
-    barometer = odometer = None
-    if len(heights) and not np.isnan(height_shift):
-        barometer = Series(heights.column("time") - zero, heights.column("value") + height_shift)
-    if len(speeds):
-        odometer = Series(speeds.column("time") - zero, speeds.column("value").copy())
+    headings, series = stream.readings["heading"], {}
+    for aid in SERIES:
+        readings = stream.readings.get(aid.live)
+        shift = height_shift if aid.name == "barometer" else 0.0
+        if readings and not np.isnan(shift):
+            series[aid.name] = Series(readings.column("time") - zero, readings.column("value") + shift)
     return SensorLog(
         name="live stream",
         epoch=stream.epoch + zero,
@@ -280,12 +281,11 @@ def log_of_stream(
         reference=None,
         gaps=np.array(gaps).reshape(-1, 2) - zero,
         repairs=repairs,
-        auxiliary=AuxiliaryData(
+        auxiliary=AuxiliaryData.of_series(
+            series,
             magnetometer=magnetometer_of(time, samples.column("magnetic")),
             headings=headings_of(
                 headings.column("time") - zero, headings.column("value"), headings.column("sigma")
             ),
-            barometer=barometer,
-            odometer=odometer,
         ),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from lab.base.aid_table import AIDS
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import OTHER_SENSORS, SensorSuite
 
@@ -42,7 +43,7 @@ def stream_settings(
         Settings of a flight or of a log.
     """
     navigator = navigator.copy()
-    sensors = without(sensors, ("airspeed",))
+    sensors = without(sensors, (aid.name for aid in AIDS if not aid.live))
     sensors.gps.outages = []
     for path in (*OTHER_STATES, "smoother"):
         navigator.set(path, False)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.navigation import aids
-from lab.navigation.aids import Aids
+from lab.navigation.aids import KINDS, Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
 from lab.sensors.readings import Readings
@@ -24,13 +24,6 @@ CONDITION_PERIOD = 1.0
 """Time between two measurements of a condition [s]: slip is assumed white from one to the next."""
 ROUNDING = 1e-6
 """Largest rounding of a time stamp [s]: a second ends with the sample at its end."""
-KINDS = {
-    "barometer": aids.HEIGHT,
-    "heading": aids.HEADING,
-    "odometer": aids.FORWARD,
-    "airspeed": aids.AIRSPEED,
-}
-"""What the sensors measure, by their group in the settings."""
 
 
 def needs_rest(navigator: NavigatorSettings) -> bool:
@@ -40,8 +33,8 @@ def needs_rest(navigator: NavigatorSettings) -> bool:
 
 def most_aids(sensors: SensorSuite, navigator: NavigatorSettings, duration: float) -> int:
     """Return how many measurements besides GPS fixes a simulated flight has at most; its duration is in s."""
-    groups = (sensors.groups()[name] for name in KINDS)
-    per_second = sum(1.0 / float(one.get("period")) for one in groups if one.get("fitted"))
+    fitted = (one for one in sensors.aids().values() if one.get("fitted"))
+    per_second = sum(1.0 / float(one.get("period")) for one in fitted)
     conditions = 2 * bool(navigator.no_slip) + 3 * bool(navigator.zero_velocity)
     return round(duration * (per_second + conditions / CONDITION_PERIOD))
 
@@ -69,12 +62,14 @@ def aids_of(
     scale = navigator.aiding_scale
     parts = []
     for name, found in readings.items():
-        variance: float | FloatArray = scale * float(si(sensors.groups()[name], "noise")) ** 2
+        errors = sensors.aids()[name]
+        variance: float | FloatArray = scale * float(si(errors, "noise")) ** 2
         if found.sigma.size:
             variance = known_variance(found.sigma, scale, float(variance))
-        one = fast_enough(found, float(si(sensors.airspeed, "slowest"))) if name == "airspeed" else found
-        part = of_one_kind(one.time, KINDS[name], one.value, variance)
-        parts.append(of_fields(sensors, part, one.field) if one.field.size else part)
+        part = of_one_kind(found.time, KINDS[name], found.value, variance)
+        if found.field.size:
+            part = of_fields(sensors, part, found.field)
+        parts.append(part.only(errors.usable(found.value)))
     length = (imu.time[-1] - imu.time[0]) / CONDITION_PERIOD
     seconds = imu.time[0] + CONDITION_PERIOD * np.arange(1, int(length + ROUNDING) + 1)
     if navigator.no_slip:
@@ -84,12 +79,6 @@ def aids_of(
         still = seconds[rest[np.searchsorted(imu.time, seconds - ROUNDING) - 1]]
         parts += zero_velocity(still, navigator)
     return Aids.together(parts, si(sensors.odometer, "lever_arm"))
-
-
-def fast_enough(airspeeds: Readings, slowest: float) -> Readings:
-    """Return the airspeeds that are not below the slowest one that a filter uses [m/s]."""
-    keep = airspeeds.value >= slowest
-    return airspeeds._replace(time=airspeeds.time[keep], value=airspeeds.value[keep])
 
 
 def zero_velocity(time: FloatArray, navigator: NavigatorSettings) -> list[Aids]:

@@ -13,14 +13,17 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import AIDS, FURTHER
 from lab.base.arrays import FloatArray
+from lab.base.compiling.generated_module import module_of
 from lab.navigation import strapdown
-from lab.navigation.filters.blocks import NO_STATE
+from lab.navigation.filters.blocks import CORE, NO_STATE
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.propagation import STATES
 from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
@@ -31,7 +34,7 @@ HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING, MA
 """Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
 east, down [m/s]; true heading [rad]; declination of a magnetic field that is measured in b [rad]; true
 airspeed [m/s]."""
-NAMES = (
+NAMES: tuple[str, ...] = (
     "height",
     "speed forward",
     "speed right",
@@ -42,9 +45,15 @@ NAMES = (
     "heading",
     "magnetic heading",
     "airspeed",
+    *(aid.kinds[0] for aid in FURTHER),
 )
-"""Names of the kinds, as shown."""
-SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2, ("m/s", 1.0))
+"""Names of the kinds, as shown; those of the further sensors of the aid table follow."""
+KINDS = {aid.name: NAMES.index(aid.kinds[0]) for aid in AIDS}
+"""What the sensors measure, by their group in the settings."""
+SENSORS = {NAMES.index(kind): aid.name for aid in AIDS for kind in aid.kinds}
+"""Sensors that measure the kinds, by the group of their settings; the others are conditions without one."""
+_SHOWN = {kind: (aid.shown_unit, aid.shown_scale) for aid in AIDS for kind in aid.kinds}
+SHOWN = tuple(_SHOWN.get(name, ("m/s", 1.0)) for name in NAMES)
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
 LEAST_LEVEL = 5.0
 """Least level part of a nose whose heading counts, in σ of the displacement of its tip by tilts. Nearer to
@@ -77,6 +86,10 @@ class Aids(NamedTuple):
     variance: FloatArray
     field: FloatArray
     place: FloatArray
+
+    def only(self, rows: NDArray[np.bool_]) -> Aids:
+        """Return the measurements of a mask (a,)."""
+        return self._replace(**{name: getattr(self, name)[rows] for name in self._fields[:5]})
 
     @classmethod
     def together(cls, parts: list[Aids], place: FloatArray) -> Aids:
@@ -203,6 +216,67 @@ def _see_airspeed(state: FloatArray, v: Vector, airspeed: float, H: FloatArray) 
     return float(scale * predicted - airspeed)
 
 
+@inline_kernel
+def _see_none(kind: int, state: FloatArray, v: Vector, age: float, value: float, H: FloatArray) -> float:
+    """Return zero: no further sensor is declared."""
+    return 0.0
+
+
+_FURTHER = '''"""Further aids: how a filter sees the sensors of the aid table with modules of their own."""
+
+from lab.navigation.kernels.compilation import inline_kernel
+{imports}
+
+{constants}
+
+
+@inline_kernel
+def see_further(kind, state, v, age, value, H):
+{branches}
+    return 0.0
+'''
+_BRANCH = """
+    if kind == {kind}:
+        seen, error = see_{k}(state, v, age, H), state[{place}]
+        if {is_scale}:
+            for i in range({core}):
+                H[i] *= 1 + error
+        if {first} >= 0:
+            H[{first}] = seen if {is_scale} else 1.0
+        return ((1 + error) * seen if {is_scale} else seen + error) - value"""
+
+
+def _further() -> Callable[[int, FloatArray, Vector, float, float, FloatArray], float]:
+    """Return the kernel that sees the further sensors of the aid table, with their biases or scale factors.
+
+    Each has a module of its own with its `see`, which returns what it measures without errors, and writes
+    the elements of H for position, velocity, attitude and biases.
+    """
+    if not FURTHER:
+        return _see_none
+    firsts = [aid.state.upper().replace(" ", "_") for aid in FURTHER]
+    branches = (
+        _BRANCH.format(
+            kind=KINDS[aid.name],
+            k=k,
+            place=strapdown.AID_ERRORS + k,
+            is_scale=aid.is_scale,
+            core=CORE,
+            first=firsts[k],
+        )
+        for k, aid in enumerate(FURTHER)
+    )
+    text = _FURTHER.format(
+        imports="\n".join(f"from {aid.belief} import see as see_{k}" for k, aid in enumerate(FURTHER)),
+        constants="\n".join(f"{first} = {NO_STATE}" for first in firsts),
+        branches="".join(branches),
+    )
+    return module_of("lab.navigation.further_aids", text).see_further  # type: ignore[no-any-return]
+
+
+see_further = _further()
+
+
 @kernel
 def predict_aid(
     state: FloatArray,
@@ -243,8 +317,9 @@ def predict_aid(
     if NORTHWARD <= kind <= VERTICAL:
         H[3 + kind - NORTHWARD] = 1.0
         return float(v[kind - NORTHWARD] - value)
-    if kind == AIRSPEED:
-        return _see_airspeed(state, v, value, H)
+    if kind >= AIRSPEED:
+        further = kind > AIRSPEED
+        return see_further(kind, state, v, age, value, H) if further else _see_airspeed(state, v, value, H)
     rate = plus((0.0, 0.0, 0.0), state[strapdown.PER_STEP], get(state, strapdown.PREVIOUS_DTHETA))
     at = strapdown.Q_NB
     q = product(

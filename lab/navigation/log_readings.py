@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
-from lab.base.parameters.units import si
-from lab.data.log.auxiliary_data import Magnetometer
+from lab.data.log.auxiliary_data import Headings, Magnetometer, Series
 from lab.data.log.log_remarks import clock_text, span_text
 from lab.data.log.sensor_log import SensorLog
 from lab.motion.frames.magnetic_field import magnetic_declination
@@ -21,14 +21,7 @@ from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 
-OF_ONE_NUMBER = ("barometer", "odometer", "airspeed")
-"""Sensors whose readings are a `lab.data.log.auxiliary_data.Series` of a log."""
-NAMES = {
-    "barometer": "barometer",
-    "odometer": "odometer",
-    "airspeed": "airspeed sensor",
-    "heading": "heading sensor",
-}
+NAMES = {aid.name: aid.words for aid in sorted(AIDS, key=lambda aid: aid not in SERIES)}
 """What the groups of other sensors are called in a sentence."""
 
 
@@ -59,7 +52,7 @@ def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
     """
     found = {}
     for name, one in _held(log, sensors).items():
-        if not sensors.groups()[name].get("fitted") or not one.usable.any():
+        if not sensors.aids()[name].get("fitted") or not one.usable.any():
             continue
         found[name] = _readings(log, sensors, name, one.usable)
     return found
@@ -72,7 +65,7 @@ def fitted_only(
     own, remarks = sensors.copy(), []
     held = _held(log, sensors)
     for name, words in NAMES.items():
-        fitted, there = sensors.groups()[name].get("fitted"), held.get(name)
+        fitted, there = sensors.aids()[name].get("fitted"), held.get(name)
         if fitted and name not in readings:
             cause = "" if there is None else _cause(log, sensors, name, there)
             remarks.append(
@@ -91,18 +84,17 @@ def fitted_only(
 def _held(log: SensorLog, sensors: SensorSuite) -> dict[str, LogReadings]:
     """Return what a log holds of each sensor that has a file; of the source of headings that is chosen."""
     auxiliary = log.auxiliary
-    series = {name: getattr(auxiliary, name) for name in OF_ONE_NUMBER}
     magnetic = _is_magnetic(sensors)
-    series["heading"] = auxiliary.magnetometer if magnetic else auxiliary.headings
+    heading = auxiliary.magnetometer if magnetic else auxiliary.headings
+    series: dict[str, Series | Magnetometer | Headings] = {**auxiliary.series}
+    series |= {} if heading is None else {"heading": heading}
     found = {}
     for name, one in series.items():
-        if one is None:
-            continue
         usable = (one.time > log.time[0]) & (one.time <= log.time[-1])
-        if name == "heading" and magnetic:
+        if isinstance(one, Magnetometer):
             usable &= np.linalg.norm(one.field, axis=1) > 0
-        if name == "airspeed":
-            usable &= one.value >= float(si(sensors.airspeed, "slowest"))
+        elif isinstance(one, Series):
+            usable &= sensors.aids()[name].usable(one.value)
         if not (usable & (one.time > _first_fix(log))).any():
             usable[:] = False  # nothing is navigated before the first fix
         found[name] = LogReadings(one.time, usable)
@@ -113,7 +105,7 @@ def _readings(log: SensorLog, sensors: SensorSuite, name: str, usable: NDArray[n
     """Return the usable readings of a sensor."""
     auxiliary = log.auxiliary
     if name != "heading":
-        one = getattr(auxiliary, name)
+        one = auxiliary.series[name]
         return Readings(one.time[usable], one.value[usable])
     if _is_magnetic(sensors):
         assert auxiliary.magnetometer is not None
@@ -164,9 +156,7 @@ def _cause(log: SensorLog, sensors: SensorSuite, name: str, one: LogReadings) ->
             f"{span_text(log.time + log.epoch)}: another clock is likely; accepted are readings of the clock "
             "of the IMU and of the same time."
         )
-    if name == "airspeed":
-        return f" The readings of the {what} are all below sensors.airspeed.slowest."
-    return f" The readings of the {what} are all zero."
+    return f" The readings of the {what} are all {sensors.aids()[name].UNUSED}."
 
 
 def _first_fix(log: SensorLog) -> float:

@@ -10,9 +10,12 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.motion.frames.rotation import skew, wrap
@@ -55,6 +58,8 @@ def predict_aid(
         _write(row, names, blocks.WIND, -row[VEL][:2])
         _write(row, names, blocks.AIRSPEED_SCALE, speed)
         return scale * speed - value, row
+    if kind > AIRSPEED:
+        return _predict_further(kind - AIRSPEED - 1, state, velocity, age, value, names)
     if kind >= NORTHWARD:
         row[VEL][kind - NORTHWARD] = 1.0
         return float(velocity[kind - NORTHWARD] - value), row
@@ -63,11 +68,24 @@ def predict_aid(
     row[VEL] = C_nb[:, along]
     row[ATT] = -C_nb[:, along] @ skew(velocity)
     row[GYRO_BIAS] = skew(aids.place)[along] / (1 + _three(state, strapdown.GYRO_SCALE))
-    if kind != FORWARD:
-        return speed - value, row
-    row *= 1 + state[strapdown.ODOMETER_SCALE]
-    _write(row, names, blocks.ODOMETER_SCALE, speed)
-    return (1 + state[strapdown.ODOMETER_SCALE]) * speed - value, row
+    if kind == FORWARD:
+        row *= 1 + state[strapdown.ODOMETER_SCALE]
+        _write(row, names, blocks.ODOMETER_SCALE, speed)
+        speed *= 1 + state[strapdown.ODOMETER_SCALE]
+    return speed - value, row
+
+
+def _predict_further(
+    k: int, state: FloatArray, velocity: FloatArray, age: float, value: float, names: tuple[str, ...]
+) -> tuple[float, FloatArray]:
+    """Return navigator minus a reading of further sensor k of the aid table, and its row of H (n,)."""
+    aid, own, row = FURTHER[k], state[strapdown.AID_ERRORS + k], np.zeros(blocks.count(names))
+    see = importlib.import_module(aid.belief).see_by_matrices
+    seen, row[: blocks.CORE] = see(state, velocity, age)
+    if aid.is_scale:
+        row *= 1 + own
+    _write(row, names, aid.state, seen if aid.is_scale else 1.0)
+    return float((1 + own) * seen if aid.is_scale else seen + own) - value, row
 
 
 def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:

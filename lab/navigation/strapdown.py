@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.ecef import NEAR_POLE
@@ -50,21 +51,22 @@ WIND = 50  # its speed to the north and to the east [m/s]
 AIRSPEED_SCALE = 52
 GYRO_G = 53  # what gyros feel of the specific force along their axes; zero unless estimated [rad/s per m/s²]
 TO_DRIFT = GYRO_DRIFT - GYRO_BIAS  # from a bias to its second part, for gyros and accelerometers
+AID_ERRORS = 56  # one for each of `FURTHER`: its bias or scale factor
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 56  # of the latitude
-COSINE = 57  # of the latitude
-PREVIOUS_DTHETA = 58  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 61  # [m/s]
-PREVIOUS_VELOCITY = 64  # v_n at its start [m/s]
-MERIDIAN = 67  # 1 / (R_M + h)
-TRANSVERSE = 68  # 1 / (R_N + h)
-PER_COSINE = 69  # 1 / cos L
-FORCE_N = 70  # mean specific force of the last step, in n
-C_NB = 73  # attitude at the start of the last step, row by row
-PER_STEP = 82  # one over the length of the last step
-GRAVITY = 83  # during the last step
-LENGTH = 84  # length of the state
+SINE = AID_ERRORS + len(FURTHER)  # of the latitude
+COSINE = SINE + 1  # of the latitude
+PREVIOUS_DTHETA = SINE + 2  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = SINE + 5  # [m/s]
+PREVIOUS_VELOCITY = SINE + 8  # v_n at its start [m/s]
+MERIDIAN = SINE + 11  # 1 / (R_M + h)
+TRANSVERSE = SINE + 12  # 1 / (R_N + h)
+PER_COSINE = SINE + 13  # 1 / cos L
+FORCE_N = SINE + 14  # mean specific force of the last step, in n
+C_NB = SINE + 17  # attitude at the start of the last step, row by row
+PER_STEP = SINE + 26  # one over the length of the last step
+GRAVITY = SINE + 27  # during the last step
+LENGTH = SINE + 28  # length of the state
 
 MAX_LATITUDE = NEAR_POLE
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.base.aid_table import AIDS
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up
@@ -14,7 +15,6 @@ from lab.navigation.filters.own_states import OwnStates, declared_states, of_blo
 from lab.run.experiment_settings import ExperimentSettings
 from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
-from lab.sensors.readings import scale_error, slow_error_at
 from lab.sensors.suite import TRIADS
 
 
@@ -51,10 +51,9 @@ def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: 
             columns += list(_drift(experiment, time).T)
         elif name == blocks.WIND:
             columns += list(airspeed.wind_at(sensors.airspeed, seed, time).T)
-        elif name == blocks.BAROMETER_BIAS:
-            columns.append(slow_error_at(sensors.barometer, seed, "barometer", time))
-        elif name == blocks.HEADING_BIAS:
-            columns.append(slow_error_at(sensors.heading, seed, "heading", time))
+        elif name in blocks.OF_AIDS:
+            (aid,) = (one for one in AIDS if one.state == name)
+            columns.append(sensors.aids()[aid.name].state_at(seed, time))
         else:
             columns += [np.full(time.size, value) for value in _constant(experiment, name)]
     return np.stack(columns, axis=-1) if columns else np.zeros((time.size, 0))
@@ -199,10 +198,6 @@ def _drift(experiment: ExperimentSettings, time: FloatArray) -> FloatArray:
 def _constant(experiment: ExperimentSettings, name: str) -> FloatArray:
     """Return what a constant is off from its assumed value."""
     navigator, receiver = experiment.navigator, experiment.sensors.gps
-    if name == blocks.ODOMETER_SCALE:
-        return np.array([scale_error(experiment.sensors.odometer, experiment.seed, "odometer")])
-    if name == blocks.AIRSPEED_SCALE:
-        return np.array([scale_error(experiment.sensors.airspeed, experiment.seed, "airspeed")])
     if name == blocks.LEVER_ARM:
         true = si(receiver, "lever_arm")
         return np.asarray(true - assumed_lever_arm(navigator, true))

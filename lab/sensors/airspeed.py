@@ -13,26 +13,30 @@ and 16.2; W. Gracey, *Measurement of Aircraft Speed and Altitude*, NASA RP-1046 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import Quantity
-from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
 from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import processes, readings
 from lab.sensors.draws import Seed, unit_draws
-from lab.sensors.readings import Readings, read, reading_times, scale_error
+from lab.sensors.readings import AidSensor, measure
+
+__all__ = ["AirspeedErrors", "measure", "wind_at"]
 
 _STEP = 1.0
 """Spacing of the samples of the wind [s]: the shortest correlation time."""
 
 
-class AirspeedErrors(Settings):
+class AirspeedErrors(AidSensor):
     """Errors and timing of an airspeed sensor, and the wind.
 
     Defaults: a light aeroplane in a breeze. The noise includes gusts.
     """
 
+    NAME = "airspeed"
+    UNUSED = "below sensors.airspeed.slowest"
     fitted = readings.fitted(
         "an airspeed sensor. A filter that uses it has states for the wind to the north and to the east, and "
         "for the scale factor of the sensor."
@@ -81,6 +85,16 @@ class AirspeedErrors(Settings):
     correlation_time = readings.correlation_time(300.0)
     outages = readings.outages()
 
+    def truth(self, trajectory: Trajectory, seed: Seed, times: FloatArray) -> FloatArray:
+        """Return the true airspeeds (a,) at times (a,) [m/s]."""
+        through_air = trajectory.at(times).velocity_n.copy()
+        through_air[:, :2] -= wind_at(self, seed, times)
+        return np.asarray(np.linalg.norm(through_air, axis=1))
+
+    def usable(self, value: FloatArray) -> NDArray[np.bool_]:
+        """Return the mask (a,) of the airspeeds that are not below the slowest one that a filter uses."""
+        return value >= float(si(self, "slowest"))
+
 
 def wind_at(errors: AirspeedErrors, seed: Seed, time: FloatArray) -> FloatArray:
     """Return the true wind (n, 2) to the north and to the east at some times [m/s].
@@ -102,23 +116,3 @@ def wind_at(errors: AirspeedErrors, seed: Seed, time: FloatArray) -> FloatArray:
     draws = unit_draws(seed, "wind.drift", (samples.size, 2))
     slow = processes.gauss_markov(draws[0], draws, float(np.exp(-_STEP / errors.correlation_time)))
     return constant + drift * np.stack([np.interp(time, _STEP * samples, one) for one in slow.T], axis=-1)
-
-
-def measure(trajectory: Trajectory, errors: AirspeedErrors, seed: Seed) -> Readings:
-    """Return the readings of an airspeed sensor [m/s].
-
-    Parameters
-    ----------
-    trajectory
-        The flight.
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    """
-    times = reading_times(errors.period, trajectory.duration)
-    through_air = trajectory.at(times).velocity_n.copy()
-    through_air[:, :2] -= wind_at(errors, seed, times)
-    true = np.linalg.norm(through_air, axis=1)
-    scale = scale_error(errors, seed, "airspeed")
-    return read(seed, "airspeed", times, true, scale * true, errors.noise, errors.outages)

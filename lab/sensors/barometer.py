@@ -8,16 +8,19 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from lab.base.parameters.settings import Settings
+from lab.base.arrays import FloatArray
 from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
-from lab.sensors.readings import Readings, read, reading_times, slow_error
+from lab.sensors.readings import AidSensor, measure
+
+__all__ = ["BarometerErrors", "measure"]
 
 
-class BarometerErrors(Settings):
+class BarometerErrors(AidSensor):
     """Errors and timing of a barometer. Defaults: a MEMS sensor, whose zero is set at the start."""
 
+    NAME = "barometer"
     fitted = readings.fitted(
         "a barometer. It measures the height above the ellipsoid; the difference from the height by pressure "
         "is its bias. A filter that uses it has a state for the bias."
@@ -29,20 +32,6 @@ class BarometerErrors(Settings):
     correlation_time = readings.correlation_time(1800.0)
     outages = readings.outages()
 
-
-def measure(trajectory: Trajectory, errors: BarometerErrors, seed: Seed) -> Readings:
-    """Return the readings of a barometer: heights [m].
-
-    Parameters
-    ----------
-    trajectory
-        The flight.
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    """
-    times = reading_times(errors.period, trajectory.duration)
-    bias = slow_error(errors, seed, "barometer", times)
-    height = trajectory.at(times).height
-    return read(seed, "barometer", times, height, bias, errors.noise, errors.outages)
+    def truth(self, trajectory: Trajectory, seed: Seed, times: FloatArray) -> FloatArray:
+        """Return the true heights (a,) at times (a,) [m]."""
+        return trajectory.at(times).height

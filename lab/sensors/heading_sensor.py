@@ -15,22 +15,24 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import QuantityOrNone
-from lab.base.parameters.settings import Settings
-from lab.base.parameters.units import si
 from lab.motion.frames.magnetic_field import magnetic_field
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
-from lab.sensors.readings import Readings, read, reading_times, slow_error
+from lab.sensors.readings import AidSensor, Readings, measure
+
+__all__ = ["HEADING", "MAGNETOMETER", "HeadingErrors", "check_field", "measure"]
 
 HEADING, MAGNETOMETER = "heading", "magnetometer"
 """What the sensor measures, as in the settings."""
 
 
-class HeadingErrors(Settings):
+class HeadingErrors(AidSensor):
     """Errors and timing of a heading sensor. Defaults: a magnetometer with its iron calibrated."""
 
+    NAME = "heading"
+    IDLE_IN_A_LOG = ("outages",)
     fitted = readings.fitted(
         "a sensor of the heading: two antennas, a compass, or a magnetometer. A filter that uses it has a "
         "state for its bias."
@@ -58,26 +60,15 @@ class HeadingErrors(Settings):
     correlation_time = readings.correlation_time(300.0)
     outages = readings.outages()
 
+    def truth(self, trajectory: Trajectory, seed: Seed, times: FloatArray) -> FloatArray:
+        """Return the true headings (a,) at times (a,) [rad]."""
+        return trajectory.at(times).euler[:, 2]
 
-def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readings:
-    """Return the readings of a heading sensor: true headings from −π to π [rad], or magnetic fields.
-
-    Parameters
-    ----------
-    trajectory
-        The flight.
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    """
-    times = reading_times(errors.period, trajectory.duration)
-    bias = slow_error(errors, seed, "heading", times)
-    heading = trajectory.at(times).euler[:, 2]
-    found = read(seed, "heading", times, heading, bias, float(si(errors, "noise")), errors.outages)
-    if errors.source == HEADING:
-        return found._replace(value=np.asarray(wrap(found.value)))
-    return _of_field(trajectory, found)
+    def shown(self, trajectory: Trajectory, found: Readings) -> Readings:
+        """Return true headings from −π to π [rad], or the magnetic fields that show them."""
+        if self.source == HEADING:
+            return found._replace(value=np.asarray(wrap(found.value)))
+        return _of_field(trajectory, found)
 
 
 WEAKEST_FIELD = 2.0

@@ -12,18 +12,20 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
-from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
 from lab.motion.frames import rotation
 from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import readings
 from lab.sensors.draws import Seed
-from lab.sensors.readings import Readings, read, reading_times, scale_error
+from lab.sensors.readings import AidSensor, measure
+
+__all__ = ["OdometerErrors", "measure", "speeds"]
 
 
-class OdometerErrors(Settings):
+class OdometerErrors(AidSensor):
     """Errors and timing of an odometer. Defaults: the wheel sensors of a car."""
 
+    NAME = "odometer"
     fitted = readings.fitted(
         "an odometer, which measures the speed forward. A filter that uses it has a state for its scale "
         "factor."
@@ -51,6 +53,10 @@ class OdometerErrors(Settings):
     )
     outages = readings.outages()
 
+    def truth(self, trajectory: Trajectory, seed: Seed, times: FloatArray) -> FloatArray:
+        """Return the true speeds forward (a,) of its place at times (a,) [m/s]."""
+        return speeds(trajectory, si(self, "lever_arm"), times)[:, 0]
+
 
 def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> FloatArray:
     """Return the true speeds (a, 3) of a place forward, to the right and down [m/s].
@@ -68,21 +74,3 @@ def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> Floa
     C_nb = rotation.C_nb_from_euler(truth.euler)
     of_imu = np.einsum("aij,ai->aj", C_nb, truth.velocity_n)
     return np.asarray(of_imu + np.cross(trajectory.rates(times)[0], place))
-
-
-def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readings:
-    """Return the readings of an odometer: speeds forward [m/s].
-
-    Parameters
-    ----------
-    trajectory
-        The flight.
-    errors
-        Errors and timing.
-    seed
-        Seed of the run.
-    """
-    times = reading_times(errors.period, trajectory.duration)
-    scale = scale_error(errors, seed, "odometer")
-    forward = speeds(trajectory, si(errors, "lever_arm"), times)[:, 0]
-    return read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)

@@ -1,4 +1,4 @@
-"""Readings: what a sensor with one number measures, and the parts that all such sensors share.
+"""Readings: what a sensor with one number measures, and the base of all such sensors.
 
 A reading is the true value plus a constant, a slow and a white error.
 """
@@ -6,15 +6,17 @@ A reading is the true value plus a constant, a slow and a white error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import param
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import Intervals, Quantity
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.units import si
+from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within
@@ -181,3 +183,65 @@ def read(
     value = true + bias + noise * unit_draws(seed, f"{name}.noise", times.shape)
     keep = ~within(outages, times)
     return Readings(times[keep], value[keep])
+
+
+class AidSensor(Settings):
+    """Errors and timing of a sensor with one number: the base of the classes in `lab.base.aid_table`.
+
+    A subclass declares `fitted`, `period`, `noise` and `outages`; and either `bias_sigma`, `drift_sigma` and
+    `correlation_time`, or `scale_factor_sigma`.
+    """
+
+    NAME: ClassVar[str]
+    """Its name in the table."""
+    IDLE_IN_A_LOG: ClassVar[tuple[str, ...]] = ("period", "outages")
+    """Settings without effect on the navigation of a log."""
+    UNUSED: ClassVar[str] = "zero"
+    """What readings are that a filter cannot use, as the end of a sentence."""
+
+    def truth(self, trajectory: Trajectory, seed: Seed, times: FloatArray) -> FloatArray:
+        """Return what it would read without errors at times (a,) [s], in SI units (a,)."""
+        raise NotImplementedError
+
+    def shown(self, trajectory: Trajectory, found: Readings) -> Readings:
+        """Return readings in the form in which the sensor gives them."""
+        return found
+
+    def usable(self, value: FloatArray) -> NDArray[np.bool_]:
+        """Return the mask (a,) of the readings that a filter uses."""
+        return np.ones(value.shape, dtype=np.bool_)
+
+    def state_at(self, seed: Seed, time: FloatArray) -> FloatArray:
+        """Return the true bias or scale factor error (n,) at times (n,), in outages too."""
+        if hasattr(self, "scale_factor_sigma"):
+            return np.full(time.size, scale_error(self, seed, self.NAME))
+        return slow_error_at(self, seed, self.NAME, time)
+
+    @classmethod
+    def effective_in_a_log(cls) -> tuple[str, ...]:
+        """Return the settings with an effect on the navigation of a log: what the filter assumes."""
+        idle = {"name", *cls.IDLE_IN_A_LOG}
+        return tuple(name for name in cls.param.objects("existing") if name not in idle)
+
+
+def measure(trajectory: Trajectory, errors: AidSensor, seed: Seed) -> Readings:
+    """Return the readings of a sensor.
+
+    Parameters
+    ----------
+    trajectory
+        The flight.
+    errors
+        Errors and timing.
+    seed
+        Seed of the run.
+    """
+    times = reading_times(float(si(errors, "period")), trajectory.duration)
+    true = errors.truth(trajectory, seed, times)
+    if hasattr(errors, "scale_factor_sigma"):
+        bias = scale_error(errors, seed, errors.NAME) * true
+    else:
+        bias = slow_error(errors, seed, errors.NAME, times)
+    noise = float(si(errors, "noise"))
+    found = read(seed, errors.NAME, times, true, bias, noise, errors.get("outages"))
+    return errors.shown(trajectory, found)

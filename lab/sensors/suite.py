@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 import numpy as np
 import param
 
+from lab.base.aid_table import AIDS
 from lab.base.parameters.settings import Settings, group
 from lab.base.parameters.units import si
-from lab.sensors.airspeed import AirspeedErrors
-from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
-from lab.sensors.heading_sensor import HeadingErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.imu_errors import SensorNoise
-from lab.sensors.odometer import OdometerErrors
+from lab.sensors.readings import AidSensor
 from lab.sensors.temperature import TemperatureSettings
+
+if TYPE_CHECKING:
+    from lab.sensors.airspeed import AirspeedErrors
+    from lab.sensors.barometer import BarometerErrors
+    from lab.sensors.heading_sensor import HeadingErrors
+    from lab.sensors.odometer import OdometerErrors
 
 TRIADS = ("gyro", "accelerometer")
 """Groups of the settings of an IMU."""
-OTHER_SENSORS = ("barometer", "heading", "odometer", "airspeed")
+OTHER_SENSORS = tuple(aid.name for aid in AIDS)
 """Groups of the settings of sensors besides IMU and GPS, which may be fitted."""
 _WORDS = {
     "noise_density": "white noise",
@@ -53,10 +58,11 @@ class SensorSuite(Settings):
     accelerometer = group(AccelerometerErrors, "Accelerometer errors.")
     temperature = group(TemperatureSettings, "Temperature of the IMU.")
     gps = group(GpsErrors, "GPS errors.")
-    barometer = group(BarometerErrors, "Barometer errors.")
-    heading = group(HeadingErrors, "Errors of a heading sensor.")
-    odometer = group(OdometerErrors, "Odometer errors.")
-    airspeed = group(AirspeedErrors, "Errors of an airspeed sensor, and the wind.")
+    barometer: BarometerErrors
+    heading: HeadingErrors
+    odometer: OdometerErrors
+    airspeed: AirspeedErrors
+    vars().update({aid.name: group(aid.settings, aid.about) for aid in AIDS})
     own_errors = param.String(
         default="",
         label="Own errors",
@@ -75,6 +81,10 @@ class SensorSuite(Settings):
         doc="Terms that a card neither gives nor assumes, so that they are zero, such as gyro.bias_sigma. A "
         "term that was changed later no longer counts.",
     )
+
+    def aids(self) -> dict[str, AidSensor]:
+        """Return the sensors besides IMU and GPS, by name."""
+        return {name: getattr(self, name) for name in OTHER_SENSORS}
 
     def remarks(self, states: int | None = None, stated: Collection[str] = ()) -> tuple[str, ...]:
         """Return remarks on settings without effect, errors without a filter state, and gaps of a card.

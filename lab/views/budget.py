@@ -11,6 +11,7 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
+from lab.base.aid_table import FURTHER
 from lab.views.envelope import SMALLEST_DRAWN
 from lab.views.figures import TimeAxis, set_ordinate, time_figure
 from lab.views.legend import SMALL
@@ -19,7 +20,7 @@ from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
 if TYPE_CHECKING:
     import xarray as xr
 
-FAMILIES = {
+FAMILIES: dict[str, tuple[str, ...]] = {
     "initial": ("#5b6472", "#8b95a5", "#b9c0ca", "#454c57", "#727c8b", "#a2abb8"),
     "gyro": (
         *("#1f5fae", "#3b8eea", "#7db6f5", "#0f3f7a", "#a9cdf8"),
@@ -41,6 +42,14 @@ FAMILIES = {
     "vehicle": ("#8d6e63", "#bcaaa4"),
 }
 """Colours of the sources, by the first word of their names."""
+_FURTHER = (
+    ("#9c6b30", "#c9a06c", "#e6cfae"),
+    ("#6b8e23", "#a4c05f", "#d2e0ae"),
+    ("#b03a48", "#d57f89", "#ecc0c5"),
+)
+FAMILIES |= {
+    aid.owner.partition(" ")[0]: _FURTHER[place % len(_FURTHER)] for place, aid in enumerate(FURTHER)
+}
 
 SLOTS = sum(len(colours) for colours in FAMILIES.values())
 """Largest number of drawn sources."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.aid_verdict import SENSORS, aid_squares, judge_aids
+from lab.analysis.verdicts.aid_verdict import aid_squares, judge_aids
 from lab.analysis.verdicts.sums import Squares
-from lab.navigation.aids import HEIGHT, NAMES, VERTICAL
+from lab.navigation.aids import HEIGHT, NAMES, SENSORS, VERTICAL
 from lab.navigation.solution import Solution
 
 

@@ -155,7 +155,7 @@ def test_headings_of_changing_quality_are_weighted_as_the_receiver_says() -> Non
             rows["heading_sigma"] = sigma if told else np.nan
             live = navigator(sensors=fitted("heading"))
             feed(live, imu, fixes, random_pieces(seed), rows)
-            kept = live._stream.readings.heading
+            kept = live._stream.readings["heading"]
             squares = kept.column("innovation") ** 2 / kept.column("variance")
             means.append(np.nanmean(squares))
     assert np.mean(mean[True]) == pytest.approx(1.0, abs=0.15)

@@ -60,7 +60,7 @@ def test_it_equals_the_batch(seed: int, late: float, settings: dict, tmp_path) -
     without = navigate_log(log, suite(), whole, start=live.alignment)
     assert run.solution.variance[-1, 8] < 0.95 * without.solution.variance[-1, 8]
     assert "Magnetometer: the last innovation of the heading is" in " ".join(live.state.remarks)
-    shown = live._stream.readings.field.column("innovation")
+    shown = live._stream.readings["field"].column("innovation")
     used = run.solution.aid_sample >= 0
     np.testing.assert_allclose(shown[np.isfinite(shown)], run.solution.aid_innovation[used], atol=1e-9)
     write_sensor_log(tmp_path / "drive", log, title="Drive")

@@ -14,18 +14,9 @@ from scipy.special import erf
 from lab.analysis.verdicts.finding import Weighed, judge_size
 from lab.analysis.verdicts.sums import Squares
 from lab.base.arrays import FloatArray
-from lab.navigation.aids import AIRSPEED, DOWNWARD, FORWARD, HEADING, HEIGHT, MAGNETIC, NAMES, RIGHTWARD
+from lab.navigation.aids import DOWNWARD, NAMES, RIGHTWARD, SENSORS
 from lab.navigation.filters.kalman import gate as largest_nis
 from lab.navigation.solution import Solution
-
-SENSORS = {
-    HEIGHT: "barometer",
-    HEADING: "heading",
-    MAGNETIC: "heading",
-    FORWARD: "odometer",
-    AIRSPEED: "airspeed",
-}
-"""Sensors that measure, by the group of their settings; the other kinds are conditions without a sensor."""
 
 QUANTITIES = tuple(f"R {name}" for name in NAMES)
 """What the findings about the kinds of measurements are called."""

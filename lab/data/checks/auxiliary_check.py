@@ -7,12 +7,14 @@ motion shows too little, nothing is said.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR, STANDARD_GRAVITY
@@ -109,7 +111,7 @@ def check_auxiliary(log: SensorLog, files: Mapping[str, Path | None]) -> None:
     log
         The log, whose IMU and GPS have been checked.
     files
-        The file of each sensor, for messages: ``barometer``, ``odometer``, ``airspeed``, ``heading``.
+        The file of each sensor, by its name, for messages.
 
     Raises
     ------
@@ -117,20 +119,16 @@ def check_auxiliary(log: SensorLog, files: Mapping[str, Path | None]) -> None:
         Naming file, column and likely cause: heights in feet, cm or mm, depths, pressures; speeds in km/h,
         mph or knots, or positive backwards; headings in radians, or counter-clockwise.
     """
-    data = log.auxiliary
-    if data.barometer is not None:
-        _check_heights(log, data.barometer, f"{files['barometer']}, column height_m")
-    if data.odometer is not None:
-        _check_speeds(log, data.odometer, f"{files['odometer']}, column speed_m_s")
-    if data.airspeed is not None:
-        _check_airspeeds(log, data.airspeed, f"{files['airspeed']}, column airspeed_m_s")
-    if data.headings is not None:
-        _check_headings(log, data.headings, f"{files['heading']}, column heading_deg")
+    found: dict[str, Any] = {**log.auxiliary.series, "heading": log.auxiliary.headings}
+    for aid in sorted(AIDS, key=lambda aid: aid not in SERIES):
+        if aid.check and found.get(aid.name) is not None:
+            column = f"{files[aid.name]}, column {aid.column.name}"
+            CHECKS[aid.check](log, found[aid.name], column, aid.words)
 
 
-def _check_heights(log: SensorLog, barometer: Series, column: str) -> None:
+def _check_heights(log: SensorLog, heights_of: Series, column: str, words: str) -> None:
     """Compare the heights of a barometer with those of the GPS; its bias is free."""
-    rows, readings = _at_fixes(log, barometer)
+    rows, readings = _at_fixes(log, heights_of)
     time = log.gnss.time[rows]
     heights, readings = (_without_means(time, one) for one in (log.gnss.position[rows, 2], readings))
     if heights.size < _MIN_FIXES or np.ptp(np.percentile(heights, _HEIGHT_PERCENTILES)) < _MIN_CLIMB:
@@ -142,12 +140,12 @@ def _check_heights(log: SensorLog, barometer: Series, column: str) -> None:
     cause = _near(factor, _HEIGHT_CAUSES)
     if cause:
         raise MissionError(
-            f"{column}: the heights of the barometer change {factor:.3g} times as much as those of the GPS "
+            f"{column}: the heights of the {words} change {factor:.3g} times as much as those of the GPS "
             f"(correlation {correlation:.2f}): {cause}; accepted are heights in m, positive up. {_ANYWAY}"
         )
 
 
-def _check_speeds(log: SensorLog, odometer: Series, column: str) -> None:
+def _check_speeds(log: SensorLog, odometer: Series, column: str, words: str) -> None:
     """Compare the speeds of an odometer with the speed of the GPS, which no component of it exceeds."""
     rows, readings = _at_fixes(log, odometer)
     speed = _speeds(log)[rows]
@@ -161,9 +159,7 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str) -> None:
         or np.mean(np.abs(np.log(np.maximum(ratio / factor, 1e-9))) < np.log(_NEAR)) < _MIN_AGREEING
     ):
         return
-    what = (
-        f"{column}: the speeds of the odometer are {factor:.3g} times those of the GPS (median): they look "
-    )
+    what = f"{column}: the speeds of the {words} are {factor:.3g} times those of the GPS (median): they look "
     accepted = f"; accepted are speeds in m/s, positive forward. {_ANYWAY}"
     unit = _near(abs(factor), _SPEED_CAUSES)
     if unit:
@@ -172,7 +168,7 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str) -> None:
         raise MissionError(f"{what}positive backwards{accepted}")
 
 
-def _check_airspeeds(log: SensorLog, airspeed: Series, column: str) -> None:
+def _check_airspeeds(log: SensorLog, airspeed: Series, column: str, _: str) -> None:
     """Compare airspeeds with ground speeds on courses to all sides, since a wind changes them."""
     rows, readings = _at_fixes(log, airspeed)
     velocity, speed = log.gnss.velocity_n[rows], _speeds(log)[rows]
@@ -195,7 +191,7 @@ def _check_airspeeds(log: SensorLog, airspeed: Series, column: str) -> None:
         )
 
 
-def _check_headings(log: SensorLog, headings: Headings, column: str) -> None:
+def _check_headings(log: SensorLog, headings: Headings, column: str, _: str) -> None:
     """Compare the changes of the headings with the turns about the axis called down, over legs of seconds."""
     change, change_of_radians, turn = _turns(log, headings)
     if turn.size < _MIN_LEGS or (np.abs(turn - np.median(turn)) > _MIN_TURN).sum() < _MIN_TURNS:
@@ -213,6 +209,15 @@ def _check_headings(log: SensorLog, headings: Headings, column: str) -> None:
             f"difference over legs of {_LEG:g} s {np.degrees(as_read):.2g}°, otherwise "
             f"{np.degrees(residuals[cause]):.2g}°); accepted are degrees, clockwise from north. {_ANYWAY}"
         )
+
+
+CHECKS: dict[str, Callable[[SensorLog, Any, str, str], None]] = {
+    "height": _check_heights,
+    "speed": _check_speeds,
+    "airspeed": _check_airspeeds,
+    "heading": _check_headings,
+}
+"""The comparisons, by what `lab.base.aid_table` calls them: log, readings, column, and sensor in words."""
 
 
 def _turns(log: SensorLog, headings: Headings) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SENT
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.timed_samples import TIMED_READING
 
@@ -20,7 +21,7 @@ LATENCY: Final = 0.1
 clock of the IMU [s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
 STALE: Final = 5.0
 """Largest difference between the times of a fix or a reading and of a sample by the same clock [s]."""
-_QUANTITIES: Final = ("heading", "speed")
+_QUANTITIES: Final = tuple(aid.live for aid in SENT)
 _SIGMAS: Final = (np.radians(0.01), np.radians(60.0))
 """σ of a heading that are believed [rad]: the best receivers reach 0.03° over 10 m between their antennas;
 above 60°, a heading shows little more than which way is not ahead."""
@@ -79,7 +80,7 @@ class ReadingTimes:
                     self._latest[name] = float(made["time"][at])
                 else:
                     made[name][at] = np.nan
-        return np.asarray(made[np.isfinite(made["heading"]) | np.isfinite(made["speed"])])
+        return np.asarray(made[np.logical_or.reduce([np.isfinite(made[name]) for name in _QUANTITIES])])
 
 
 def _time(row: np.void, arrival: float, clock: DeviceClock, fix_clock: DeviceClock, last: float) -> float:

@@ -6,6 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from lab.base.aid_table import SENT
+
 TIMED_IMU: Final = np.dtype(
     [
         ("time", np.float64),
@@ -54,13 +56,12 @@ TIMED_READING: Final = np.dtype(
     [
         ("time", np.float64),
         ("arrival", np.float64),
-        ("heading", np.float64),
-        ("speed", np.float64),
+        *((aid.live, np.float64) for aid in SENT),
         ("heading_sigma", np.float64),
         ("end", np.int64),
     ]
 )
-"""A heading or a speed: ``time`` of validity and ``arrival`` of the host's monotonic clock [s].
+"""A heading, a speed or another reading: ``time`` of validity and ``arrival`` by the host's clock [s].
 
 ``heading_sigma`` is NaN also where the device gives one that is not believed.
 The other fields are those of `lab.data.protocols.samples.READING`.

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.base.aid_table import AIDS
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, TIME_STAMPS
 from lab.base.files.mission_error import MissionError
@@ -61,7 +62,7 @@ SIGMA = tuple(
 )
 """σ of position and velocity of a fix."""
 HEADING = (
-    Column("heading_deg", -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True),
+    next(aid.column for aid in AIDS if aid.name == "heading"),
     Column("sd_heading_deg", _MIN_HEADING_SIGMA, _FULL_TURN, required=False, may_be_empty=True),
 )
 """Heading of two antennas with its σ."""
@@ -72,12 +73,6 @@ ATTITUDE = tuple(
 """Attitude of a reference, or of another estimator."""
 PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in POSITION)
 """Position of such a solution, which may have gaps."""
-HEIGHT = Column("height_m", *HEIGHTS, may_be_empty=True)
-"""Height of a barometer."""
-SPEED = Column("speed_m_s", -MAX_SPEED, MAX_SPEED, may_be_empty=True)
-"""Speed of an odometer."""
-AIRSPEED = Column("airspeed_m_s", 0.0, MAX_SPEED, may_be_empty=True)
-"""True airspeed."""
 FIELD = tuple(
     Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
 )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lab.base.aid_table import SERIES
 from lab.base.files.description_toml import check_keys
 from lab.base.files.mission_error import MissionError
 from lab.data.log.sensor_log import MAX_LEVER_ARM
@@ -15,7 +16,7 @@ from lab.data.log.vehicle import VEHICLES
 DESCRIPTION_FILE = "log.toml"
 """Name of the TOML file in the folder of a log."""
 
-_FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer", "airspeed", "heading")
+_FILES = ("imu", "gnss", "reference", "magnetometer", *(aid.name for aid in SERIES), "heading")
 _TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",

@@ -44,11 +44,13 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MAX_DURATION
 from lab.base.files.description_toml import file_in_same_folder, read_toml
@@ -58,20 +60,17 @@ from lab.base.files.named_columns import MAX_BYTES, MAX_HEADER_LINE, Column, rea
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.auxiliary_check import check_auxiliary
 from lab.data.files.log_columns import (
-    AIRSPEED,
     ATTITUDE,
     ESSENTIAL,
     FIELD,
     FORCE,
     GYRO,
     HEADING,
-    HEIGHT,
     IMU,
     INCREMENTS,
     PLACE_IF_KNOWN,
     POSITION,
     SIGMA,
-    SPEED,
     TIME,
     VELOCITY,
     columns_or_nan,
@@ -108,8 +107,10 @@ class LogFiles:
         The folder, or the TOML file.
     imu, gnss : Path
         The csv files.
-    reference, magnetometer, barometer, odometer, airspeed, heading : Path or None
+    reference, magnetometer, heading : Path or None
         Csv files of the reference and of these sensors, if there are any.
+    series : dict of Path
+        Csv files of the other sensors, by the names of the aid table.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
     title, description : str
@@ -143,10 +144,8 @@ class LogFiles:
     gnss: Path
     reference: Path | None
     magnetometer: Path | None
-    barometer: Path | None
-    odometer: Path | None
-    airspeed: Path | None
     heading: Path | None
+    series: Mapping[str, Path]
     comparisons: tuple[tuple[str, Path], ...]
     title: str
     description: str
@@ -185,9 +184,7 @@ class LogFiles:
             self.gnss,
             self.reference,
             self.magnetometer,
-            self.barometer,
-            self.odometer,
-            self.airspeed,
+            *self.series.values(),
             self.heading,
             *(path for _, path in self.comparisons),
         )
@@ -227,14 +224,12 @@ class LogFiles:
                     "one file"
                 )
             headings = _read_headings(self.heading, repairs)
-        auxiliary = AuxiliaryData(
+        auxiliary = AuxiliaryData.of_series(
+            {name: _read_series(path, name, repairs) for name, path in self.series.items()},
             vehicle=self.vehicle,
             forward_assumed=self.forward_assumed,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer, repairs),
             headings=headings,
-            barometer=None if self.barometer is None else _read_series(self.barometer, HEIGHT, repairs),
-            odometer=None if self.odometer is None else _read_series(self.odometer, SPEED, repairs),
-            airspeed=None if self.airspeed is None else _read_series(self.airspeed, AIRSPEED, repairs),
             comparisons=tuple(
                 Comparison(*_read_solution(path, repairs), name=name) for name, path in self.comparisons
             ),
@@ -248,8 +243,7 @@ class LogFiles:
 
         check_log(log)
         if self.check_sensors:
-            files = {"barometer": self.barometer, "odometer": self.odometer, "airspeed": self.airspeed}
-            check_auxiliary(log, files | {"heading": self.heading or self.gnss})
+            check_auxiliary(log, {**self.series, "heading": self.heading or self.gnss})
         return log
 
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
@@ -335,10 +329,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         for key, name in (
             ("reference", "ref.csv"),
             ("magnetometer", "mag.csv"),
-            ("barometer", "baro.csv"),
-            ("odometer", "odo.csv"),
-            ("airspeed", "air.csv"),
-            ("heading", "heading.csv"),
+            *((aid.name, aid.file) for aid in AIDS),
         )
     }
     comparisons = tuple(
@@ -357,7 +348,11 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         path=path,
         imu=imu,
         gnss=gnss,
-        **{key: file if file.is_file() else None for key, file in others.items()},
+        **{
+            key: others[key] if others[key].is_file() else None
+            for key in ("reference", "magnetometer", "heading")
+        },
+        series={aid.name: others[aid.name] for aid in SERIES if others[aid.name].is_file()},
         comparisons=comparisons,
         title=values.get("title", described.parent.name if described.stem == "log" else described.stem),
         description=values.get("description", ""),
@@ -446,8 +441,9 @@ def _read_headings(path: Path, repairs: list[str]) -> Headings:
     return Headings(time, heading[known], sigma[known])
 
 
-def _read_series(path: Path, column: Column, repairs: list[str]) -> Series:
-    """Return the readings of a sensor with one number; empty cells are left out."""
+def _read_series(path: Path, name: str, repairs: list[str]) -> Series:
+    """Return the readings of a sensor of the aid table; empty cells are left out."""
+    (column,) = (aid.column for aid in SERIES if aid.name == name)
     table, _ = _read(path, (TIME, column), repairs)
     known = np.isfinite(table[column.name])
     time = table["t_s"][known]

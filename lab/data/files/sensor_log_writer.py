@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.base.aid_table import SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import toml_text
@@ -101,13 +102,10 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
     if auxiliary.magnetometer is not None:
         field = np.column_stack((auxiliary.magnetometer.time, auxiliary.magnetometer.field))
         _write_csv(folder / "mag.csv", _FIELD, field, epoch)
-    for series, name, column in (
-        (auxiliary.barometer, "baro.csv", "height_m"),
-        (auxiliary.odometer, "odo.csv", "speed_m_s"),
-        (auxiliary.airspeed, "air.csv", "airspeed_m_s"),
-    ):
-        if series is not None:
-            _write_csv(folder / name, ("t_s", column), np.column_stack((series.time, series.value)), epoch)
+    for aid in SERIES:
+        if aid.name in auxiliary.series:
+            table = np.column_stack((auxiliary.series[aid.name].time, auxiliary.series[aid.name].value))
+            _write_csv(folder / aid.file, ("t_s", aid.column.name), table, epoch)
     others = {}
     for number, other in enumerate(auxiliary.comparisons, 1):
         others[other.name] = f"comparison{number}.csv"
@@ -123,7 +121,7 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
         values["vehicle"] = vehicle_of(auxiliary.vehicle).name
     if auxiliary.forward_assumed:
         values["forward_assumed"] = True
-    if any((auxiliary.barometer, auxiliary.odometer, auxiliary.airspeed, auxiliary.headings)):
+    if auxiliary.series or auxiliary.headings:
         # IMU and GPS of a device are not lost for one of its other sensors.
         values["check_sensors"] = False
     if auxiliary.magnetometer is not None and np.isfinite(auxiliary.magnetometer.declination):

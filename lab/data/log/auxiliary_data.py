@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 
+from lab.base.aid_table import SERIES
 from lab.base.arrays import FloatArray
 
 
@@ -132,6 +134,8 @@ class AuxiliaryData:
         Headings as measured.
     barometer, odometer, airspeed : Series or None
         Heights by pressure [m], speeds forward, and true airspeeds [m/s].
+    further : dict of Series
+        Readings of the further sensors of the aid table, by name, in SI units.
     comparisons : tuple of Comparison
         Other solutions.
     """
@@ -144,21 +148,32 @@ class AuxiliaryData:
     airspeed: Series | None = None
     comparisons: tuple[Comparison, ...] = ()
     forward_assumed: bool = False
+    further: Mapping[str, Series] = field(default_factory=dict)
+
+    @classmethod
+    def of_series(cls, series: Mapping[str, Series], **others: Any) -> Self:
+        """Return auxiliary data with readings by the names of the aid table, and the other attributes."""
+        own = {one.name for one in fields(cls)}
+        named: dict[str, Any] = {name: one for name, one in series.items() if name in own}
+        further = {name: one for name, one in series.items() if name not in own}
+        return cls(**named, **others, further=further)
+
+    @property
+    def series(self) -> dict[str, Series]:
+        """What sensors with one number measured, by the names of the aid table."""
+        found = {aid.name: getattr(self, aid.name, self.further.get(aid.name)) for aid in SERIES}
+        return {name: one for name, one in found.items() if one is not None}
 
     def later(self, seconds: float) -> AuxiliaryData:
         """Return the same with later times."""
-        moved = {
-            name: None if part is None else part.later(seconds)
-            for name, part in (
-                ("magnetometer", self.magnetometer),
-                ("headings", self.headings),
-                ("barometer", self.barometer),
-                ("odometer", self.odometer),
-                ("airspeed", self.airspeed),
-            )
-        }
-        others = tuple(one.later(seconds) for one in self.comparisons)
-        return replace(self, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
+        return self.of_series(
+            {name: one.later(seconds) for name, one in self.series.items()},
+            vehicle=self.vehicle,
+            magnetometer=self.magnetometer and self.magnetometer.later(seconds),
+            headings=self.headings and self.headings.later(seconds),
+            comparisons=tuple(one.later(seconds) for one in self.comparisons),
+            forward_assumed=self.forward_assumed,
+        )
 
     def named(self, vehicle: str) -> AuxiliaryData:
         """Return the same with another vehicle."""
@@ -167,4 +182,4 @@ class AuxiliaryData:
     @property
     def is_empty(self) -> bool:
         """Whether nothing is held."""
-        return all(getattr(self, field.name) in (None, "", ()) for field in fields(self))
+        return all(getattr(self, one.name) in (None, "", (), {}) for one in fields(self))

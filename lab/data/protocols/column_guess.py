@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.unit_names import unit_name
@@ -34,6 +35,7 @@ _OTHERS = (
     # A heading without a word is often magnetic, and a speed that of a receiver: both have to be said.
     ("heading", re.compile(r"true heading|heading true")),
     ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
+    *((aid.live, re.compile(aid.live.replace("_", " "))) for aid in FURTHER),
 )
 """Names of what only streams have; those of times, rates and forces are in `lab.data.sheets.column_names`."""
 _SHARED = ("time", "rate", "force")
@@ -48,6 +50,7 @@ _SPELLINGS = {
 _QUANTITY_OF_UNIT = {"time": "time", "angular rate": "rate", "acceleration": "force"}
 _DEFAULT_UNITS = {
     "time": "s", "count": "", "temperature": "°C", "pressure": "Pa", "heading": "°", "speed": "m/s",
+    **{aid.live: aid.unit for aid in FURTHER},
 }  # fmt: skip
 _RATES = (4.0, 4500.0)
 """Rates of samples that time columns are believed to have [Hz]: 1,125 times apart, and the units of time

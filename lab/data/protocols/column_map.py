@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from lab.base.aid_table import FURTHER, SENT
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.files.unit_names import UNITS
 
@@ -21,11 +22,14 @@ UNITS_OF = {
     "pressure": {unit: UNITS["pressure"][unit] for unit in ("Pa", "hPa", "kPa")},
     "heading": {unit: UNITS["angle"][unit] for unit in ("°", "rad")},
     "speed": {unit: UNITS["speed"][unit] for unit in ("m/s", "km/h", "mm/s")},
+    **{aid.live: {aid.unit: 1.0} for aid in FURTHER},
 }
 """Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
+READINGS = tuple(aid.live for aid in SENT)
+"""Quantities that stand alone: readings of sensors besides the IMU."""
 QUANTITIES = (
     "time", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES), "temperature", "pressure",
-    "heading", "speed",
+    *READINGS,
 )  # fmt: skip
 """What a column may be."""
 IGNORED = "-"
@@ -62,7 +66,9 @@ class Column:
     @property
     def kind(self) -> str:
         """The quantity without its axis."""
-        return self.quantity.rpartition("_")[0] or self.quantity
+        return (
+            self.quantity if self.quantity in READINGS else self.quantity.rpartition("_")[0] or self.quantity
+        )
 
     @property
     def scale(self) -> float:

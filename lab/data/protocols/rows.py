@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.base.aid_table import SENT
 from lab.data.clock.clock_watch import LARGEST_TIME
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import LimitCheck, Limits
@@ -27,8 +28,11 @@ number."""
 _LARGEST_SPEED = 1e4
 """Largest speed of a fix that is believed [m/s]: an orbit has 7800 m/s."""
 
-_LARGEST_WHEEL_SPEED = 400.0
-"""Largest speed of an odometer that is believed [m/s]: the fastest car on wheels reached 341 m/s."""
+_LARGEST_READING = {aid.live: max(-aid.column.low, aid.column.high) for aid in SENT} | {
+    "heading": 2 * np.pi,
+    "speed": 400.0,
+}
+"""Largest readings that are believed. The fastest car on wheels reached 341 m/s."""
 
 
 class Rows:
@@ -106,15 +110,15 @@ class Rows:
         time: float = NAN,
         week_time: float = NAN,
         utc: float = NAN,
-        heading: float = NAN,
-        speed: float = NAN,
         heading_sigma: float = NAN,
+        **values: float,
     ) -> None:
-        """Take a heading or a speed, or count it as refused; fields as of `READING`."""
-        if abs(time) > LARGEST_TIME or abs(heading) > 2 * np.pi or abs(speed) > _LARGEST_WHEEL_SPEED:
+        """Take a heading, a speed or another value, or count it as refused; fields as of `READING`."""
+        if abs(time) > LARGEST_TIME or any(abs(values[name]) > _LARGEST_READING[name] for name in values):
             self._statistics.refused += 1
             return
-        self._reading += packed_reading(end, time, week_time, utc, heading, speed, heading_sigma)
+        row = [values.get(aid.live, NAN) for aid in SENT]
+        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""

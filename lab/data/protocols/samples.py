@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SENT
+
 IMU: Final = np.dtype(
     [
         ("time", np.float64),
@@ -71,16 +73,15 @@ READING: Final = np.dtype(
         ("time", np.float64),
         ("week_time", np.float64),
         ("utc", np.float64),
-        ("heading", np.float64),
-        ("speed", np.float64),
+        *((aid.live, np.float64) for aid in SENT),
         ("heading_sigma", np.float64),
         ("end", np.int64),
     ]
 )
-"""A reading of two antennas, of a compass, or of an odometer.
+"""A reading of two antennas, of a compass, of an odometer, or of a further sensor of the aid table.
 
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
-``speed`` forward [m/s]; σ of the heading [rad].
+``speed`` forward [m/s]; what further sensors read; σ of the heading [rad].
 """
 FIX_TYPES: Final = {
     0: "no receiver",
@@ -106,7 +107,7 @@ UNKNOWN: Final = (NAN, NAN, NAN)
 # Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
 _IMU: Final = struct.Struct("<dq3d3d3dddqq")
 _FIX: Final = struct.Struct("<dddddd3ddddqqqq")
-_READING: Final = struct.Struct("<ddddddq")
+_READING: Final = struct.Struct(f"<{4 + len(SENT)}dq")
 assert _IMU.size == IMU.itemsize
 assert _FIX.size == FIX.itemsize
 assert _READING.size == READING.itemsize
@@ -185,7 +186,7 @@ def packed_fix(
 
 
 def packed_reading(
-    end: int, time: float, week_time: float, utc: float, heading: float, speed: float, heading_sigma: float
+    end: int, time: float, week_time: float, utc: float, values: Sequence[float], heading_sigma: float
 ) -> bytes:
-    """Return the bytes of a row of `READING`."""
-    return _READING.pack(time, week_time, utc, heading, speed, heading_sigma, end)
+    """Return the bytes of a row of `READING`; its values are in the order of `SENT`."""
+    return _READING.pack(time, week_time, utc, *values, heading_sigma, end)

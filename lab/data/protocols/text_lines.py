@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols.column_guess import MIN_LINES, NUMBER, guess_columns
-from lab.data.protocols.column_map import IGNORED, ColumnMap
+from lab.data.protocols.column_map import IGNORED, READINGS, ColumnMap
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import TEXT_LIMITS, Limits
 from lab.data.protocols.rows import Rows
@@ -168,7 +168,7 @@ class TextLines:
             if f"{name}_x" in places
         }
         self._places = places
-        self._readings = {name: NAN for name in ("heading", "speed") if name in places}
+        self._readings = {name: NAN for name in READINGS if name in places}
         unit = next((column.unit for column in columns.columns if column.quantity == "time"), "")
         self._clock = _TimeCheck(_WRAPS.get(unit))
         if unit in _WRAPS:

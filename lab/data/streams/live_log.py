@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SENT, SERIES
 from lab.base.arrays import FloatArray
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
@@ -57,13 +58,14 @@ def log_of(
     imu = imu[_increasing(imu["time"])]
     fixes = fixes[usable_fixes(fixes)]
     fixes = fixes[_increasing(fixes["time"])]
-    headings, odometer = readings[np.isfinite(readings["heading"])], speeds_of(readings)
-    auxiliary = AuxiliaryData(
-        vehicle,
+    headings = readings[np.isfinite(readings["heading"])]
+    barometer = barometer_of(imu, fixes)
+    series = {} if barometer is None else {"barometer": barometer}
+    auxiliary = AuxiliaryData.of_series(
+        series | series_of(readings),
+        vehicle=vehicle,
         magnetometer=magnetometer_of(imu["time"], imu["magnetic"]),
         headings=headings_of(headings["time"], headings["heading"], headings["heading_sigma"]),
-        barometer=barometer_of(imu, fixes),
-        odometer=odometer if odometer.time.size else None,
     )
     return repaired(
         name,
@@ -126,10 +128,14 @@ def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | No
     return Magnetometer(time[rows].copy(), magnetic[rows] * MICROTESLA)
 
 
-def speeds_of(readings: NDArray[np.void]) -> Series:
-    """Return the speeds [m/s] in the order of their times."""
-    rows = readings[np.isfinite(readings["speed"])]
-    return Series(rows["time"].copy(), rows["speed"].copy())
+def series_of(readings: NDArray[np.void]) -> dict[str, Series]:
+    """Return speeds [m/s] and other readings in the order of their times, by the names of the aid table."""
+    found = {}
+    for aid in SENT:
+        rows = readings[np.isfinite(readings[aid.live])]
+        if aid in SERIES and rows.size:
+            found[aid.name] = Series(rows["time"].copy(), rows[aid.live].copy())
+    return found
 
 
 def headings_of(time: FloatArray, heading: FloatArray, sigma: FloatArray) -> Headings | None:

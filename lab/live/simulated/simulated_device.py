@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SENT
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Encoder
 from lab.data.streams.transport import TransportError
@@ -60,11 +61,11 @@ def unsent_readings(device: str, reading: NDArray[np.void]) -> str:
         Headings and speeds.
     """
     sentences = []
-    for name in ("heading", "speed"):
+    for name in (aid.live for aid in SENT):
         rows = reading[np.isfinite(reading[name])][:1]
         if len(rows) and not _sends(device, rows):
             able = ", ".join(one for one in ENCODERS if _sends(one, rows))
-            sentences.append(f"This device sends no {name}s; accepted for them are {able}.")
+            sentences.append(f"This device sends no {name.replace('_', ' ')}s; accepted for them are {able}.")
     return " ".join(sentences)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.aid_table import SENT
 from lab.base.parameters.units import si
 from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.data.log.pressure_height import pressure_at
@@ -186,13 +187,14 @@ def reading_rows(result: Result) -> NDArray[np.void]:
         The simulation; a magnetometer's headings are none.
     """
     parts = [np.empty(0, READING)]
-    for sensor, name in (("heading", "heading"), ("odometer", "speed")):
-        found = result.readings.get(sensor)
+    for aid in SENT:
+        found, name = result.readings.get(aid.name), aid.live
         if found is None or found.field.size:
             continue
         rows = np.zeros(found.time.size, READING)
         rows["time"], rows["week_time"], rows["utc"] = (zero + found.time for zero in (0.0, _WEEK_TIME, _UTC))
-        rows["heading"] = rows["speed"] = rows["heading_sigma"] = np.nan
+        for unknown in (*(one.live for one in SENT), "heading_sigma"):
+            rows[unknown] = np.nan
         rows[name] = found.value
         if name == "heading":
             rows["heading_sigma"] = si(result.experiment.sensors.heading, "noise")

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lab.base.aid_table import AIDS, FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames.east_north_up import east_north_up_sizes
@@ -134,19 +135,19 @@ def _receiver_drift(sensors: SensorSuite, _: NavigatorSettings) -> Process:
     return gauss_markov(np.zeros(3), np.maximum(drift, SMALLEST), sensors.gps.correlation_time)
 
 
-def _slow_error(name: str) -> ProcessOf:
-    """Return the process of the bias of a barometer or a heading sensor."""
+def _aid_error(name: str, place: int) -> Block:
+    """Return the block of the bias or the scale factor of a sensor besides IMU and GPS."""
+    aid = next(one for one in AIDS if one.name == name)
 
     def process(sensors: SensorSuite, _: NavigatorSettings) -> Process:
-        errors = sensors.groups()[name]
-        constant, drift = (si(errors, f"{part}_sigma") ** 2 for part in ("bias", "drift"))
-        return gauss_markov(constant, drift, float(si(errors, "correlation_time")))
+        errors = sensors.aids()[name]
+        constant = si(errors, aid.sigma) ** 2
+        if aid.is_scale:
+            return _constants(constant)
+        return gauss_markov(constant, si(errors, "drift_sigma") ** 2, float(si(errors, "correlation_time")))
 
-    return process
-
-
-def _scale(name: str) -> ProcessOf:
-    return lambda sensors, _: _constants(si(sensors.groups()[name], "scale_factor_sigma") ** 2)
+    shown = ("", "%", 100.0) if aid.is_scale else (aid.unit, aid.shown_unit, aid.shown_scale)
+    return Block((aid.state,), place, *shown, f"sensors.{name}.fitted", process, constant=aid.is_scale)
 
 
 def _wind(sensors: SensorSuite, _: NavigatorSettings) -> Process:
@@ -168,7 +169,7 @@ GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "headin
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
 WIND, AIRSPEED_SCALE = "wind", "airspeed scale"
 
-OF_AIDS = frozenset({BAROMETER_BIAS, HEADING_BIAS, ODOMETER_SCALE, WIND, AIRSPEED_SCALE})
+OF_AIDS = frozenset({*(aid.state for aid in AIDS), WIND})
 """Blocks of the errors of other sensors than IMU and GPS."""
 
 _DEGREES, _MILLI_G = math.degrees(1.0), 1e3 / STANDARD_GRAVITY
@@ -239,24 +240,8 @@ BLOCKS: dict[str, Block] = {
         "navigator.estimate_gps_drift",
         _receiver_drift,
     ),
-    BAROMETER_BIAS: Block(
-        (BAROMETER_BIAS,),
-        strapdown.BAROMETER_BIAS,
-        "m",
-        "m",
-        1.0,
-        "sensors.barometer.fitted",
-        _slow_error("barometer"),
-    ),
-    HEADING_BIAS: Block(
-        (HEADING_BIAS,),
-        strapdown.HEADING_BIAS,
-        "rad",
-        "°",
-        _DEGREES,
-        "sensors.heading.fitted",
-        _slow_error("heading"),
-    ),
+    BAROMETER_BIAS: _aid_error("barometer", strapdown.BAROMETER_BIAS),
+    HEADING_BIAS: _aid_error("heading", strapdown.HEADING_BIAS),
     LEVER_ARM: Block(
         _named(LEVER_ARM, ("forward", "right", "down")),
         strapdown.LEVER_ARM,
@@ -277,16 +262,7 @@ BLOCKS: dict[str, Block] = {
         _assumed("latency"),
         constant=True,
     ),
-    ODOMETER_SCALE: Block(
-        (ODOMETER_SCALE,),
-        strapdown.ODOMETER_SCALE,
-        "",
-        "%",
-        100.0,
-        "sensors.odometer.fitted",
-        _scale("odometer"),
-        constant=True,
-    ),
+    ODOMETER_SCALE: _aid_error("odometer", strapdown.ODOMETER_SCALE),
     WIND: Block(
         _named(WIND, ("north", "east")),
         strapdown.WIND,
@@ -296,16 +272,8 @@ BLOCKS: dict[str, Block] = {
         "sensors.airspeed.fitted",
         _wind,
     ),
-    AIRSPEED_SCALE: Block(
-        (AIRSPEED_SCALE,),
-        strapdown.AIRSPEED_SCALE,
-        "",
-        "%",
-        100.0,
-        "sensors.airspeed.fitted",
-        _scale("airspeed"),
-        constant=True,
-    ),
+    AIRSPEED_SCALE: _aid_error("airspeed", strapdown.AIRSPEED_SCALE),
+    **{aid.state: _aid_error(aid.name, strapdown.AID_ERRORS + k) for k, aid in enumerate(FURTHER)},
 }
 """The further blocks by name, in the order of the states of a filter."""
 SCALES = (GYRO_SCALE, ACCEL_SCALE)
