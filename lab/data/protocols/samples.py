@@ -107,7 +107,7 @@ UNKNOWN: Final = (NAN, NAN, NAN)
 # Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
 _IMU: Final = struct.Struct("<dq3d3d3dddqq")
 _FIX: Final = struct.Struct("<dddddd3ddddqqqq")
-_READING: Final = struct.Struct(f"<{4 + len(SENT)}dq")
+_READING: Final = struct.Struct(f"<{4 + len(SENT)}dq")  # three times, the values, their σ
 assert _IMU.size == IMU.itemsize
 assert _FIX.size == FIX.itemsize
 assert _READING.size == READING.itemsize
