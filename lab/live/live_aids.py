@@ -58,7 +58,7 @@ COLUMNS: Final[dict[str, Mapping[str, Any]]] = {
     "speed": READINGS,
     "heading": HEADINGS,
     "field": FIELDS,
-    **{aid.live: READINGS for aid in FURTHER},
+    **{aid.live: READINGS for aid in FURTHER if aid.live},
 }
 """Columns of heights [m], speeds [m/s], headings [rad], fields, and readings of further sensors."""
 Readings = dict[str, Rolling]
@@ -146,7 +146,7 @@ class LiveAids:
                 "heading", "Heading sensor", "heading", f"headings that are {at_start}{HEADING} uses them on."
             ),
         }
-        for aid in FURTHER:
+        for aid in (one for one in FURTHER if one.live):
             words = f"{aid.words[0].upper()}{aid.words[1:]}"
             found[aid.name] = self._remark(aid.live, words, aid.live.replace("_", " "))
         return found

@@ -105,11 +105,18 @@ def lab_with_radar(folder: Path, error: str) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("error", ["bias", "scale"])
-def test_a_row_and_two_files_make_a_sensor(error: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("error", "models"),
+    [
+        ("bias", ("phi",)),
+        pytest.param("bias", (), marks=pytest.mark.proof),
+        pytest.param("scale", (), marks=pytest.mark.proof),
+    ],
+)
+def test_a_row_and_two_files_make_a_sensor(error: str, models: tuple[str, ...], tmp_path: Path) -> None:
     copy = lab_with_radar(tmp_path / "copy", error)
     done = subprocess.run(
-        [sys.executable, ROOT / "tests/radar_altimeter.py", error, tmp_path],
+        [sys.executable, ROOT / "tests/radar_altimeter.py", error, tmp_path, *models],
         env=os.environ
         | {
             "PYTHONPATH": f"{copy}{os.pathsep}{ROOT / 'tests'}",

@@ -35,7 +35,7 @@ _OTHERS = (
     # A heading without a word is often magnetic, and a speed that of a receiver: both have to be said.
     ("heading", re.compile(r"true heading|heading true")),
     ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
-    *((aid.live, re.compile(aid.live.replace("_", " "))) for aid in FURTHER),
+    *((aid.live, re.compile(aid.live.replace("_", " "))) for aid in FURTHER if aid.live),
 )
 """Names of what only streams have; those of times, rates and forces are in `lab.data.sheets.column_names`."""
 _SHARED = ("time", "rate", "force")
@@ -50,7 +50,7 @@ _SPELLINGS = {
 _QUANTITY_OF_UNIT = {"time": "time", "angular rate": "rate", "acceleration": "force"}
 _DEFAULT_UNITS = {
     "time": "s", "count": "", "temperature": "°C", "pressure": "Pa", "heading": "°", "speed": "m/s",
-    **{aid.live: aid.unit for aid in FURTHER},
+    **{aid.live: aid.unit for aid in FURTHER if aid.live},
 }  # fmt: skip
 _RATES = (4.0, 4500.0)
 """Rates of samples that time columns are believed to have [Hz]: 1,125 times apart, and the units of time

@@ -22,7 +22,7 @@ UNITS_OF = {
     "pressure": {unit: UNITS["pressure"][unit] for unit in ("Pa", "hPa", "kPa")},
     "heading": {unit: UNITS["angle"][unit] for unit in ("°", "rad")},
     "speed": {unit: UNITS["speed"][unit] for unit in ("m/s", "km/h", "mm/s")},
-    **{aid.live: {aid.unit: 1.0} for aid in FURTHER},
+    **{aid.live: {aid.unit: 1.0} for aid in FURTHER if aid.live},
 }
 """Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
 READINGS = tuple(aid.live for aid in SENT)
