@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lab import Experiment
+from lab.sensors.suite import OTHER_SENSORS
 
-SENSORS = ("barometer", "heading", "odometer", "airspeed")
+SENSORS = OTHER_SENSORS
 STATE = {"barometer": "barometer bias", "heading": "heading sensor bias"}
 DRIFTING: dict[str, object] = {
     "trajectory.imu_rate": 20.0,
