@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.verdicts import aid_verdict
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, is_right
-from lab.analysis.verdicts.linear_verdict import UNEXPLAINED
+from lab.analysis.verdicts.finding import Verdict, headline, is_right
+from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, UNEXPLAINED
 from lab.analysis.verdicts.sums import Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -41,8 +40,6 @@ montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5�
 SUSPECTED = np.radians(0.4)
 """The same, from which feedforward is named if no other cause explains the errors [rad]. Measured on straight
 flights over a pole with quiet gyros: from 0.5° to 0.8°, NEES is 1.1 to 5 × too large, with feedback right."""
-AIDS = aid_verdict.QUANTITIES
-"""Findings that a navigator off the truth causes too: it is then off what other sensors measure."""
 NEGLECTED = 0.5
 """Velocity error g φ² T / 2 that the linear model neglects in a correction period T, in σ of the velocity of
 a fix, up to which the filter is linear enough. Measured on los_angeles with the default sensors and T from 3
@@ -103,25 +100,16 @@ def judge(
     drift, limit = free
     waits = navigator.correction == "feedback"
     within = drift <= limit and not waits
-    if within and all(finding.quantity in (*UNEXPLAINED, *AIDS) for finding in verdict.findings):
+    # A navigator off the truth is off what other sensors measure, too.
+    if within and all(finding.quantity in (*UNEXPLAINED, *AID_NOISE) for finding in verdict.findings):
         limit = float(SUSPECTED)
     if not verdict.findings or drift <= limit:
         return verdict
     degrees = np.degrees(drift)
-    finding = Finding(
-        "correction period" if waits else "feedforward",
-        "not modelled",
+    finding = FINDINGS["correction period" if waits else "feedforward"].finding(
         float(drift),
-        f"The attitude error of the navigator {'between corrections' if waits else 'that runs free'} reaches "
-        f"{degrees:.3g}°. The linear model of the filter does not hold there, so its σ does not describe its "
-        "errors.",
-        "Set navigator.correction_period to 0." if waits else "Set navigator.correction to feedback.",
         f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(limit):.2g}°",
-        (
-            Change("navigator.correction_period", 0.0)
-            if waits
-            else Change("navigator.correction", "feedback"),
-        ),
+        degrees=degrees,
     )
     return Verdict(headline((finding,), ""), (finding,), verdict.basis)
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from lab.analysis.verdicts.agreement import FAMILY, Told, agreements, judge_agreement
+from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.sums import Kept, Squares
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 
-TOLD = Told("the filter says", "Nothing explains it.", "Look for it.")
+TOLD = Told(FINDINGS["unexplained"])
 RUNS = 30
 
 
@@ -79,7 +80,7 @@ def test_a_mismatch_below_all_other_limits_is_told(factor: float) -> None:
         for finding in found:
             assert finding.direction == ("too large" if factor > 1 else "too small")
             assert finding.factor == pytest.approx(max(factor, 1 / factor), rel=0.1)
-            assert finding.sentence.startswith("Taken together, the ")
+            assert ", taken together, are " in finding.sentence
 
 
 def test_what_is_off_in_one_quarter_or_one_group_is_named_by_it() -> None:
@@ -87,7 +88,7 @@ def test_what_is_off_in_one_quarter_or_one_group_is_named_by_it() -> None:
     last, bias = Figure(NEES, "", "last"), Figure(NEES, "gyro bias")
     (quarter,) = judge_agreement(scaled(matched, 1.4, last), TOLD)
     assert quarter.finding.sentence.startswith(
-        "In the last quarter of the flight, the errors of the states are 1."
+        "The errors of the states in the last quarter of the flight are 1."
     )
     (group,) = judge_agreement(scaled(matched, 1.4, bias), TOLD)
     assert group.finding.sentence.startswith("The errors of the gyro bias are 1.")

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.verdicts.evidence import Linearity, linearity
 from lab.analysis.verdicts.finding import Finding, Verdict
-from lab.analysis.verdicts.linear_verdict import NAME, judge
+from lab.analysis.verdicts.finding_table import LINEAR_MODEL
+from lab.analysis.verdicts.linear_verdict import judge
 from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.trial import advised
@@ -35,7 +36,7 @@ def test_a_start_that_is_too_uncertain_for_the_model_is_never_consistent(seed: i
     wide = started(60.0, "phi", seed)
     for verdict in (wide.verdict, wide.innovation_verdict):
         (finding,) = verdict.findings
-        assert finding.quantity == NAME
+        assert finding.quantity == LINEAR_MODEL
         assert finding.factor == pytest.approx(np.radians(60.0))
         settings = advised(wide, finding.changes)
         assert settings.navigator.model == "invariant"
@@ -57,8 +58,8 @@ def test_causes_with_a_sample_of_their_own_keep_their_names_from_such_a_start() 
     experiment.update({"trajectory.imu_rate": 20.0, "navigator.q_scale": 0.1})
     experiment.set("navigator.attitude_sigma", [0.5, 0.5, 60.0])
     many = run_ensemble(experiment, 3)
-    assert [finding.quantity for finding in many.verdict.findings] == ["Q", NAME]
-    assert [finding.quantity for finding in many.innovation_verdict.findings] == [NAME]
+    assert [finding.quantity for finding in many.verdict.findings] == ["Q", LINEAR_MODEL]
+    assert [finding.quantity for finding in many.innovation_verdict.findings] == [LINEAR_MODEL]
     assert "invariant or nonlinear" in many.remark
 
 
@@ -113,5 +114,5 @@ def test_errors_without_another_cause_have_this_one_where_attitude_errors_are_la
     experiment.set("navigator.model", model)
     finding = Finding(quantity, "too large", 1.2, "The errors are 1.1 × as large. No.", "Look.", "seen")
     (judged,) = judge(Verdict("", (finding,), "30 runs"), evidence, experiment.navigator).findings
-    assert judged.quantity == (NAME if named else quantity)
+    assert judged.quantity == (LINEAR_MODEL if named else quantity)
     assert [change.value for change in judged.changes] == ([named] if named else [])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.fix_verdict import ADVICE_CORRELATION
+from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.state_advice import of_simulated
 from lab.analysis.verdicts.trial import advised
 from lab.experiment.ensembles.seeds import run_ensemble
@@ -123,10 +123,12 @@ def test_a_white_receiver_never_hears_of_drift(mission):
 def test_an_error_that_the_settings_hide_keeps_its_words(drifting):
     """Settings with a size of zero give the states a σ of zero: they estimate nothing."""
     found = drifting[0].verdict
-    silent = tuple(replace(one, advice=ADVICE_CORRELATION, changes=()) for one in found.findings)
+    silent = tuple(
+        replace(one, advice=ADVICE["estimate the slow error"].text, changes=()) for one in found.findings
+    )
     hidden = drifting[0].experiment.copy().update({"sensors.gps.correlated_sigma": 0.0})
     (finding,) = of_simulated(replace(found, findings=silent), hidden, None).findings
-    assert (finding.advice, finding.changes) == (ADVICE_CORRELATION, ())
+    assert (finding.advice, finding.changes) == (ADVICE["estimate the slow error"].text, ())
 
 
 @pytest.mark.proof

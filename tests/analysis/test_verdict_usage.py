@@ -158,7 +158,7 @@ def test_where_no_fix_was_used_wrong_errors_are_named_without_fixes(sensors, jud
     for verdict, runs in ((experiment.run().verdict, "1 run"), (ensemble.verdict, "2 runs")):
         (finding,) = verdict.findings
         assert (finding.quantity, finding.direction) == ("NEES", "too large")
-        assert finding.sentence.startswith("Taken together, the errors of the position are ")
+        assert finding.sentence.startswith("The errors of the position, taken together, are ")
         assert "fix" not in f"{finding.sentence} {finding.advice} {finding.evidence}"
         assert verdict.basis == f"{runs}, no fix used, {judged}"
     assert ensemble.innovation_verdict.headline == "No verdict: no fix was used."

@@ -13,6 +13,7 @@ F. C. Schweppe, *Evaluation of Likelihood Functions for Gaussian Signals*, IEEE 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from lab.analysis.identification.candidate_trials import Candidate, Outcome, Tri
 from lab.analysis.identification.identification import HeldOut
 from lab.analysis.identification.likelihood import InnovationSeries, Parameter, maximise
 from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
-from lab.analysis.verdicts.aid_verdict import QUANTITIES as AIDS
+from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.finding import (
     LARGE,
     MATTERS,
@@ -32,7 +33,7 @@ from lab.analysis.verdicts.finding import (
     size_weight,
     written,
 )
-from lab.analysis.verdicts.finding_names import CLOCK, CONTRADICTION
+from lab.analysis.verdicts.finding_table import AID_NOISE, AS_LIKELY, FAULT_OF_LOG, FINDINGS
 from lab.analysis.verdicts.fix_verdict import latency
 from lab.analysis.verdicts.innovation_verdict import ALIKE, explanations, finding_of
 from lab.analysis.verdicts.pattern import AXES
@@ -122,7 +123,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
 
 def _is_doubtful(finding: Finding) -> bool:
     """Return whether a finding may be due to a fault of the log."""
-    return finding.quantity not in (*AIDS, "GPS outliers", "feedforward", "correction period")
+    return finding.quantity not in (*AID_NOISE, "GPS outliers", "feedforward", "correction period")
 
 
 def _is_large(finding: Finding) -> bool:
@@ -263,15 +264,16 @@ def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
 def _clock(log: SensorLog, values: FloatArray) -> LogFault:
     """Return two clocks: lateness of the fixes at time 0 [s], and how much faster the IMU's runs."""
     late, rate = (float(value) for value in values)
-    return LogFault(
-        CLOCK,
-        f"The clock of the IMU runs {100 * abs(rate):.2g} % {'fast' if rate > 0 else 'slow'} against that of "
-        f"the receiver: the fixes are {_lateness(late)} at first, and "
-        f"{_lateness(late - rate * log.duration)} at the end.",
-        "Stamp the samples of the IMU by a clock that the receiver sets, or divide their times by "
-        f"{1 + rate:.4f}.",
-        with_clock(log, late, rate),
+    finding = FINDINGS["clock"].finding(
+        float("nan"),
+        "",
+        percent=100 * abs(rate),
+        side="fast" if rate > 0 else "slow",
+        first=_lateness(late),
+        last=_lateness(late - rate * log.duration),
+        ratio=1 + rate,
     )
+    return LogFault(finding, with_clock(log, late, rate))
 
 
 def _lateness(seconds: float) -> str:
@@ -281,10 +283,7 @@ def _lateness(seconds: float) -> str:
 def _late(run: Repeatable, log: SensorLog, size: float) -> LogFault:
     """Return fixes that are late by a constant time [s]."""
     told = np.append(run.latency, np.zeros(3))
-    finding = latency(size, 0.0, told)
-    return LogFault(
-        "GPS latency", finding.sentence, finding.advice, with_clock(log, size, 0.0), finding.changes
-    )
+    return LogFault(latency(size, 0.0, told), with_clock(log, size, 0.0))
 
 
 def _stated(
@@ -299,25 +298,25 @@ def _stated(
     was, becomes = part.withheld(Candidate("")), part.withheld(best)
     if was is not None and (becomes is None or becomes.position_error > was.position_error):
         return None
-    effect = "Tried, with less trust in them" if best.changes else "Tried"
-    effect += f": NIS per degree of freedom {before.mean:.2f}, then {outcome.mean:.2f}"
+    effect = f"NIS per degree of freedom {before.mean:.2f}, then {outcome.mean:.2f}"
     if was is not None and becomes is not None:
         errors = (f"{written(one.position_error)} m" for one in (was, becomes))
         effect += f"; error of fixes withheld for 10 s: {', then '.join(errors)}"
-    same = dict.fromkeys(one.sentence for one in alike if one.sentence != fault.sentence)
-    return Finding(
-        fault.quantity,
-        "not modelled",
-        float("nan"),
-        " Or, as likely: ".join((fault.sentence, *same)) + f" {_from(since)} the data contradict each other.",
-        fault.advice if fault.changes else f"{fault.advice} {effect}.",
-        f"logarithm of the likelihood ratio {outcome.gain(before):.0f}",
-        fault.changes,
+    finding = fault.finding
+    tried = TRIED["with less trust" if best.changes else "better"]
+    same = dict.fromkeys(one.finding.sentence for one in alike if one.finding.sentence != finding.sentence)
+    sentence = AS_LIKELY.join((finding.sentence, *same))
+    return replace(
+        finding,
+        factor=float("nan"),
+        sentence=FAULT_OF_LOG.format(fault=sentence, since=_since_words(since)),
+        advice=finding.advice if finding.changes else tried.format(advice=finding.advice, effect=effect),
+        evidence=f"logarithm of the likelihood ratio {outcome.gain(before):.0f}",
     )
 
 
-def _from(since: float) -> str:
-    return f"From {since:.0f} s on" if since >= 1 else "From the start"
+def _since_words(since: float) -> str:
+    return f"{since:.0f} s" if since >= 1 else "the start"
 
 
 def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
@@ -402,20 +401,15 @@ def _contradiction(run: Repeatable, whole: Trials, before: Outcome, since: float
     log = None if recorded is None else _screened(recorded.log, since)
     part = whole if recorded is None or log is recorded.log else Trials(run, log)
     tried = part.outcomes(_of_noise())
-    where = "they do not show in which channel"
-    if tried:
-        best, outcome = max(tried, key=lambda one: one[1].gain(part.as_it_is))
-        where = (
-            f"most likely in {best.channel}: if it is not believed, NIS per degree of freedom is "
-            f"{outcome.mean:.2f} instead of {part.as_it_is.mean:.2f}"
-        )
-    return Finding(
-        CONTRADICTION,
-        "not modelled",
+    evidence, words = f"NIS per degree of freedom {before.mean:.2f}", _since_words(since)
+    if not tried:
+        return FINDINGS["contradiction"].finding(float("nan"), evidence, since=words)
+    best, outcome = max(tried, key=lambda one: one[1].gain(part.as_it_is))
+    return FINDINGS["contradiction in a channel"].finding(
         float("nan"),
-        f"{_from(since)} the data contradict each other, {where}. No noise explains that: it would have to "
-        "show in the samples, and to predict withheld fixes better.",
-        "Look at the axes, signs and units of this sensor, at its range, at the clocks of IMU and receiver, "
-        "and for lost samples.",
-        f"NIS per degree of freedom {before.mean:.2f}",
+        evidence,
+        since=words,
+        channel=best.channel,
+        without=outcome.mean,
+        nis=part.as_it_is.mean,
     )

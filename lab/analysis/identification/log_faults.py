@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.verdicts.finding import Change
-from lab.analysis.verdicts.finding_names import ACCEL_AXES, GYRO_AXES, HEADINGS, IMU_AXES, LOSSES
+from lab.analysis.verdicts.finding import Finding
+from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES, SAME, ImuAxes, level, signed
@@ -32,21 +32,14 @@ class LogFault(NamedTuple):
 
     Attributes
     ----------
-    quantity
-        What a finding calls it.
-    sentence, advice
-        The fault and the advice, as text.
+    finding
+        The finding, with the changes of settings that mend the fault too, before anything is tried.
     mended
         The log without it.
-    changes
-        Changes of settings that mend it, too.
     """
 
-    quantity: str
-    sentence: str
-    advice: str
+    finding: Finding
     mended: SensorLog
-    changes: tuple[Change, ...] = ()
 
 
 def faults_of(log: SensorLog) -> Iterator[LogFault]:
@@ -95,21 +88,20 @@ def _of_axes(log: SensorLog) -> Iterator[LogFault]:
     for matrix in signed(range(3)):
         if not np.array_equal(matrix, SAME) and not _is_cyclic(matrix):
             axes = ImuAxes(matrix, SAME)
-            yield LogFault(GYRO_AXES, _axes_words("gyro", matrix), axes.remedy, with_axes(log, axes))
+            yield LogFault(_of_matrix("gyro", matrix, axes), with_axes(log, axes))
     for matrix in level():
         axes = ImuAxes(SAME, matrix)
-        yield LogFault(ACCEL_AXES, _axes_words("accelerometer", matrix), axes.remedy, with_axes(log, axes))
+        yield LogFault(_of_matrix("accelerometer", matrix, axes), with_axes(log, axes))
         both = ImuAxes(matrix, matrix)
         if np.linalg.det(matrix) < 0:
-            words = f"The axes of the IMU are left-handed: {_axes_words('axis', matrix, both=True)}"
+            row = "left-handed axes"
         elif log.auxiliary.headings is not None:
             continue  # the headings are then off by as much, and this is said of them
         else:
-            words = (
-                "The IMU is turned about the vertical against the axes that the log states: "
-                f"{_axes_words('axis', matrix, both=True)}"
-            )
-        yield LogFault(IMU_AXES, words, both.remedy, with_axes(log, both))
+            row = "turned axes"
+        which = _of_matrix("axis of gyros and accelerometers", matrix, both).sentence
+        finding = FINDINGS[row].finding(float("nan"), "", which=which, remedy=both.remedy)
+        yield LogFault(finding, with_axes(log, both))
 
 
 def _is_cyclic(matrix: FloatArray) -> bool:
@@ -117,23 +109,23 @@ def _is_cyclic(matrix: FloatArray) -> bool:
     return not np.diag(matrix).any()
 
 
-def _axes_words(sensor: str, matrix: FloatArray, *, both: bool = False) -> str:
-    """Return which axes have the wrong sign or are exchanged, as a sentence."""
-    moved = [axis for axis in range(3) if not matrix[axis, axis]]
+def _of_matrix(sensor: str, matrix: FloatArray, axes: ImuAxes) -> Finding:
+    """Return the finding about which axes have the wrong sign or are exchanged."""
+    moved = [NAMES[axis] for axis in range(3) if not matrix[axis, axis]]
     minus = [NAMES[axis] for axis in range(3) if matrix[axis].sum() < 0]
-    plural = f"{sensor}s" if sensor != "axis" else "axes"
-    of = " of gyros and accelerometers" if both else ""
-    found = []
+    row = {0: "", 1: "wrong sign"}.get(len(minus), "wrong signs")
     if moved:
-        first, second = (NAMES[axis] for axis in moved)
-        found.append(f"the {first} and the {second} {sensor}{of} are exchanged")
-    if minus:
-        names = " and the ".join(minus)
-        have = "have the wrong signs" if len(minus) > 1 or both else "has the wrong sign"
-        what = f"{names} {plural if both else sensor}{of}"
-        found.append(f"{'then ' if moved else ''}the {what} {have}")
-    words = ", and ".join(found)
-    return f"{words}." if both else f"{words[0].upper()}{words[1:]}."
+        row = f"axes exchanged, {row}" if row else "axes exchanged"
+    first, second = moved or ("", "")
+    return FINDINGS[row].finding(
+        float("nan"),
+        "",
+        sensor=sensor,
+        first=first,
+        second=second,
+        axes=" and the ".join(minus),
+        remedy=axes.remedy,
+    )
 
 
 def ranges_of(log: SensorLog) -> Iterator[tuple[int, LogFault]]:
@@ -143,16 +135,13 @@ def ranges_of(log: SensorLog) -> Iterator[tuple[int, LogFault]]:
     with less trust in the sensor.
     """
     scales = full_scales(np.concatenate(log.rates, axis=1))
-    for sensor, kind in enumerate(("gyro", "accelerometer")):
+    for sensor, kind in enumerate(SENSORS):
         words = "; ".join(one.words for one in scales if one.axis // 3 == sensor)
         if words:
             yield (
                 sensor,
                 LogFault(
-                    f"{kind} range",
-                    f"The {kind}s are at the end of their range: {words}. What goes beyond it is cut off.",
-                    f"Set the range of the {kind}s larger, or use {kind}s with a larger range.",
-                    log,
+                    FINDINGS["end of the range"].finding(float("nan"), "", sensor=kind, ranges=words), log
                 ),
             )
 
@@ -168,12 +157,8 @@ def _of_losses(log: SensorLog) -> Iterator[LogFault]:
     lost = float((dt - usual)[long].sum() + dt[filled].sum()) / log.duration
     if lost < _WORTH:
         return
-    yield LogFault(
-        LOSSES,
-        f"{100 * lost:.2g} % of the samples of the IMU are lost: its motion in the meantime is unknown.",
-        "Find out where samples are lost (bus, logger, link), or lower the rate so that none is.",
-        _unknown(log, long),
-    )
+    finding = FINDINGS["losses"].finding(float("nan"), "", percent=100 * lost)
+    yield LogFault(finding, _unknown(log, long))
 
 
 def _unknown(log: SensorLog, which: NDArray[np.bool_]) -> SensorLog:
@@ -191,10 +176,5 @@ def _of_headings(log: SensorLog) -> Iterator[LogFault]:
         return
     for degrees in (180, 90, -90):
         turned = replace(headings, heading=headings.heading - np.radians(degrees))
-        yield LogFault(
-            HEADINGS,
-            f"The headings of the log are off by {degrees}°: turned so, they and the motion agree.",
-            "Check how the antennas, or the sensor of the heading, and the IMU are mounted, and turn the "
-            f"headings by {-degrees}°.",
-            replace(log, auxiliary=replace(log.auxiliary, headings=turned)),
-        )
+        finding = FINDINGS["headings"].finding(float("nan"), "", degrees=degrees, back=-degrees)
+        yield LogFault(finding, replace(log, auxiliary=replace(log.auxiliary, headings=turned)))

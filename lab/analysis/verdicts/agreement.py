@@ -21,13 +21,15 @@ from scipy import special
 from lab.analysis.verdicts.finding import (
     DOUBT,
     MATTERS,
-    Finding,
     Weighed,
+    Wording,
     is_right,
     mean_square,
     size_weight,
+    too,
     written,
 )
+from lab.analysis.verdicts.finding_table import IN_QUARTER, TOGETHER, VALUES
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
 from lab.base.arrays import FloatArray
 
@@ -113,20 +115,17 @@ class Told(NamedTuple):
 
     Attributes
     ----------
-    says : str
-        Whose covariance it contradicts, such as ``"the filter says"``.
-    excluded : str
-        Sentence about what does not explain it.
-    advice : str
-        What to look for.
+    wording : Wording
+        The row of the table of findings.
+    small : Wording or None
+        The row for errors or innovations that are too small; None if it is the same.
     between : tuple of str
         Quantity and words for the errors of the position between the fixes.
     """
 
-    says: str
-    excluded: str
-    advice: str
-    between: tuple[str, str] = (BETWEEN, "errors of the position between the fixes")
+    wording: Wording
+    small: Wording | None = None
+    between: tuple[str, str] = (BETWEEN, VALUES[BETWEEN])
 
 
 class _Off(NamedTuple):
@@ -138,7 +137,7 @@ class _Off(NamedTuple):
     evidence: str
 
 
-def judge_agreement(means: RunMeans, told: Told, told_small: Told | None = None) -> list[Weighed]:
+def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
     """Judge the size of errors and innovations, for which no cause was found.
 
     A figure is off if the runs disagree by their own scatter. It is off too, also of a single run, if all
@@ -150,8 +149,6 @@ def judge_agreement(means: RunMeans, told: Told, told_small: Told | None = None)
         The means of the runs.
     told
         How it is told.
-    told_small
-        How it is told of errors or innovations that are too small; as `told` by default.
     """
     by_scatter = {one.figure: one for one in agreements(means)}
     off: dict[str, list[_Off]] = {}
@@ -170,26 +167,23 @@ def judge_agreement(means: RunMeans, told: Told, told_small: Told | None = None)
         else:
             continue
         off.setdefault(figure.quantity, []).append(_Off(figure, ratio, weight, evidence))
-    return [_weighed(found, told, told_small or told) for found in off.values()]
+    return [_weighed(found, told) for found in off.values()]
 
 
-def _weighed(off: list[_Off], told: Told, told_small: Told) -> Weighed:
+def _weighed(off: list[_Off], told: Told) -> Weighed:
     """Return the finding on a quantity of which some figures are off."""
     first = max(off, key=lambda one: (one.figure == Figure(one.figure.quantity), one.weight))
-    if first.ratio < 1:
-        told = told_small
     also = [one for one in sorted(off, key=lambda one: -one.weight) if one is not first][: NAMED - 1]
     evidence, more = [one.evidence for one in (first, *also)], len(off) - 1 - len(also)
     factor = max(first.ratio, 1 / first.ratio)
-    size = written(np.sqrt(first.ratio), 2 if factor > MATTERS else 3)
-    finding = Finding(
-        _name(first.figure, told),
-        "too large" if first.ratio > 1 else "too small",
+    wording = told.wording if first.ratio > 1 or told.small is None else told.small
+    finding = wording.finding(
         factor,
-        f"{_where(first.figure)} {_what(first.figure, told)} are {size} × as large as {told.says}. "
-        f"{told.excluded}",
-        told.advice,
         "; ".join((*evidence, f"and {more} more") if more else evidence),
+        quantity=_name(first.figure, told),
+        direction=too(1 / first.ratio),
+        values=_values(first.figure, told),
+        size=written(np.sqrt(first.ratio), 2 if factor > MATTERS else 3),
     )
     return Weighed(first.weight, finding)
 
@@ -198,17 +192,18 @@ def _name(figure: Figure, told: Told) -> str:
     return told.between[0] if figure.quantity == BETWEEN else figure.quantity
 
 
-def _where(figure: Figure) -> str:
-    """Return the beginning of a sentence."""
+def _values(figure: Figure, told: Told) -> str:
+    """Return what a sentence calls the values of a figure."""
+    values = _what(figure, told)
     if figure.quarter:
-        return f"In the {figure.quarter} quarter of the flight, the"
+        return IN_QUARTER.format(values=values, quarter=figure.quarter)
     # Each may fit its own σ: what does not fit may be their correlations in P.
-    return "The" if figure.group else "Taken together, the"
+    return values if figure.group else TOGETHER.format(values=values)
 
 
 def _what(figure: Figure, told: Told) -> str:
     if figure.quantity == BETWEEN:
         return told.between[1]
-    if figure.quantity == NIS:
-        return f"innovations of the {figure.group}" if figure.group else "innovations"
-    return f"errors of the {figure.group or 'states'}"
+    return VALUES[f"{figure.quantity} of a group" if figure.group else figure.quantity].format(
+        group=figure.group
+    )

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.finding import Weighed, judge_size
+from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.sums import Squares
 from lab.base.arrays import FloatArray
 from lab.navigation.aids import DOWNWARD, NAMES, RIGHTWARD, SENSORS
 from lab.navigation.filters.kalman import gate as largest_nis
 from lab.navigation.solution import Solution
-
-QUANTITIES = tuple(f"R {name}" for name in NAMES)
-"""What the findings about the kinds of measurements are called."""
 
 _WIDE = 0.9
 """Part of the largest possible mean square of accepted innovations above which it does not tell their σ.
@@ -96,28 +95,13 @@ def judge_aids(squares: Squares) -> list[Weighed]:
         total, number = squares.total[kind], squares.number[kind]
         if kind not in SENSORS and total <= number:
             continue
+        row = "raise the slip" if kind in (RIGHTWARD, DOWNWARD) else "raise the speed at rest"
+        row = "set their noise" if kind in SENSORS else row
         found += judge_size(
             Squares(total, number),
-            QUANTITIES[kind],
-            f"The innovations of the {name} are {{root}} × as large as the filter says: their assumed noise "
-            "is too {wrong}.",
-            _advice(kind),
+            FINDINGS["noise of a measurement"].with_advice(ADVICE[row]),
             f"innovations of the {name}",
+            aid=name,
+            setting=SENSORS.get(kind, ""),
         )
     return found
-
-
-def _advice(kind: int) -> str:
-    """Return what to change."""
-    if kind in SENSORS:
-        return (
-            f"Set sensors.{SENSORS[kind]}.noise to the noise that applies, or multiply "
-            "navigator.aiding_scale, first by {multiply}, if all other measurements are wrong alike. Check "
-            "the times and the axes too."
-        )
-    if kind in (RIGHTWARD, DOWNWARD):
-        return (
-            "Raise navigator.slip_sigma. Check that the axes of the IMU point along the vehicle, and that it "
-            "does not slip: aeroplanes and boats do."
-        )
-    return "Raise navigator.zero_velocity_sigma. Check that the vehicle stands still."

@@ -18,25 +18,19 @@ from lab.analysis.verdicts.evidence import Evidence, Reference, nees_squares, st
 from lab.analysis.verdicts.finding import (
     MANY_SIGMA,
     NOTHING,
-    Finding,
     Verdict,
     Weighed,
     headline,
     judge_size,
     sorted_findings,
+    too,
 )
+from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.innovation_evidence import nis_means, none_given, sizes
 from lab.analysis.verdicts.sums import Squares
 from lab.base.arrays import FloatArray
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.solution import Solution
-
-TOLD = Told(
-    "the algorithm states",
-    "This is less than half too much or too little for the flight as a whole.",
-    "Check what the algorithm assumes about the sensors, its start and the fixes.",
-)
-"""How a disagreement is told that only many runs, or parts of them, show."""
 
 
 @dataclass(frozen=True)
@@ -93,20 +87,11 @@ def judge(evidence: Evidence) -> Verdict:
     if not judged:
         return Verdict("Unknown: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
     weighed = _gain(evidence)
-    for squares, quantity, (what, whose, where) in (
-        (evidence.nees, "covariance", ("errors", "its", "the sensors and its start")),
-        (evidence.innovations.nis, "innovation covariance", ("innovations", "their", "the fixes")),
-    ):
-        if squares is not None:
-            weighed += judge_size(
-                squares,
-                quantity,
-                f"The {what} are {{root}} × as large as the algorithm states: {whose} covariance is about "
-                "{factor} × too {wrong}.",
-                f"Check what the algorithm assumes about {where}.",
-                what,
-            )
-    findings = sorted_findings(weighed or judge_agreement(evidence.means, TOLD))
+    if evidence.nees is not None:
+        weighed += judge_size(evidence.nees, FINDINGS["covariance"], "errors")
+    weighed += judge_size(evidence.innovations.nis, FINDINGS["innovation covariance"], "innovations")
+    told = Told(FINDINGS["unexplained of an algorithm"])
+    findings = sorted_findings(weighed or judge_agreement(evidence.means, told))
     said = headline(findings, f"Consistent: {judged} are as large as the algorithm states.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
@@ -124,15 +109,9 @@ def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
     most = follows if follows > -alternates else alternates
     if abs(most) < MANY_SIGMA:
         return []
-    words = (
-        ("are correlated in time", "too little", "small") if most > 0 else ("alternate", "too much", "large")
-    )
-    finding = Finding(
-        "gain",
-        f"too {words[2]}",
+    finding = FINDINGS["low gain of an algorithm" if most > 0 else "high gain of an algorithm"].finding(
         float("nan"),
-        f"The innovations {words[0]}: the algorithm corrects {words[1]}.",
-        "Check what the algorithm assumes about the IMU and about the fixes.",
         f"correlation from fix to fix {after[0, 0]:.2f} (position), {after[0, 1]:.2f} (velocity)",
+        direction=too(most),
     )
     return [Weighed(most**2 / 2, finding)]

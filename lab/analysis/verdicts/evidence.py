@@ -25,12 +25,22 @@ from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, o
 from lab.analysis.verdicts.aid_verdict import aid_squares
 from lab.analysis.verdicts.fix_evidence import FixErrors, fix_errors
 from lab.analysis.verdicts.innovation_evidence import Innovations, innovations, offered
-from lab.analysis.verdicts.run_means import ALL, BETWEEN, FURTHER, NEES, Figure, RunMeans, Series, run_means
+from lab.analysis.verdicts.run_means import (
+    ALL,
+    BETWEEN,
+    BLOCKS,
+    FURTHER,
+    NEES,
+    Figure,
+    RunMeans,
+    Series,
+    run_means,
+)
 from lab.analysis.verdicts.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
 from lab.navigation.aids import NAMES, NO_AIDS
-from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_SCALE, POS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 
 
@@ -98,16 +108,6 @@ shorter. Over 100 runs, the mean NEES of flights of 205 s and 105 s varies like 
 independent epochs."""
 GRID = 1.0
 """Step of the time grid for the NEES of the position [s]."""
-BLOCKS = {
-    "position": POS,
-    "velocity": VEL,
-    "attitude": ATT,
-    "gyro bias": GYRO_BIAS,
-    "accelerometer bias": ACCEL_BIAS,
-    "gyro scale": GYRO_SCALE,
-    "accelerometer scale": ACCEL_SCALE,
-}
-"""Groups of states."""
 APART = {"position": SETTLING, "velocity": SETTLING, "attitude": SETTLING}
 """Time after which the errors of a group are other ones [s]; those of other groups stay for the flight."""
 

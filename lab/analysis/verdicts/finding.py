@@ -6,7 +6,8 @@ significant and large enough to matter (see `verdict`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from string import Formatter
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -101,6 +102,96 @@ class Finding:
         return self.advice if shown else f"Try: {self.advice}"
 
 
+class Advice(NamedTuple):
+    """Advice of the table of findings: its text, and the changes of settings that it names.
+
+    In both, names in braces are fields. The value of a change may be one: ``"{multiply}"``.
+    """
+
+    text: str
+    changes: tuple[Change, ...] = ()
+
+    def filled(self, **fields: object) -> Advice:
+        """Return the advice with its fields filled."""
+        return Advice(_filled(self.text, fields), tuple(_changed(one, fields) for one in self.changes))
+
+
+@dataclass(frozen=True)
+class Wording:
+    """A row of the table of findings: how one finding is worded, with names of fields in braces.
+
+    Attributes
+    ----------
+    quantity, sentence
+        As of `Finding`.
+    advice, changes
+        The advice that it has unless it is given another, as of `Advice`.
+    """
+
+    quantity: str
+    sentence: str
+    advice: str = ""
+    changes: tuple[Change, ...] = ()
+
+    def with_advice(self, *parts: Advice) -> Wording:
+        """Return the row with other advice: the sentences and the changes of all parts."""
+        text = " ".join(part.text for part in parts)
+        return replace(self, advice=text, changes=tuple(one for part in parts for one in part.changes))
+
+    def finding(
+        self,
+        size: float,
+        evidence: str,
+        interval: tuple[float, float] | None = None,
+        rows: tuple[int, int] | None = None,
+        /,
+        direction: str = "not modelled",
+        **fields: object,
+    ) -> Finding:
+        """Return the finding, with its fields filled.
+
+        Parameters
+        ----------
+        size, evidence, interval, direction
+            As of `Finding`, `size` as its `factor`.
+        rows
+            The rows of the matrix that the changes multiply, as of `Change`.
+        **fields
+            What the names in braces stand for. Numbers without a format are rounded to two digits.
+        """
+        fields["direction"] = direction
+        changes = (one._replace(rows=rows) if one.times else one for one in self.changes)
+        advice = Advice(self.advice, tuple(changes)).filled(**fields)
+        quantity, sentence = (_filled(text, fields) for text in (self.quantity, self.sentence))
+        text, done = advice
+        return Finding(quantity, direction, size, sentence, text, evidence, done, interval)
+
+
+class _Fields(Formatter):
+    """Fills fields; a number without a format is written as people write it."""
+
+    def format_field(self, value: object, format_spec: str) -> str:
+        if isinstance(value, float) and not format_spec:
+            return written(value)
+        return str(super().format_field(value, format_spec))
+
+
+_FIELDS = _Fields()
+
+
+def _filled(text: str, fields: dict[str, object]) -> str:
+    return _FIELDS.vformat(text, (), fields)
+
+
+def _changed(change: Change, fields: dict[str, object]) -> Change:
+    """Return a change of a row of the table, with its fields filled; a factor is rounded to two digits."""
+    value = change.value
+    if isinstance(value, str) and value.startswith("{"):
+        value = fields[value[1:-1]]
+        value = rounded(value) if change.times and isinstance(value, float) else value
+    return change._replace(path=_filled(change.path, fields), value=value)
+
+
 @dataclass(frozen=True)
 class Suggestion:
     """What a filter may use besides, and does not: nothing is wrong without it.
@@ -183,41 +274,41 @@ def sorted_findings(weighed: list[Weighed]) -> tuple[Finding, ...]:
 
 def judge_size(
     squares: Squares,
-    quantity: str,
-    sentence: str,
-    advice: str,
+    wording: Wording,
     of_what: str,
     doubt: float = DOUBT,
-    scales: tuple[str, tuple[int, int] | None] | None = None,
+    rows: tuple[int, int] | None = None,
+    **fields: object,
 ) -> list[Weighed]:
     """Judge a variance by the mean square of the values that should have this variance.
 
-    `scales` is the setting, and the rows of it, that the advice multiplies by the mean square.
+    The fields ``root``, ``factor``, ``multiply`` and ``direction`` are filled here, the others of the row of
+    the table by `fields`. `rows` are those of the matrix that the advice multiplies by the mean square.
     """
     total, count = float(squares.total), float(squares.number)
     if not count or is_right(total, count, doubt):
         return []
     ratio = max(total / count, 1e-12)
-    factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
-    words = {
-        "root": written(np.sqrt(ratio)),
-        "factor": written(factor),
-        "multiply": written(ratio),
-        "wrong": wrong,
-    }
+    factor = max(ratio, 1 / ratio)
     fewest, most = chi_square_interval(count, 1, CONFIDENCE)
     interval = wrong_by(ratio, total / most, total / fewest)
-    finding = Finding(
-        quantity,
-        f"too {wrong}",
+    finding = wording.finding(
         factor,
-        sentence.format(**words),
-        advice.format(**words),
         f"{mean_square(squares, of_what, doubt)}{interval_words(interval)}",
-        () if scales is None else (Change(scales[0], rounded(ratio), True, scales[1]),),
         interval,
+        rows,
+        root=float(np.sqrt(ratio)),
+        factor=factor,
+        multiply=ratio,
+        direction=too(ratio),
+        **fields,
     )
     return [Weighed(size_weight(total, count), finding)]
+
+
+def too(ratio: float) -> str:
+    """Return the direction in which a variance is wrong, given the true one over the assumed one."""
+    return "too small" if ratio > 1 else "too large"
 
 
 def size_weight(total: float, count: float) -> float:

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis.verdicts.finding import RATIO, Change, Finding, Weighed, judge_size, written
+from lab.analysis.verdicts.finding import RATIO, Finding, Weighed, Wording, judge_size
+from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
 from lab.analysis.verdicts.outliers import CHANCE
-from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_words
+from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
 from lab.analysis.verdicts.selection import select
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
@@ -22,11 +23,6 @@ CORRELATED = 0.3
 """Smallest correlated error that is reported, as a fraction of the white σ: just below √0.1 of the smallest
 of `RATIOS`. At 1 Hz, with the shortest of `TIMES`, that one doubles the variance of the mean of many
 fixes."""
-ADVICE_CORRELATION = (
-    "Set navigator.estimate_gps_drift, with the σ and the time of the slow error as "
-    "sensors.gps.correlated_sigma and sensors.gps.correlation_time: the filter then estimates it."
-)
-"""Another R is no advice: the R that gives a right σ makes the innovations too small, which asks for less."""
 
 
 def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
@@ -37,7 +33,7 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
     """
     if not fixes.count:
         return []
-    apart = judge_outliers(fixes.outliers, fixes.count + fixes.outliers, "position or velocity errors")
+    apart = judge_outliers(fixes.outliers, fixes.count + fixes.outliers, FINDINGS["outliers"])
     fits = _fits(fixes)
     best = np.unravel_index(np.argmax(fits.likelihood), fits.likelihood.shape)
     time, ratio = TIMES[best[0]], RATIOS[best[1]]
@@ -71,36 +67,33 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     )
     where = stretch(fixes.in_time, kind) if plain else None
     if where is not None:
-        words = stretch_words(where, fixes.span)
+        begin, end = stretch_times(where, fixes.span)
         return judge_size(
             where.squares,
-            f"R {name}",
-            f"{words[0].upper()}{words[1:]} the {name} errors of the fixes are {{root}} × as large as "
-            f"assumed, R {name} is about {{factor}} × too {{wrong}}; before and after they are right.",
-            "Check the receiver in that time (satellites, multipath). A larger R of position and velocity, "
-            "or navigator.robust, covers these errors.",
-            f"{name} errors of the fixes {words}",
+            FINDINGS["R in a stretch"],
+            f"{name} errors of the fixes from {begin:.0f} s to {end:.0f} s",
+            kind=name,
+            begin=begin,
+            end=end,
         )
     axis = channel(squares) if plain else None
     if axis is not None and axis == channel(capped):
         one = Squares(squares.total[axis], squares.number[axis])
         return judge_size(
             one,
-            f"R {name} {AXES[axis]}",
-            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others "
-            f"are right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
-            f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
+            FINDINGS["R of a channel"],
             f"{name} errors {AXES[axis]} of the fixes",
-            scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
+            rows=(3 * kind + axis, 3 * kind + axis + 1),
+            kind=name,
+            axis=AXES[axis],
         )
     return judge_size(
         Squares(np.array(scale) * count, count),
-        f"R {name}",
-        f"The {name} innovations are {written(size)} × as large as assumed: R {name} is about {{factor}} × "
-        "too {wrong}.",
-        f"Multiply the {name} variances of navigator.r by {{multiply}}.",
+        FINDINGS["R of a kind"],
         f"{name} errors of the fixes",
-        scales=("navigator.r", (3 * kind, 3 * kind + 3)),
+        rows=(3 * kind, 3 * kind + 3),
+        kind=name,
+        size=size,
     )
 
 
@@ -160,75 +153,43 @@ def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
 
 def latency(size: float, gain: float, told: FloatArray) -> Finding:
     """Return the finding of a latency [s] beyond the one the filter assumed, `told` (4,)."""
-    return Finding(
-        "GPS latency",
-        "not modelled",
+    return FINDINGS["GPS latency"].finding(
         abs(size),
-        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors are proportional "
-        "to the velocity.",
-        f"Set navigator.latency to {told[0] + size:.2f}.",
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
-        (Change("navigator.latency", float(round(told[0] + size, 2))),),
+        seconds=abs(size),
+        side="late" if size > 0 else "early",
+        latency=float(round(told[0] + size, 2)),
     )
 
 
 def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
     """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `told` (4,)."""
-    place = ", ".join(f"{metres:.2f}" for metres in told[1:] + arm)
     where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
     length = float(np.linalg.norm(arm))
-    return Finding(
-        "GPS lever arm",
-        "not modelled",
+    return FINDINGS["GPS lever arm"].finding(
         length,
-        f"The lever arm to the antenna is wrong by {length:.1f} m ({where}): the errors of the fixes rotate "
-        "with the vehicle.",
-        f"Set navigator.lever_arm to [{place}].",
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
-        (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
+        length=length,
+        place=where,
+        arm=[float(round(metres, 2)) for metres in told[1:] + arm],
     )
 
 
-def judge_refused(rejected: int, expected: float, offered: int) -> list[Weighed]:
-    """Judge outliers that the gate rightly rejected."""
-    part = rejected / offered
-    finding = Finding(
-        "GPS outliers",
-        "rejected",
-        part,
-        f"The gate rejected {rejected} of {offered} fixes ({100 * part:.2g} %), where chance rejects "
-        f"{expected:.2g}: they differ from their neighbours as outliers do, such as those from multipath.",
-        "The filter does not use them. Check the antenna and its environment.",
-        f"{rejected} rejected, expected {expected:.2g}",
-    )
-    return [Weighed(float(rejected - expected), finding)]
-
-
-def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
-    """Judge used fixes that differ from their neighbours."""
+def judge_outliers(number: int, fixes: int, wording: Wording) -> list[Weighed]:
+    """Judge used fixes that differ from their neighbours; `wording` is that of errors, or of innovations."""
     if not number:
         return []
-    finding = Finding(
-        "GPS outliers",
-        "not modelled",
+    finding = wording.finding(
         number / fixes,
-        f"{number} of {fixes} fixes have {what} that are not Gaussian: outliers, such as those from "
-        "multipath.",
-        "Set navigator.gate to 0.999: the filter then rejects implausible fixes.",
         f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
-        (Change("navigator.gate", 0.999),),
+        number=number,
+        fixes=fixes,
     )
     return [Weighed(-number * float(np.log(CHANCE)), finding)]
 
 
 def correlation(sigma: float, time: float, gain: float) -> Finding:
     """Return the finding of correlated position errors with a σ [m] and a correlation time [s]."""
-    return Finding(
-        "GPS correlation",
-        "not modelled",
-        sigma,
-        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the "
-        "filter assumes that they are white.",
-        ADVICE_CORRELATION,
-        f"logarithm of the likelihood ratio {gain:.0f}",
+    return FINDINGS["GPS correlation"].finding(
+        sigma, f"logarithm of the likelihood ratio {gain:.0f}", sigma=sigma, time=time
     )

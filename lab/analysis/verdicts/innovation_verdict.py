@@ -7,17 +7,18 @@ to them. If GPS and IMU explain them about equally well, the verdict names both.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lab.analysis.fix_causes import CAUSES
+from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import (
     LARGE,
     MATTERS,
     RATIO,
-    Change,
+    Advice,
     Finding,
     Weighed,
     interval_words,
@@ -25,22 +26,23 @@ from lab.analysis.verdicts.finding import (
     judge_size,
     mean_square,
     rounded,
+    too,
     written,
     wrong_by,
 )
-from lab.analysis.verdicts.fix_verdict import (
-    ADVICE_CORRELATION,
-    LATENCY,
-    LEVER_ARM,
-    judge_outliers,
-    latency,
-    lever_arm,
+from lab.analysis.verdicts.finding_table import (
+    CORRELATION,
+    EITHER,
+    EXPLANATIONS,
+    FINDINGS,
+    VARIANCE,
 )
+from lab.analysis.verdicts.fix_verdict import LATENCY, LEVER_ARM, judge_outliers, latency, lever_arm
 from lab.analysis.verdicts.hypotheses import HYPOTHESES, R_CHANNELS
 from lab.analysis.verdicts.imu_causes import columns
 from lab.analysis.verdicts.innovation_evidence import Innovations, suspicious
 from lab.analysis.verdicts.likely_factor import likely_factor
-from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_words
+from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
 from lab.analysis.verdicts.selection import PRICE, estimates, gain_of
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
@@ -54,17 +56,7 @@ and the drives of the biases, which one factor does not change, are then unknown
 LINEAR = 0.5
 """Largest misalignment [rad] or scale factor error [1] that is stated: responses are of first order, and at
 0.5 rad the second is a tenth of it. Data with two clocks gave 350°."""
-_MANOEUVRES = " Errors of the inertial sensors in manoeuvres may be the cause instead."
-ADVICE_IDENTIFY = (
-    "Identify the noise from the innovations: the button on the page Consistency, ins-lab identify, or "
-    "result.identify(); so far off, several assumptions are wrong at once."
-)
-ADVICE_FILTERING = (
-    "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that "
-    "filters its fixes repeats its errors in the next ones."
-)
-GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
-CORRELATION = "GPS correlation"
+GPS, IMU, START = "GPS", "IMU", "P0"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
 """The factor of each hypothesis."""
 
@@ -99,7 +91,8 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     """Return the findings from the innovations: for all, a stretch, a channel, or single fixes."""
     seen = evidence.innovations
     found = explanations(seen)
-    apart = judge_outliers(seen.outliers, int(seen.squares.number.max()), "innovations")
+    number = int(seen.squares.number.max())
+    apart = judge_outliers(seen.outliers, number, FINDINGS["outliers, by innovations"])
     rest = float(seen.nis.total), float(seen.nis.number)
     # Outliers are reported only if the rest is right.
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
@@ -172,15 +165,14 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
     for kind, name in enumerate(("position", "velocity")):
         where = stretch(seen.in_time, kind)
         if where is not None:
-            words = stretch_words(where, seen.span)
+            begin, end = stretch_times(where, seen.span)
             found += judge_size(
                 where.squares,
-                f"R {name}" if whose == GPS else EITHER,
-                f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
-                "before and after they are right.",
-                "Check the receiver in that time (satellites, multipath), and outages before it."
-                + ("" if whose == GPS else _MANOEUVRES),
-                f"{name} innovations {words}",
+                FINDINGS["R in a stretch, by innovations" if whose == GPS else "GPS or IMU in a stretch"],
+                f"{name} innovations from {begin:.0f} s to {end:.0f} s",
+                kind=name,
+                begin=begin,
+                end=end,
             )
     if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
         return found
@@ -192,17 +184,13 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
         other = slice(3 - 3 * kind, 6 - 3 * kind)
         others = float(seen.offered.total[other].sum()), float(seen.offered.number[other].sum())
         if axis is not None and (not others[1] or is_right(*others)):
-            rival = "" if whose == GPS else ", or an error of the IMU shows in this direction"
-            cause = f"R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}{rival}."
             found = judge_size(
                 Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
-                f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
-                f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
-                f"right: {cause}",
-                f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}."
-                + ("" if whose == GPS else _MANOEUVRES),
+                FINDINGS["R of a channel, by innovations" if whose == GPS else "GPS or IMU in a channel"],
                 f"{name} innovations {AXES[axis]}",
-                scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
+                rows=(3 * kind + axis, 3 * kind + axis + 1),
+                kind=name,
+                axis=AXES[axis],
             )
             if found and found[0].weight > (1 - ALIKE) * gain:
                 return found
@@ -215,17 +203,17 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
     rival = _rival(found)
     statistic = f"logarithm of the likelihood ratio {best.gain:.0f}"
     if rival is not None:
-        variance = not best.parts.size and best.source != GPS
-        finding = Finding(
-            EITHER,
-            "not modelled",
+        wording = FINDINGS["GPS or IMU"]
+        if not best.parts.size and best.source != GPS:
+            wording = wording.with_advice(*_gain_advice(best), ADVICE["compare"])
+        finding = wording.finding(
             float("nan"),
-            f"The innovations are not what the filter expects: {_words(best)} explains them, and "
-            f"{_words(rival)} explains them nearly as well. They cannot tell GPS from IMU.",
-            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU "
-            "or receiver. A flight with more turns shows the difference better.",
             f"{statistic}, {rival.gain:.0f} of the other",
-            (_gain_change(best),) if variance else (),
+            None,
+            _ROWS.get(best.name),
+            explanation=_words(best),
+            rival=_words(rival),
+            **_gain_fields(best),
         )
         return Weighed(best.gain, finding)
     return Weighed(best.gain, finding_of(found, seen, statistic, told))
@@ -243,26 +231,12 @@ def _rival(found: list[Explanation]) -> Explanation | None:
 
 def _words(one: Explanation) -> str:
     """Return an explanation as text."""
-    if one.parts.size:
-        unit = {"GPS latency": "s", "GPS lever arm": "m"}
-        if one.name in unit:
-            return f"a {one.name} of {one.size:.2g} {unit[one.name]}"
-        if "scale" in one.name:
-            return f"a {one.name} error of {100 * one.size:.2g} %"
-        if "misalignment" in one.name:
-            return f"an {one.name} of {np.degrees(one.size):.2g}°".replace("an gyro", "a gyro")
-        return f"a {one.name}".replace("a acc", "an acc")
-    if one.name == CORRELATION:
-        return "a correlated error of the fixes"
-    factor, wrong = (one.size, "small") if one.size > 1 else (1 / one.size, "large")
-    return f"{one.name} {written(factor)} × too {wrong}"
-
-
-def _alternative(found: list[Explanation]) -> str:
-    """Return a sentence with the second explanation unless the best one is preferred to it; else nothing."""
-    if len(found) < 2 or found[1].gain <= found[0].gain - RATIO:
-        return ""
-    return f" They cannot tell it from this: {_words(found[1])}."
+    if one.name in EXPLANATIONS:
+        sizes = (one.size, 100 * one.size, float(np.degrees(one.size)))
+        size, percent, degrees = map(written, sizes)
+        return EXPLANATIONS[one.name].format(size=size, percent=percent, degrees=degrees)
+    factor = written(max(one.size, 1 / one.size))
+    return VARIANCE.format(variance=one.name, factor=factor, direction=too(one.size))
 
 
 def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
@@ -277,44 +251,24 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told
         return lever_arm(best.parts, best.gain, told)
     if best.name == CORRELATION:
         size = np.sqrt(seen.offered.mean[:3].mean())
-        hidden = size < 1
-        return Finding(
-            CORRELATION,
-            "not modelled",
-            float("nan"),
-            f"The position innovations are {written(size)} × as large as assumed and correlated in time: the "
-            "errors of the fixes are correlated, and the filter assumes that they are white."
-            + (
-                " Innovations hide the slow part of such errors, so that R is not too large."
-                if hidden
-                else ""
-            ),
-            ADVICE_FILTERING if _filters_fixes(seen) else ADVICE_CORRELATION,
-            statistic,
-        )
+        wording = FINDINGS["hidden GPS correlation" if size < 1 else "GPS correlation, by innovations"]
+        if _filters_fixes(seen):
+            wording = wording.with_advice(ADVICE["use fewer fixes"])
+        return wording.finding(float("nan"), statistic, size=float(size))
     if best.parts.size:
-        sensor = best.name.split()[0]
-        return Finding(
-            best.name,
-            "not modelled",
-            best.size,
-            f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}."
-            + _alternative(found),
-            *_remedy(best, sensor, statistic),
-        )
+        return _of_motion(found, statistic)
     if best.name.startswith("R"):
         return _size_of_r(best, seen)
-    too_small = best.size > 1
-    return Finding(
-        "gain",
-        "too small" if too_small else "too large",
+    interval = wrong_by(best.size, *best.interval)
+    wording = FINDINGS["low gain" if best.size > 1 else "high gain"].with_advice(*_gain_advice(best))
+    return wording.finding(
         max(best.size, 1 / best.size),
-        f"The innovations {'are correlated in time' if too_small else 'alternate'}: the filter corrects too "
-        f"{'little' if too_small else 'much'}. The most likely cause is {_words(best)}.",
-        _gain_advice(best),
-        f"{statistic}{interval_words(wrong_by(best.size, *best.interval))}",
-        (_gain_change(best),),
-        wrong_by(best.size, *best.interval),
+        f"{statistic}{interval_words(interval)}",
+        interval,
+        _ROWS.get(best.name),
+        direction=too(best.size),
+        explanation=_words(best),
+        **_gain_fields(best),
     )
 
 
@@ -327,17 +281,22 @@ def _filters_fixes(seen: Innovations) -> bool:
     return HYPOTHESES[max(own, key=lambda at: seen.likelihoods[at])].r[0] < 1
 
 
-def _remedy(best: Explanation, sensor: str, statistic: str) -> tuple[str, str, tuple[Change, ...]]:
-    """Return the advice for an error of inertial sensors, the statistic, and the changes of settings."""
-    if "scale" not in best.name:
-        return f"Calibrate the {sensor}s, or raise the {sensor} noise.", statistic, ()
-    # Without their σ, P0 of the scale factors is zero, and the filter never estimates them.
-    path = f"sensors.{sensor}.scale_factor_sigma"
-    percent = float(f"{100 * best.size / np.sqrt(best.parts.size):.2g}")
-    return (
-        f"Calibrate the {sensor}s, or set navigator.states to 21, and {path} to {percent}.",
+def _of_motion(found: list[Explanation], statistic: str) -> Finding:
+    """Return the finding of an error of inertial sensors, with the second explanation if it is as likely."""
+    best, rival = found[0], found[1] if len(found) > 1 else None
+    alone = rival is None or rival.gain <= best.gain - RATIO
+    wording = FINDINGS["error in motion" if alone else "ambiguous error in motion"]
+    if "scale" in best.name:
+        # Without their σ, P0 of the scale factors is zero, and the filter never estimates them.
+        wording = wording.with_advice(ADVICE["estimate scale factors"])
+    return wording.finding(
+        best.size,
         statistic,
-        (Change("navigator.states", 21), Change(path, percent)),
+        cause=best.name,
+        sensor=best.name.split()[0],
+        explanation=_words(best),
+        rival="" if rival is None else _words(rival),
+        percent=rounded(100 * best.size / float(np.sqrt(best.parts.size))),
     )
 
 
@@ -354,48 +313,38 @@ _ROWS = {  # first and one past the last index of the affected values of the bel
 }
 
 
-def _gain_change(best: Explanation) -> Change:
-    name = f"navigator.{best.name[:2].strip().lower()}"
-    rows = _ROWS.get(best.name)
-    return Change(name if rows else f"{name}_scale", rounded(best.size), True, rows)
+def _gain_advice(best: Explanation) -> list[Advice]:
+    advice = [ADVICE["scale variances" if best.name in _ROWS else "scale a matrix"]]
+    is_far_off = best.name.startswith("Q") and best.size > FAR_OFF
+    return [*advice, ADVICE["identify"]] if is_far_off else advice
 
 
-def _gain_advice(best: Explanation) -> str:
-    if best.name in ("Q", "P0"):
-        advice = f"Multiply navigator.{best.name.lower()}_scale by {written(best.size)}."
-    else:
-        matrix = "navigator.q" if best.name.startswith("Q") else "navigator.p0"
-        advice = f"Multiply the {best.name[2:].strip()} variances of {matrix} by {written(best.size)}."
-    return f"{ADVICE_IDENTIFY} Or: {advice}" if best.name.startswith("Q") and best.size > FAR_OFF else advice
+def _gain_fields(best: Explanation) -> dict[str, Any]:
+    matrix, _, block = best.name.partition(" ")
+    return {"matrix": matrix.lower(), "block": block, "multiply": best.size}
 
 
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
     """Return the finding that R is wrong, from the size of its innovations."""
-    ratio = best.size
-    factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+    ratio, factor = best.size, max(best.size, 1 / best.size)
     channels, interval = list(R_CHANNELS[best.name]), wrong_by(ratio, *best.interval)
     if best.name == "R":
         # One of both alone would leave the fixes of the other with the wrong weight.
-        squares, what, which = seen.nis, "innovations", "R of the position and the velocity"
-        advice = f"Multiply navigator.r_scale by {written(ratio)}."
-        change = Change("navigator.r_scale", rounded(ratio), True)
+        row, kind, what, squares = "R", "", "innovations", seen.nis
     else:
-        of = best.name.removeprefix("R ")
+        row, kind = "R of a kind" if len(channels) > 1 else "R of one channel", best.name.removeprefix("R ")
         squares = Squares(seen.offered.total[channels].sum(), seen.offered.number[channels].sum())
-        what, which = f"{of} innovations", best.name
-        variances = "variances" if len(channels) > 1 else "variance"
-        advice = f"Multiply the {of} {variances} of navigator.r by {written(ratio)}."
-        change = Change("navigator.r", rounded(ratio), True, (channels[0], channels[-1] + 1))
-    return Finding(
-        best.name,
-        f"too {wrong}",
+        what = f"{kind} innovations"
+    return FINDINGS[row].finding(
         factor,
-        f"The {what} are {written(float(squares.mean) ** 0.5)} × as large as assumed: {which} is "
-        f"about {written(factor)} × too {wrong}.",
-        advice,
         mean_square(squares, what) + interval_words(interval),
-        (change,),
         interval,
+        None if row == "R" else (channels[0], channels[-1] + 1),
+        kind=kind,
+        size=float(squares.mean) ** 0.5,
+        factor=factor,
+        multiply=ratio,
+        direction=too(ratio),
     )
 
 
@@ -405,23 +354,7 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     if not count or is_right(total, count):
         return []
     ratio = max(total / count, 1 / MATTERS**20)
-    why = ", and none of the tested causes explains it."
-    if not seen.likelihoods.any():
-        why = (
-            ". Their causes are not compared: the filter has further states, or measurements besides the "
-            "fixes, or rounding spoils its covariance."
-        )
-    advice = "Look for errors that the filter does not model."
+    wording = FINDINGS["NIS" if seen.likelihoods.any() else "NIS, causes not compared"]
     if ratio < 1:
-        advice = (
-            "The assumed noise is too large. Most often it is R: multiply navigator.r_scale by "
-            f"{written(ratio)}. In a filter with a state of the GPS drift, its σ "
-            "(sensors.gps.correlated_sigma) may be too large instead."
-        )
-    return judge_size(
-        seen.nis,
-        "NIS",
-        f"The innovations are {written(np.sqrt(ratio))} × as large as the filter says{why}",
-        advice,
-        "innovations (by NIS)",
-    )
+        wording = wording.with_advice(ADVICE["lower R"])
+    return judge_size(seen.nis, wording, "innovations (by NIS)", size=ratio**0.5, scale=ratio)

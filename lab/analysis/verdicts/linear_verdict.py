@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.analysis.verdicts import aid_verdict
+from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.evidence import Evidence
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline
-from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
+from lab.analysis.verdicts.finding import Finding, Verdict, Wording, headline
+from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, UNEXPLAINED
+from lab.analysis.verdicts.run_means import NEES, Figure, RunMeans
 from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.settings import NavigatorSettings
 
@@ -28,12 +29,8 @@ NEGLECTED = 0.3
 on montreal: 0.05 and 1.5 with gyros of 0.017 and 0.24 °/s/√Hz, and NEES 1.02 and 1.16 × too large."""
 PART = 0.25
 """Part of the excess of NEES of these biases that it must explain. Measured there: 0.8 to 1.4."""
-UNEXPLAINED = (NEES, BETWEEN, NIS)
-"""Findings without a cause."""
-_CONSEQUENCES = (*UNEXPLAINED, *aid_verdict.QUANTITIES)
+_CONSEQUENCES = (*UNEXPLAINED, *AID_NOISE)
 """Findings that a wrong attitude causes."""
-NAME = "linear model"
-"""Quantity of the finding."""
 
 
 def is_wide(start: float, navigator: NavigatorSettings) -> bool:
@@ -115,47 +112,38 @@ def remark(start: float, navigator: NavigatorSettings) -> str:
     )
 
 
-def _cure(navigator: NavigatorSettings) -> tuple[str, tuple[Change, ...]]:
-    """Return the advice, and the change of it."""
-    if navigator.model in PERTURBED:
-        advice = "Set navigator.model to invariant, or to nonlinear: they hold for larger attitude errors."
-        return advice, (Change("navigator.model", "invariant"),)
-    return "Set navigator.model to nonlinear.", (Change("navigator.model", "nonlinear"),)
-
-
-def _finding(size: float, sentence: str, evidence: str, navigator: NavigatorSettings) -> Finding:
-    advice, changes = _cure(navigator)
-    return Finding(NAME, "not modelled", size, sentence, advice, evidence, changes)
+def _worded(row: str, navigator: NavigatorSettings) -> Wording:
+    """Return a row of the table of findings, with the model that holds where that of the filter does not."""
+    wording = FINDINGS[row]
+    return wording if navigator.model in PERTURBED else wording.with_advice(ADVICE["nonlinear model"])
 
 
 def _of_start(start: float, navigator: NavigatorSettings) -> Finding:
-    return _finding(
+    degrees = np.degrees(start)
+    return _worded("linear model at the start", navigator).finding(
         start,
-        f"The attitude is uncertain by {np.degrees(start):.3g}° (1 σ) at the start. The linear model "
-        f"{navigator.model} does not hold there, so its σ does not describe its errors, except by chance.",
-        f"σ of the attitude at the start {np.degrees(start):.3g}°, limit {np.degrees(WIDE):.0f}°",
-        navigator,
+        f"σ of the attitude at the start {degrees:.3g}°, limit {np.degrees(WIDE):.0f}°",
+        degrees=degrees,
+        model=navigator.model,
     )
 
 
 def _of_flight(largest: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
-    return _finding(
+    degrees = np.degrees(largest)
+    return _worded("linear model in flight", navigator).finding(
         largest,
-        f"The attitude becomes uncertain by {np.degrees(largest):.3g}° (1 σ). The linear model "
-        f"{navigator.model} does not hold there, so its σ does not describe its errors.",
-        f"σ of the attitude {np.degrees(largest):.3g}°, limit {np.degrees(WIDE):.0f}°; "
-        f"{verdict.findings[0].evidence}",
-        navigator,
+        f"σ of the attitude {degrees:.3g}°, limit {np.degrees(WIDE):.0f}°; {verdict.findings[0].evidence}",
+        degrees=degrees,
+        model=navigator.model,
     )
 
 
 def _of_products(neglected: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
-    return _finding(
-        float(np.sqrt(neglected)),
-        "The cause is beyond the linear model: products of attitude errors, which it neglects, act like "
-        f"accelerometer biases of {np.sqrt(neglected):.2g} × their σ. "
-        f"{verdict.findings[0].sentence.split('. ')[0]}.",
+    size = float(np.sqrt(neglected))
+    return _worded("neglected products", navigator).finding(
+        size,
         f"mean square of the neglected acceleration in σ of the accelerometer biases {neglected:.2g}, limit "
         f"{NEGLECTED:g}; {verdict.findings[0].evidence}",
-        navigator,
+        size=size,
+        effect=f"{verdict.findings[0].sentence.split('. ')[0]}.",
     )

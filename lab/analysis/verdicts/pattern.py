@@ -113,11 +113,11 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
     )
 
 
-def stretch_words(found: Stretch, span: Kept) -> str:
-    """Return the times of a stretch as text; `span` holds start and end of each run [s]."""
+def stretch_times(found: Stretch, span: Kept) -> tuple[float, float]:
+    """Return start and end of a stretch [s]; `span` holds those of each run."""
     begin, end = span.values.mean(axis=0)
-    edges = begin + (end - begin) * np.array((found.first, found.last)) / BINS
-    return f"from {edges[0]:.0f} s to {edges[1]:.0f} s"
+    first, last = begin + (end - begin) * np.array((found.first, found.last)) / BINS
+    return float(first), float(last)
 
 
 def channel(squares: Squares) -> int | None:

@@ -15,12 +15,23 @@ from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
+from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 
 NEES, BETWEEN, NIS = "NEES", "NEES between fixes", "NIS"
 QUARTERS = ("first", "second", "third", "last")
 """Quarters of a flight."""
 ALL = ""
 """Group of all states, or of all components of a fix."""
+BLOCKS = {
+    "position": POS,
+    "velocity": VEL,
+    "attitude": ATT,
+    "gyro bias": GYRO_BIAS,
+    "accelerometer bias": ACCEL_BIAS,
+    "gyro scale": GYRO_SCALE,
+    "accelerometer scale": ACCEL_SCALE,
+}
+"""Groups of states."""
 FURTHER = "further states"
 """Group of all states beyond those of the inertial sensors."""
 

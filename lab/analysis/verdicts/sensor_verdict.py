@@ -6,8 +6,6 @@ import numpy as np
 
 from lab.analysis.verdicts.finding import (
     RATIO,
-    Change,
-    Finding,
     Weighed,
     interval_words,
     is_right,
@@ -15,9 +13,10 @@ from lab.analysis.verdicts.finding import (
     mean_square,
     rounded,
     size_weight,
-    written,
+    too,
     wrong_by,
 )
+from lab.analysis.verdicts.finding_table import EARTH_RATE, FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
@@ -25,7 +24,6 @@ from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 
-SENSORS = ("gyro", "accelerometer")
 EXPLAINS = 0.2
 """Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
 depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
@@ -42,9 +40,6 @@ LEAST_FACTOR = float(FACTORS[0])
 """Smallest factor on a bias drive that is stated: the smallest tried."""
 WANDERS = 3.0
 """Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
-
-EARTH_RATE = "Earth rate"
-"""What a finding calls a rate of the Earth that the navigator leaves out."""
 ALL_OF_IT = 0.5
 """Largest distance of its estimated part from 1: it is left out or it is not."""
 
@@ -53,28 +48,6 @@ _CAUSES = {  # regressors of each cause
     "misalignment": (1, 2),
     "bandwidth": (3, 4),
     EARTH_RATE: (5,),
-}
-_WORDS = {
-    "scale factor": "The scale factors of the {kind}s are wrong by {size:.2g} %: their errors are "
-    "proportional to the measured quantity.",
-    "misalignment": "The {kind}s are misaligned by {size:.2g}°: each also measures the other axes.",
-    "bandwidth": "The {kind}s lag behind the motion by {size:.2g} ms: their bandwidth is limited.",
-    "temperature": "The biases of the {kind}s depend on the temperature, by {size:.2g} {unit} per K.",
-    "g-sensitivity": "The biases of the {kind}s depend on the specific force, by {size:.2g} °/s per g.",
-    "bias drift": "The biases of the {kind}s drift steadily, by {size:.2g} {unit} per minute.",
-}
-_ADVICE = {
-    "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
-    "filter then estimates the scale factors.",
-    "misalignment": "Calibrate the {kind}s, or set navigator.estimate_misalignments. More {kind} noise in "
-    "navigator.q covers a part of them.",
-    "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
-    "bandwidth (sensors.{kind}.bandwidth).",
-    "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
-    "in navigator.q.",
-    "g-sensitivity": "Compensate the {kind}s for the specific force, or set "
-    "navigator.estimate_g_sensitivity. More {kind} noise in navigator.q covers a part.",
-    "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
 }
 
 
@@ -138,16 +111,8 @@ def _earth_rate(entry: Explained) -> list[Weighed]:
     part = float(np.sum(weight * entry.estimate) / weight.sum())
     if abs(part - 1) > ALL_OF_IT:
         return []
-    finding = Finding(
-        EARTH_RATE,
-        "not modelled",
-        part,
-        "The rate of the Earth is left out: the sensors seem to err by ω_ie in the axes of the body (gyros), "
-        f"and by 2 ω_ie × v (accelerometers), {part:.2g} × as much.",
-        "Subtract C_bn ω_ie from the gyros, and 2 ω_ie × v from the acceleration.",
-        f"logarithm of the likelihood ratio {entry.gain:.0f}",
-    )
-    return [Weighed(entry.gain, finding)]
+    statistic = f"logarithm of the likelihood ratio {entry.gain:.0f}"
+    return [Weighed(entry.gain, FINDINGS["Earth rate"].finding(part, statistic, part=part))]
 
 
 def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit:
@@ -176,22 +141,9 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
             "bias drift": 60 * to_unit,
         }[entry.name]
     )
-    words = {"kind": kind, "size": size, "unit": unit}
-    finding = Finding(
-        f"{kind} {entry.name}",
-        "not modelled",
-        factor,
-        _WORDS[entry.name].format(**words),
-        _ADVICE[entry.name].format(**words),
-        f"logarithm of the likelihood ratio {entry.gain:.0f}",
-        (
-            Change("navigator.states", 21),
-            Change(f"sensors.{kind}.scale_factor_sigma", float(f"{size:.2g}")),
-        )
-        if entry.name == "scale factor"
-        else (),
-    )
-    return Weighed(entry.gain, finding)
+    statistic = f"logarithm of the likelihood ratio {entry.gain:.0f}"
+    wording = FINDINGS[entry.name]
+    return Weighed(entry.gain, wording.finding(factor, statistic, sensor=kind, size=rounded(size), unit=unit))
 
 
 def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
@@ -199,14 +151,13 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
     total, count = (float(figure[sensor]) for figure in errors.clipped)
     if not count or total < count or is_right(total, count):
         return []
-    finding = Finding(
-        f"{kind} range",
-        "not modelled",
-        float(np.sqrt(total / count)),
-        f"The {kind}s saturated in {count:.0f} windows of 1 s: their errors there are "
-        f"{written(np.sqrt(total / count))} × as large as assumed.",
-        f"Use {kind}s with a larger range (sensors.{kind}.range).",
+    root = float(np.sqrt(total / count))
+    finding = FINDINGS["saturation"].finding(
+        root,
         mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
+        sensor=kind,
+        windows=count,
+        root=root,
     )
     return [Weighed(size_weight(total, count), finding)]
 
@@ -253,24 +204,18 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
     if gain < RATIO or 1 / WANDERS < factor < WANDERS:
         return []
-    wrong = "small" if factor > 1 else "large"
     times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
     interval = wrong_by(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
-    how = f"about {written(times)} × too {wrong}" if np.isfinite(times) else "zero"
-    finding = Finding(
-        f"Q {kind} bias",
-        f"too {wrong}",
+    wording = FINDINGS["more wander" if factor > 1 else "less wander"]
+    finding = (wording if np.isfinite(times) else FINDINGS["wander without a drive"]).finding(
         float(times),
-        f"The biases of the {kind}s wander {'more' if factor > 1 else 'less'} than assumed: their drive, and "
-        f"so Q, is {how}.",
-        f"Multiply the {kind} bias drive in navigator.q by {written(factor)}."
-        if np.isfinite(times)
-        else f"Give the {kind} biases a drive: sensors.{kind}.rate_random_walk, or navigator.q.",
         f"logarithm of the likelihood ratio {gain:.0f}{interval_words(interval)}",
-        (Change("navigator.q", rounded(factor), True, (axes.start + 6, axes.stop + 6)),)
-        if np.isfinite(times)
-        else (),
         interval,
+        (axes.start + 6, axes.stop + 6),
+        direction=too(factor),
+        sensor=kind,
+        factor=float(times),
+        multiply=float(factor),
     )
     return [Weighed(gain, finding)]
 
@@ -278,28 +223,17 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
 def _noise(noise: Squares) -> list[Weighed]:
     """Judge Q by the sensor errors besides the biases and the errors that depend on the motion."""
     ratio = noise.mean
-    sentence = (
-        "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "
-        "{wrong}."
-    )
     together = bool(noise.number.all()) and 1 / TOGETHER < ratio[0] / max(ratio[1], 1e-12) < TOGETHER
     if together:
-        return judge_size(
-            Squares(noise.total.sum(), noise.number.sum()),
-            "Q",
-            "Errors grow {root} × as fast as σ states: Q is about {factor} × too {wrong}.",
-            "Multiply navigator.q_scale by {multiply}.",
-            "noise of the inertial sensors",
-            scales=("navigator.q_scale", None),
-        )
+        whole = Squares(noise.total.sum(), noise.number.sum())
+        return judge_size(whole, FINDINGS["Q"], "noise of the inertial sensors")
     found = []
     for index, kind in enumerate(SENSORS):
         found += judge_size(
             Squares(noise.total[index], noise.number[index]),
-            f"Q {kind}",
-            sentence.replace("{kind}", kind),
-            f"Multiply the {kind} noise in navigator.q by {{multiply}}.",
+            FINDINGS["Q of a sensor"],
             f"noise of the {kind}s",
-            scales=("navigator.q", (3 * index, 3 * index + 3)),
+            rows=(3 * index, 3 * index + 3),
+            sensor=kind,
         )
     return found

@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.analysis.fix_causes import gains
+from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.finding import RATIO, Change, Finding, Verdict, rounded, written
+from lab.analysis.verdicts.finding_table import CORRELATION, SENSORS
 from lab.analysis.verdicts.innovation_evidence import Record, normalised, offered
-from lab.analysis.verdicts.innovation_verdict import ADVICE_FILTERING, CORRELATION
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
 from lab.analysis.verdicts.receiver_drift import ReceiverDrift, likely_drift
 from lab.analysis.verdicts.trial import Repeatable
@@ -48,10 +49,9 @@ class States(NamedTuple):
     parts: int
 
 
-KINDS = ("gyro", "accelerometer")
 SCALED = 21
 """Number of states of a filter with scale factors."""
-_SCALES = tuple(f"{kind} scale factor" for kind in KINDS)
+_SCALES = tuple(f"{kind} scale factor" for kind in SENSORS)
 _DEGREE = np.pi / 180
 """One degree [rad]: the unit of these settings."""
 _STATES = {
@@ -77,7 +77,7 @@ _STATES = {
             _DEGREE,
             6,
         )
-        for kind in KINDS
+        for kind in SENSORS
     },
 }
 """The states by the name of the error in a finding."""
@@ -108,7 +108,7 @@ def of_simulated(verdict: Verdict, experiment: ExperimentSettings, P0: FloatArra
         states = _states(finding, experiment)
         if states is None or not np.any(experiment.get(states.size)):
             return finding
-        return _with(finding, states, (), "")
+        return _with(finding, states)
 
     return _replaced(verdict, [advised(one) for one in verdict.findings])
 
@@ -122,19 +122,17 @@ def of_log(verdict: Verdict, run: Repeatable) -> Verdict:
             return finding
         if finding.quantity != CORRELATION:
             size = rounded(finding.factor / np.sqrt(states.parts) / states.unit)
-            return _with(finding, states, (Change(states.size, size),), f" and {states.size} to {size:g}")
+            return _with(finding, states, (Change(states.size, size),))
         drift = _drift(run)
         if drift is None:
             return finding
         size, time = rounded(drift.sigma), rounded(drift.time)
         changes = [Change(states.size, size), Change(_TIME, time)]
-        words = [f"{states.size} to {written(size)}", f"{_TIME} to {written(time)}"]
         if drift.white != 1:
             horizontal, vertical, velocity = run.experiment.navigator.r_factors
             factors = [rounded(drift.white * horizontal), rounded(drift.white * vertical), velocity]
             changes.append(Change("navigator.r_factors", factors))
-            words.append(f"navigator.r_factors to {factors}")
-        return _with(finding, states, tuple(changes), f", {', '.join(words[:-1])} and {words[-1]}")
+        return _with(finding, states, tuple(changes))
 
     return _replaced(verdict, [advised(one) for one in verdict.findings])
 
@@ -160,7 +158,7 @@ def _with_scales(
     whole = np.zeros((SCALED, SCALED))
     whole[:CORE, :CORE] = P0[:CORE, :CORE] / navigator.p0_scale
     words = []
-    for at, kind in enumerate(KINDS):
+    for at, kind in enumerate(SENSORS):
         path = f"sensors.{kind}.scale_factor_sigma"
         sigma = np.broadcast_to(np.asarray(experiment.get(path), dtype=np.float64), 3)
         if path in sigmas:
@@ -170,12 +168,8 @@ def _with_scales(
         whole[states, states] = (sigma / 100) ** 2 / navigator.p0_scale
     diagonal = np.diag(whole)
     value = diagonal if np.array_equal(whole, np.diag(diagonal)) else whole
-    return replace(
-        finding,
-        advice="Set navigator.states to 21, with the σ of the scale factors in navigator.p0: "
-        f"{' and '.join(words)}. The filter then estimates them.",
-        changes=(Change("navigator.states", SCALED), Change("navigator.p0", value.tolist())),
-    )
+    advice = ADVICE["set P0 of scale factors"].filled(sigmas=" and ".join(words), p0=value.tolist())
+    return replace(finding, advice=advice.text, changes=advice.changes)
 
 
 def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:
@@ -185,14 +179,20 @@ def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:
     beside white ones.
     """
     states = _STATES.get(finding.quantity)
-    if states is None or finding.advice == ADVICE_FILTERING or experiment.get(states.switch):
+    if states is None or finding.advice == ADVICE["use fewer fixes"].text or experiment.get(states.switch):
         return None
     return states
 
 
-def _with(finding: Finding, states: States, changes: tuple[Change, ...], words: str) -> Finding:
-    advice = f"Set {states.switch}{words}: the filter then estimates {states.words}."
-    return replace(finding, advice=advice, changes=(Change(states.switch, True), *changes))
+def _with(finding: Finding, states: States, changes: tuple[Change, ...] = ()) -> Finding:
+    settings = ", ".join(f"{one.path} to {_text(one.value)}" for one in changes)
+    row = "estimate with settings" if changes else "estimate"
+    advice = ADVICE[row].filled(switch=states.switch, settings=settings, states=states.words)
+    return replace(finding, advice=advice.text, changes=(*advice.changes, *changes))
+
+
+def _text(value: object) -> str:
+    return written(value) if isinstance(value, float) else str(value)
 
 
 def _replaced(verdict: Verdict, findings: list[Finding]) -> Verdict:

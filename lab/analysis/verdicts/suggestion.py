@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from lab.analysis.verdicts.advice_table import NO_SLIP, NO_SLIP_AT, WHEELS
 from lab.analysis.verdicts.aid_verdict import judge_aids
-from lab.analysis.verdicts.finding import Change, Suggestion, Verdict
+from lab.analysis.verdicts.finding import Suggestion, Verdict
 from lab.analysis.verdicts.trial import (
     EVERY,
     LIKELY,
@@ -44,7 +45,6 @@ seconds for all runs."""
 NEAR, BEHIND, AHEAD = 0.3, -1.0, 3.0
 """Distances of the IMU ahead of the rear axle [m]: the least that matters, 0.1 m/s in a turn of 20°/s, and
 those that a car has room for."""
-NO_SLIP = Change("navigator.no_slip", True)
 
 
 def may_suggest(run: Repeatable) -> bool:
@@ -83,7 +83,9 @@ def with_suggestions(
 
 def _no_slip(run: Repeatable) -> Suggestion | None:
     """Return the suggestion that the vehicle does not slip, if that helps."""
-    changes, words = _changes(run)
+    place = _place(run)
+    advice = NO_SLIP if place is None else NO_SLIP_AT
+    changes = advice.filled(place=place, outage=OUTAGE, before="", after="").changes
     with_it = run.repeated(advised(run, changes))
     if judge_aids(with_it.evidence.aids):
         return None  # it slips, or the axes of the IMU are not those of the vehicle
@@ -94,32 +96,23 @@ def _no_slip(run: Repeatable) -> Suggestion | None:
     if worsened(figures(run), figures(with_it)):
         return None
     was, becomes = (metres(float(np.sqrt(np.nanmean(one**2)))) for one in (before, after))
-    return Suggestion(
-        "The vehicle moves along the forward axis of the IMU, in turns too, and does not bank: as one on "
-        "wheels or rails does.",
-        f"Set navigator.no_slip{words}: the speeds to the right and down are then measured as zero, which "
-        f"helps where there is no fix. Tried: error across outages of {OUTAGE:.0f} s: {was}, then {becomes}.",
-        changes,
-    )
+    text = advice.filled(place=place, outage=OUTAGE, before=was, after=becomes).text
+    return Suggestion(WHEELS, text, changes)
 
 
-def _changes(run: Repeatable) -> tuple[tuple[Change, ...], str]:
-    """Return the changes of settings to try, and the second one as text.
+def _place(run: Repeatable) -> list[float] | None:
+    """Return the place on the rear axle to try; None to leave the setting as it is.
 
     The speeds are zero at a place on the rear axle, and an IMU ahead of it moves sideways in turns. The place
     is a setting of the sensors, which stay as they are in a simulation.
     """
     odometer = run.experiment.sensors.odometer
     if run.recorded is None or odometer.fitted or np.any(odometer.lever_arm):
-        return (NO_SLIP,), ""
+        return None
     ahead = round(ahead_of_axle(run), 1)
     if not BEHIND < ahead < AHEAD or abs(ahead) < NEAR:
-        return (NO_SLIP,), ""
-    place = [-ahead, 0.0, 0.0]
-    return (
-        NO_SLIP,
-        Change("sensors.odometer.lever_arm", place),
-    ), f" and sensors.odometer.lever_arm to {place}"
+        return None
+    return [-ahead, 0.0, 0.0]
 
 
 def _across(run: Repeatable) -> FloatArray:

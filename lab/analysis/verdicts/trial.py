@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.evidence import Evidence
-from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Verdict, headline, written
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, written
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.analysis.verdicts.verdict import judge
 from lab.base.arrays import FloatArray
@@ -48,11 +49,6 @@ RARE = 3.0
 """Number of standard deviations within which a figure counts as that of a right filter."""
 
 _TRYING = "Trying the advice"
-_USELESS = (
-    f"{WITHHELD} what such a finding suggests was tried, and neither NIS, the correlation of the innovations "
-    "nor the errors across outages get better."
-)
-"""Advice that was tried without gain."""
 
 
 class Figures(NamedTuple):
@@ -139,11 +135,11 @@ def tried(
         if not finding.changes:
             found.append(finding)
         elif together:
-            found.append(replace(finding, advice=f"{finding.advice} Tried, {together}."))
+            found.append(replace(finding, advice=_told("better together", finding, effect=together)))
         else:
             tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
             after = _tried(finding, runs, before)
-            useless += [len(found)] if after.advice == _USELESS else []
+            useless += [len(found)] if after.advice == TRIED["useless"] else []
             found.append(after)
     for again in useless[1:]:  # once is enough
         found[again] = replace(found[again], advice="")
@@ -167,7 +163,7 @@ def _together(
         return ""
     if worsened(before, there) or not _helped(findings, before, there, after):
         return ""
-    return f"all advice together: {_words(before, there)}"
+    return _words(before, there)
 
 
 def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
@@ -176,20 +172,17 @@ def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Fin
         after = [run.repeated(advised(run, finding.changes)) for run in runs]
         there = average([figures(run) for run in after])
     except (SettingError, ValueError) as error:
-        return replace(
-            finding, advice=f"{finding.advice} (Tried: the run cannot be navigated: {error})", changes=()
-        )
+        return replace(finding, advice=_told("refused", finding, error=error), changes=())
     worse = worsened(before, there)
     if worse:
-        return replace(
-            finding,
-            advice=f"{WITHHELD} the change that such a finding suggests was tried, and it makes worse "
-            f"{worse}. It was: {finding.advice}",
-            changes=(),
-        )
+        return replace(finding, advice=_told("worse", finding, worse=worse), changes=())
     if not _helped([finding], before, there, after):
-        return replace(finding, advice=_USELESS, changes=())
-    return replace(finding, advice=f"{finding.advice} Tried: {_words(before, there)}.")
+        return replace(finding, advice=TRIED["useless"], changes=())
+    return replace(finding, advice=_told("better", finding, effect=_words(before, there)))
+
+
+def _told(row: str, finding: Finding, **fields: object) -> str:
+    return TRIED[row].format(advice=finding.advice, **fields)
 
 
 def _helped(

@@ -32,7 +32,8 @@ from lab.analysis.verdicts.finding import (
     judge_size,
     sorted_findings,
 )
-from lab.analysis.verdicts.fix_verdict import judge_fixes, judge_refused
+from lab.analysis.verdicts.finding_table import FINDINGS
+from lab.analysis.verdicts.fix_verdict import judge_fixes
 from lab.analysis.verdicts.innovation_verdict import judge_innovations
 from lab.analysis.verdicts.sensor_verdict import judge_sensors
 from lab.analysis.verdicts.state_verdict import judge_start, judge_states
@@ -83,18 +84,15 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
     beyond = usage.rejected > usage.expected + MANY_SIGMA * np.sqrt(usage.expected + 1)
     if not usage.offered or unused <= UNUSED * usage.offered or not beyond:
         return []
-    if refused >= RIGHTLY * usage.rejected:
-        return judge_refused(usage.rejected, usage.expected, usage.offered)
     part = usage.rejected / usage.offered
-    finding = Finding(
-        "gate",
-        "rejected",
+    finding = FINDINGS["refused outliers" if refused >= RIGHTLY * usage.rejected else "gate"].finding(
         part,
-        f"The gate rejected {usage.rejected} of {usage.offered} fixes ({100 * part:.2g} %), where chance "
-        f"rejects {usage.expected:.2g}.",
-        "Find out why these fixes are implausible; do not trust the rest before. A Q, R or P₀ that is too "
-        "small makes good fixes implausible. Run with navigator.gate 0 and read the verdict on all fixes.",
         f"{usage.rejected} rejected, expected {usage.expected:.2g}",
+        direction="rejected",
+        rejected=usage.rejected,
+        offered=usage.offered,
+        percent=100 * part,
+        expected=usage.expected,
     )
     return [Weighed(float(unused), finding)]
 

@@ -21,7 +21,7 @@ import re
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from lab.analysis.verdicts.finding_names import FINDING_NAMES
+from lab.analysis.verdicts.finding_table import FINDING_NAMES
 from lab.classroom.lessons.quantities import QUANTITIES, setting_value
 from lab.experiment.result import Result
 
