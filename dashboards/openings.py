@@ -21,7 +21,7 @@ from bokeh.server.session import ServerSession
 from dashboards import garbage
 from dashboards.computing import rested
 from dashboards.upstream.server import models_version
-from lab.experiment.stages import CACHE
+from lab.experiment.sensor_stages import CACHE
 from lab.run.memory import give_back, resident
 
 PAUSE = 0.01

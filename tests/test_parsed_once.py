@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-import lab.experiment.stages
+import lab.experiment.sensor_stages
 from lab.base.cache import StageCache
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
@@ -38,7 +38,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         for module in [one for key, one in sys.modules.items() if key.split(".")[0] == "lab"]:
             if getattr(module, name, None) is function:
                 monkeypatch.setattr(module, name, counted(name, function))
-    monkeypatch.setattr(lab.experiment.stages, "CACHE", StageCache(limit=256 * 2**20))
+    monkeypatch.setattr(lab.experiment.sensor_stages, "CACHE", StageCache(limit=256 * 2**20))
     return counts
 
 

@@ -10,7 +10,8 @@ from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.log_run import run_log
 from lab.experiment.result import Result, Runnable
-from lab.experiment.stages import CACHE, Stages
+from lab.experiment.sensor_stages import CACHE
+from lab.experiment.stages import Stages
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm

@@ -12,7 +12,7 @@ from panel.io.state import set_curdoc
 from walking import PAUSE, Walk, walking
 
 from lab.base import histories
-from lab.experiment import stages
+from lab.experiment import sensor_stages, stages
 from lab.run import run as arrays
 
 PATIENCE = 300.0
@@ -22,7 +22,7 @@ PATIENCE = 300.0
 @pytest.fixture
 def long(monkeypatch: pytest.MonkeyPatch) -> Iterator[Walk]:
     """Return the page of a flight of minutes that counts as one of hours."""
-    for module in (histories, stages, arrays):
+    for module in (histories, sensor_stages, stages, arrays):
         monkeypatch.setattr(module, "LONG", 1000)
     stages.CACHE.clear()
     with walking(monkeypatch) as walk:

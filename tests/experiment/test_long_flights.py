@@ -19,7 +19,7 @@ from lab.analysis.verdicts.innovation_evidence import offered
 from lab.analysis.verdicts.run_evidence import evidence_of
 from lab.base import histories
 from lab.cli import app
-from lab.experiment import stages
+from lab.experiment import sensor_stages, stages
 from lab.experiment.datasets import flight, tables
 from lab.experiment.result import Result
 from lab.missions import mission
@@ -50,7 +50,7 @@ quaternion that are off by up to 3e-8, by up to 2e-5°."""
 @pytest.fixture
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
-    for module in (histories, trajectory, stages, arrays):
+    for module in (histories, trajectory, sensor_stages, stages, arrays):
         monkeypatch.setattr(module, "LONG", SHORT)
     for module in (navigator, smoother, unscented, memory):
         monkeypatch.setattr(module, "SINGLE", SHORT)

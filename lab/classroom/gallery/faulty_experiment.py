@@ -14,7 +14,8 @@ from lab.base.progress import Progress
 from lab.classroom.gallery.faults import Fault
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.experiment.stages import SampledFlight, Stages
+from lab.experiment.sensor_stages import SampledFlight, SensorStages
+from lab.experiment.stages import Stages
 from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.alignment.rest_alignment import Aligned
@@ -85,7 +86,7 @@ class _Faulty(Stages):
         real = Experiment().update(experiment.to_dict())
         for path, value in fault.sensors.items():
             real.set(f"sensors.{path}", value)
-        self._real = Stages(real, found, progress)
+        self._real = SensorStages(real, found)
         self._fault = fault
         self.hidden = fault.title
 

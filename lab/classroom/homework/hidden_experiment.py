@@ -20,8 +20,9 @@ from lab.base.progress import Progress
 from lab.classroom.homework.scenario import Scenario
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.experiment.sensor_stages import SampledFlight, SensorStages
 from lab.experiment.simulated_result import SimulatedResult
-from lab.experiment.stages import SampledFlight, Stages, start
+from lab.experiment.stages import Stages, start
 from lab.missions import LogMission, Mission, mission
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.algorithm import Algorithm
@@ -130,7 +131,7 @@ class _HiddenStages(Stages):
         super().__init__(experiment, found, progress, algorithm)
         self.hidden = experiment.hidden
         self._faults = experiment.scenario.hidden.found
-        self._real = Stages(experiment.scenario.real(experiment), found, progress)
+        self._real = SensorStages(experiment.scenario.real(experiment), found)
 
     def result(self) -> HiddenResult:
         """Compute the stages in order."""

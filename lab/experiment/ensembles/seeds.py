@@ -33,7 +33,7 @@ from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.experiment.stages import Stages
+from lab.experiment.sensor_stages import SensorStages
 from lab.missions import LogMission, MissionError, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.checks import DivergedError
@@ -142,7 +142,7 @@ def memory_of(experiment: Experiment) -> int:
         found = mission(experiment.mission)
         if isinstance(found, LogMission):
             return 0
-        stages = Stages(experiment, found, lambda _stage, _done: None)
+        stages = SensorStages(experiment, found)
         return stages.memory(stages.samples())
     except (SettingError, MissionError):
         return 0

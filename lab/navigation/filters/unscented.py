@@ -21,60 +21,37 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation import strapdown
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters import blocks, wander_models
 from lab.navigation.filters.error_models import write_map
-from lab.navigation.filters.heading_observability import (
-    put_back_covariance,
-    remove_directions,
-    shows_heading,
-    take_covariance,
-    write_directions,
-)
 from lab.navigation.filters.kalman import (
-    MEASUREMENTS,
     RECOVERED,
     REJECTED,
     USED,
-    cholesky_of_fix,
-    gate_fix,
-    normalised_square,
-    predict_fix,
-    weight,
 )
-from lab.navigation.filters.observation import felt_by_gyro, in_body, see_latency
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule, Stretch
-from lab.navigation.filters.sigma_points import displace, gather, spread, transport
+from lab.navigation.filters.sigma_points import displace, gather, spread
 from lab.navigation.filters.unscented_aids import observe_aid
 from lab.navigation.filters.unscented_filter import (
-    GPS_DRIFT,
-    GYRO_DRIFT,
-    GYRO_G,
-    LATENCY,
-    LEVER_ARM,
-    MISALIGNMENT,
-    SCALE,
     UnscentedFilter,
     check,
     check_heading,
 )
 from lab.navigation.filters.unscented_noise import decay_errors, drive
-from lab.navigation.filters.vertical_bias import apparent_vertical, raise_vertical_bias
+from lab.navigation.filters.unscented_updates import is_rest_due, judge_fix, update_at_rest, update_by_fix
 from lab.navigation.kernels.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.kernels.generation import Variant, generated
 from lab.navigation.kernels.lane_points import MOST_TURN, point_of, step_abreast, step_kernel
 from lab.navigation.kernels.lane_step import LANES
 from lab.navigation.kernels.propagation import NAV
-from lab.navigation.lever_arm import mean_rates_at_fixes, predict_antenna
+from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.navigator import PIECE, navigate_segments
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
-from lab.navigation.standstill import GATE, gather_rest, hold_attitude, predict_rest
-from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
-from lab.navigation.wander import back, difference, fix_axes, frame_rate, store_state
+from lab.navigation.strapdown import GYRO_BIAS, Vector, get, step
+from lab.navigation.wander import difference, store_state
 
 FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""
@@ -179,182 +156,6 @@ def _centre(run: UnscentedFilter) -> None:
     run.clock[1] = -1.0
 
 
-@embedded_kernel
-def _see_slow_errors(run: UnscentedFilter, axes: Matrix, nu: FloatArray, H: FloatArray) -> None:
-    """Add latency, GPS drift, gyro drift and g-sensitivity to the innovation of a fix and to its H.
-
-    Those that are states.
-    """
-    felt = run.first[GYRO_G]
-    latency, gps_drift, gyro_drift = run.first[LATENCY], run.first[GPS_DRIFT], run.first[GYRO_DRIFT]
-    if latency >= 0:
-        see_latency(run.state, axes, latency, nu, H)
-    if gps_drift >= 0:
-        for i in range(3):
-            nu[i] += run.state[strapdown.GPS_DRIFT + i]
-            H[i, gps_drift + i] = 1.0
-    if gyro_drift >= 0:
-        for i in range(MEASUREMENTS):
-            for j in range(3):
-                H[i, gyro_drift + j] = H[i, 9 + j]
-    if felt >= 0:  # the rate about the fix is one as measured
-        for i in range(MEASUREMENTS):
-            for j in range(3):
-                H[i, felt + j] = H[i, 9 + j] * felt_by_gyro(run.state, j)
-                nu[i] += H[i, felt + j] * run.state[strapdown.GYRO_G + j]
-
-
-@embedded_kernel
-def _judge(
-    run: UnscentedFilter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
-) -> int:
-    """Write H and R of fix m, move its innovation to the antenna, and return its outcome."""
-    H, R, S, n = run.H, run.R_fix, out.innovation_covariance[m], run.x.size
-    for i in range(MEASUREMENTS):
-        for j in range(MEASUREMENTS):
-            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
-        for j in range(n):
-            H[i, j] = 1.0 if i == j else 0.0
-    axes = fix_axes(run.state)
-    turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    predict_antenna(
-        run.state,
-        run.lever_arm,
-        turn,
-        age,
-        run.noise,
-        axes,
-        nu,
-        H,
-        R,
-        run.first[SCALE] >= 0,
-        run.first[LEVER_ARM],
-        run.first[MISALIGNMENT],
-    )
-    _see_slow_errors(run, axes, nu, H)
-    for i in range(MEASUREMENTS):
-        for j in range(n):
-            out.fix_H[m, i, j] = H[i, j]
-        for at in range(0, 9, 3):
-            put(H[i], at, back(axes, get(H[i], at)))
-    predict_fix(run.P, H, R, S)
-    nis = normalised_square(nu, S)
-    became = gate_fix(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
-    if became != REJECTED:
-        if became == RECOVERED:
-            nis = 0.0
-        per_weight = 1 / weight(schedule.robust, nis)
-        for i in range(MEASUREMENTS):
-            for j in range(MEASUREMENTS):
-                R[i, j] *= per_weight
-    for i in range(MEASUREMENTS):
-        for j in range(MEASUREMENTS):
-            out.fix_R[m, i, j] = R[i, j]
-    return became
-
-
-@kernel
-def _keeps_heading(run: UnscentedFilter) -> bool:
-    """Return whether a fix shows the heading by chance at most; write what its update must keep."""
-    vertical, D = (0.0, 0.0, 1.0), run.directions
-    write_directions(vertical, in_body(run.state, vertical), run.P, D)
-    if shows_heading(run.P, run.H, run.R_fix, MEASUREMENTS, vertical, D):
-        return False
-    take_covariance(run.P, D, run.kept)
-    return True
-
-
-@embedded_kernel
-def _update(run: UnscentedFilter, nu: FloatArray, may_hold: bool, held: FloatArray) -> None:
-    """Update P with an innovation, and correct the navigator by the estimated error.
-
-    `held` (3,) receives the vertical in b if heading and vertical gyro bias kept their estimates, which they
-    do only if they `may_hold`.
-
-    H is linear except for the lever arm, which is small compared with relevant position errors. For a linear
-    H, the unscented transform is exact, and the update is that of the Kalman filter (Groves 3.2.7). With S =
-    L Lᵀ and W = P Hᵀ L⁻ᵀ, the estimate is W L⁻¹ ν, and P is reduced by W Wᵀ.
-    """
-    P, x, H, S, D = run.P, run.x, run.H, run.S, run.directions
-    root = np.zeros((MEASUREMENTS, MEASUREMENTS))
-    predict_fix(P, H, run.R_fix, S)
-    keeps = may_hold and _keeps_heading(run)
-    cholesky_of_fix(S, root)
-    W = np.empty((x.size, MEASUREMENTS))
-    white = np.empty(MEASUREMENTS)
-    for m in range(MEASUREMENTS):
-        white[m] = nu[m]
-        for k in range(m):
-            white[m] -= root[m, k] * white[k]
-        white[m] /= root[m, m]
-    for i in range(x.size):
-        x[i] = 0.0
-        for m in range(MEASUREMENTS):
-            W[i, m] = 0.0
-            for j in range(x.size):
-                W[i, m] += P[i, j] * H[m, j]
-            for k in range(m):
-                W[i, m] -= root[m, k] * W[i, k]
-            W[i, m] /= root[m, m]
-            x[i] += W[i, m] * white[m]
-    for i in range(x.size):
-        for j in range(x.size):
-            total = 0.0
-            for m in range(MEASUREMENTS):
-                total += W[i, m] * W[j, m]
-            P[i, j] -= total
-    if keeps:
-        put_back_covariance(P, D, run.kept)
-        remove_directions(x, D)
-        for i in range(3):
-            held[i] = D[1, NAV + i]
-    vertical, down = apparent_vertical(run.state)
-    raise_vertical_bias(P, vertical, down)
-    displace(run.state, x, run.places)
-    transport(P, (x[6], x[7], x[8]))
-
-
-@inline_kernel
-def _rests(run: UnscentedFilter, imu: Imu, k: int, dt: float) -> bool:
-    """Process the rest flag of sample k; return whether an update at rest is due."""
-    if imu.rest.size == 0:
-        return False
-    hold_attitude(run.state, run.rest_sums, imu.rest[k])
-    return bool(imu.rest[k] and gather_rest(run.state, run.rest_sums, dt))
-
-
-@embedded_kernel
-def _update_at_rest(run: UnscentedFilter) -> bool:
-    """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
-    P, x, state, drift, felt = run.P, run.x, run.state, run.first[GYRO_DRIFT], run.first[GYRO_G]
-    H, gain = np.empty(6), np.empty(x.size)
-    z = predict_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
-    s = 1.0
-    for i in range(x.size):
-        gain[i] = 0.0
-        for j in range(6):
-            gain[i] += P[i, 6 + j] * H[j]
-        for j in range(3 if drift >= 0 else 0):
-            gain[i] += P[i, drift + j] * H[3 + j]
-        for j in range(3 if felt >= 0 else 0):
-            gain[i] += P[i, felt + j] * H[3 + j] * felt_by_gyro(state, j)
-    for j in range(6):
-        s += H[j] * gain[6 + j]
-    for j in range(3 if drift >= 0 else 0):
-        s += H[3 + j] * gain[drift + j]
-    for j in range(3 if felt >= 0 else 0):
-        s += H[3 + j] * felt_by_gyro(state, j) * gain[felt + j]
-    if z * z > GATE * s:
-        return False
-    for i in range(x.size):
-        x[i] = gain[i] / s * z
-        for j in range(x.size):
-            P[i, j] -= gain[i] * gain[j] / s
-    displace(state, x, run.places)
-    transport(P, (x[6], x[7], x[8]))
-    return True
-
-
 @inline_kernel
 def _store(out: Solution, k: int, run: UnscentedFilter) -> None:
     """Write sample k of the solution: the navigator minus its last difference to the mean of the points."""
@@ -453,13 +254,13 @@ def filter_all(
         _step(run, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
         m = run.counts[0]
         fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-        rest_due = _rests(run, imu, k, dt)
+        rest_due = is_rest_due(run, imu, k, dt)
         due = fix_due or rest_due or aid_due(run, time, dt)
         if due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt):
             _form(run)
             if due or run.clock[1] >= HELD - SLACK * dt:
                 _centre(run)
-        if rest_due and _update_at_rest(run):
+        if rest_due and update_at_rest(run):
             out.rest[k + 1] = True
             _show(run)
         take_aids(run, out, k, time, dt, schedule)
@@ -468,11 +269,11 @@ def filter_all(
             if age <= dt * (1 + SLACK):
                 nu = out.innovation[m]
                 difference(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
-                became = _judge(run, m, age, time, schedule, nu, out)
+                became = judge_fix(run, m, age, time, schedule, nu, out)
                 if became == REJECTED:
                     out.fix_rejected[m] = True
                 else:
-                    _update(run, nu, schedule.hold_heading and became == USED, out.fix_held[m])
+                    update_by_fix(run, nu, schedule.hold_heading and became == USED, out.fix_held[m])
                     _show(run)
                     _store_fix(out, m, k + 1, run)
                     out.fix_recovered[m] = became == RECOVERED

@@ -1,0 +1,280 @@
+"""Lane results: what is kept of each run abreast, and the evidence of its filter.
+
+The samples that are stored are those of all runs: a second apart, at the fixes, and at both ends.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency, fix_causes, fix_figures
+from lab.analysis.errors import path_of
+from lab.analysis.feedforward import CORRECTED
+from lab.analysis.fix_figures import FixFigures, TruthArrays
+from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
+from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
+from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
+from lab.base.arrays import FloatArray
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.sensor_stages import SampledFlight
+from lab.navigation.belief import (
+    assumed_latency,
+    bias_processes,
+    hidden_by_fixes,
+)
+from lab.navigation.filters.blocks import SCALES
+from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.kalman import MEASUREMENTS
+from lab.navigation.filters.schedule import SLACK
+from lab.navigation.kernels.lanes import LaneSolution
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
+from lab.navigation.strapdown import MAX_LATITUDE
+from lab.run.run import at_samples
+from lab.sensors import gps, imu
+from lab.sensors import temperature as thermal
+from lab.sensors.suite import SensorSuite
+
+Samples = NDArray[np.int64]
+
+
+class Sensed(NamedTuple):
+    """What the sensors of one run measured, and what its filter assumes."""
+
+    start: Start
+    belief: Belief
+    constants: FloatArray | None
+    gyro: imu.Measured
+    accelerometer: imu.Measured
+    fixes: gps.GpsFixes
+    seen: Fixes
+
+    def imu(self, time: FloatArray) -> Imu:
+        """Return what the IMU measured at the times (n,) of the samples [s]."""
+        return Imu(time, self.gyro.increments, self.accelerometer.increments)
+
+
+class LaneResults:
+    """What is kept of the runs abreast of one experiment.
+
+    Parameters
+    ----------
+    sensors, navigator
+        The settings.
+    model
+        The model of the filter.
+    flight
+        The flight of all runs.
+    fix_time : (m,) array
+        True times of the fixes [s].
+
+    Attributes
+    ----------
+    stored, path : arrays
+        The samples whose solution is stored, and those whose motion is.
+    """
+
+    def __init__(
+        self,
+        sensors: SensorSuite,
+        navigator: NavigatorSettings,
+        model: ErrorModel,
+        flight: SampledFlight,
+        fix_time: FloatArray,
+    ) -> None:
+        self._sensors, self._navigator, self._model = sensors, navigator, model
+        self._truth, self._ideal = flight.truth, flight.ideal
+        self._latency = assumed_latency(navigator, sensors.gps.latency)
+        self._drive = bias_processes(sensors)[0]
+        self._hidden = np.append(np.zeros(3), hidden_by_fixes(sensors))
+        self._exact: tuple[Exact, Exact] | None = None
+        self._span = float(self._truth.time[0]), float(self._truth.time[-1])
+        time, dt, latency = self._truth.time, self._ideal.dt, self._latency
+        fixed = np.searchsorted(time, fix_time - latency - SLACK * dt)
+        fixed = fixed[(fixed > 0) & (fixed < time.size)]
+        seconds = whole_seconds(time)
+        self._before = np.maximum(seconds - 1, 1)
+        ends = np.array([0, min(1, time.size - 1), time.size - 1])
+        self.stored = np.unique(np.concatenate((ends, fixed - 1, fixed, seconds, self._before)))
+        self._width = fix_causes.window_width(time)
+        self._grid = path_of(time, float(self._sensors.gps.period))
+        first = np.maximum(fixed - 1 - self._width, 0)
+        self.path = np.unique(np.concatenate((self._grid, self.stored, first)))
+        self._of_grid = np.searchsorted(self.path, self._grid)
+        self._of_before = np.searchsorted(self.stored, self._before)
+        self._there = self._truth.taken(self.stored)
+        self._true_there = TruthArrays.of(self._there)
+        self._on_grid = self._truth.taken(self._grid)
+        self._true_path = TruthArrays.of(self._on_grid)
+        profile = self._sensors.temperature
+        self._temperature = (
+            thermal.temperature(profile, time[1:], self._truth.height[1:] - self._truth.height[0])
+            if profile.profile != "none"
+            else None
+        )
+
+    def means(self, increments: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mean increments (windows, 6, LANES) in the windows of the tests of the sensors."""
+        short, long = self._moved()
+        means = window_means(increments, short)
+        return means, means if long is short else window_means(increments, long)
+
+    def kept(
+        self,
+        one: Sensed,
+        navigated: LaneSolution,
+        seconds: float,
+        means: tuple[FloatArray, FloatArray] | None,
+    ) -> RunAtFixes | None:
+        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged.
+
+        A run is judged if the means of its increments (windows, 6) are given.
+        """
+        if _diverged(navigated):
+            return None
+        solution = self._in_stored(navigated.solution)
+        judged = None if means is None else self._evidence(one, solution, navigated, means)
+        if means is not None and judged is None:
+            return None
+        found = self._figures(one, solution, navigated.motion)
+        used = solution.fix_sample >= 0
+        P, nu, S = _used(solution, used)
+        nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
+        nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
+        return RunAtFixes(
+            time=one.fixes.time[used],
+            nees=nees,
+            nis=nis,
+            grid=self._truth.time[self._before],
+            between=found.between,
+            between_degrees=3,
+            error=found.error,
+            sigma=found.sigma,
+            rms=found.rms,
+            largest=found.largest,
+            degrees=int(consistency.uncertain(P).size) if P.size else 0,
+            nis_degrees=MEASUREMENTS,
+            innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
+            span=self._span,
+            evidence=judged,
+            free=CORRECTED,
+            seconds=seconds,
+            algorithm="",
+        )
+
+    def _figures(self, one: Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
+        """Return the figures of a run."""
+        true = self._reference(one)
+        scale = np.zeros((self.stored.size, 0)) if true.scale is None else true.scale
+        path = np.ascontiguousarray(motion[self._of_grid])
+        return fix_figures.fix_figures(
+            solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
+        )
+
+    def _in_stored(self, solution: Solution) -> Solution:
+        """Return a solution whose fixes tell their places among the stored samples."""
+        at = np.searchsorted(self.stored, solution.fix_sample)
+        return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
+
+    def _evidence(
+        self,
+        one: Sensed,
+        solution: Solution,
+        navigated: LaneSolution,
+        means: tuple[FloatArray, FloatArray],
+    ) -> Evidence | None:
+        """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
+        fixes = one.seen
+        stored = Imu(self._truth.time[self.stored], one.gyro.increments[:0], one.accelerometer.increments[:0])
+        seen, samples = offered(solution, fixes, stored)
+        if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
+            return None
+        return evidence(
+            solution,
+            one.belief,
+            fixes,
+            stored,
+            self._reference(one),
+            gate=float(self._navigator.gate),
+            latency=self._latency,
+            explain=False,
+            motion=self._motion(one, solution, navigated, samples),
+            sensors=sensor_errors(
+                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), means
+            ),
+        )
+
+    def _motion(
+        self, one: Sensed, solution: Solution, navigated: LaneSolution, samples: Samples
+    ) -> fix_causes.MotionAtFixes:
+        """Return the motion at the fixes, whose places among the stored samples are given."""
+        last = np.maximum(self.stored[samples] - 1, 0)
+        first = np.maximum(last - self._width, 0)
+        here = np.searchsorted(self.stored, last)
+        before = navigated.motion[np.searchsorted(self.path, first)]
+        return fix_causes.motion_of(
+            self._truth.time,
+            (first, last),
+            (before[:, 3:6], solution.velocity_n[here]),
+            solution.q_nb[here],
+            one.gyro.increments,
+            np.append(self.stored[samples], self.stored[-1]),
+            navigated.force[np.append(samples, self.stored.size - 1)],
+        )
+
+    def _reference(self, one: Sensed) -> Reference:
+        """Return the truth at the stored samples, with that of the flight to interpolate in."""
+        whole = self._whole_reference(one)
+        scale = None if whole.scale is None else whole.scale[self.stored]
+        return whole._replace(
+            truth=self._there, bias=whole.bias[self.stored], scale=scale, flight=self._truth
+        )
+
+    def _moved(self) -> tuple[Exact, Exact]:
+        """Return the true motion in windows, which is that of all runs."""
+        if self._exact is None:
+            ideal = self._ideal
+            true = Reference(
+                self._truth,
+                self._truth.time[:0],
+                ideal.dtheta,
+                ideal.dvelocity,
+                temperature=self._temperature,
+            )
+            self._exact = exacts(true, self._truth.time)
+        return self._exact
+
+    def _whole_reference(self, one: Sensed) -> Reference:
+        """Return the truth at all samples."""
+        scaled = set(self._model.blocks) & set(SCALES)
+        return Reference(
+            self._truth,
+            at_samples(one.gyro.bias, one.accelerometer.bias),
+            self._ideal.dtheta,
+            self._ideal.dvelocity,
+            at_samples(one.gyro.scale, one.accelerometer.scale) if scaled else None,
+            self._temperature,
+            (one.gyro.saturated, one.accelerometer.saturated),
+            self._drive if one.constants is None else bias_processes(self._sensors, one.constants)[0],
+            hidden=self._hidden,
+        )
+
+
+def _used(solution: Solution, used: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return covariance, innovation and its covariance of the used fixes, without a copy if all are used."""
+    every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
+    return (
+        solution.fix_covariance[every],
+        solution.innovation[every],
+        solution.innovation_covariance[every],
+    )
+
+
+def _diverged(navigated: LaneSolution) -> bool:
+    """Return whether a run is not finite, or came too close to a pole for its frame."""
+    motion = navigated.motion
+    finite = np.isfinite(motion).all() and np.isfinite(navigated.solution.variance).all()
+    return not finite or bool(np.abs(motion[:, 0]).max() > MAX_LATITUDE)
