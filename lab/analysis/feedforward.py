@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Verdict, headline, is_right
 from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, UNEXPLAINED
 from lab.analysis.verdicts.sums import Squares
@@ -33,17 +34,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu, Start
 from lab.run.run import Run
 from lab.sensors.imu_errors import OFF_DIAGONAL
-
-LINEAR = np.radians(0.8)
-"""Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
-montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5° 4 ×, at 7° 20 ×."""
-SUSPECTED = np.radians(0.4)
-"""The same, from which feedforward is named if no other cause explains the errors [rad]. Measured on straight
-flights over a pole with quiet gyros: from 0.5° to 0.8°, NEES is 1.1 to 5 × too large, with feedback right."""
-NEGLECTED = 0.5
-"""Velocity error g φ² T / 2 that the linear model neglects in a correction period T, in σ of the velocity of
-a fix, up to which the filter is linear enough. Measured on los_angeles with the default sensors and T from 3
-to 30 s: NEES is 1.0 below, 1.4 to 2.4 from 0.5 to 3, and 2 to 120 beyond."""
 
 
 class FreeRun(NamedTuple):
@@ -66,7 +56,7 @@ class FreeRun(NamedTuple):
         return self.drift / self.limit
 
 
-CORRECTED = FreeRun(0.0, float(LINEAR))
+CORRECTED = FreeRun(0.0, float(limits.VERDICT.free_attitude))
 """Of a navigator that is corrected at each fix."""
 
 
@@ -102,7 +92,7 @@ def judge(
     within = drift <= limit and not waits
     # A navigator off the truth is off what other sensors measure, too.
     if within and all(finding.quantity in (*UNEXPLAINED, *AID_NOISE) for finding in verdict.findings):
-        limit = float(SUSPECTED)
+        limit = float(limits.VERDICT.suspected_attitude)
     if not verdict.findings or drift <= limit:
         return verdict
     degrees = np.degrees(drift)
@@ -164,9 +154,13 @@ def limit_of(run: Run) -> float:
     """Return the attitude error of a free-running navigator up to which the filter is linear enough [rad]."""
     navigator, R = run.experiment.navigator, run.solution_arrays.fix_R
     if navigator.correction != "feedback" or not navigator.correction_period or not R.size:
-        return float(LINEAR)
+        return float(limits.VERDICT.free_attitude)
     sigma = np.sqrt(np.median(np.diagonal(R, axis1=1, axis2=2)[:, VEL]))
-    return float(np.sqrt(2 * NEGLECTED * sigma / (STANDARD_GRAVITY * navigator.correction_period)))
+    return float(
+        np.sqrt(
+            2 * limits.VERDICT.correction_sigmas * sigma / (STANDARD_GRAVITY * navigator.correction_period)
+        )
+    )
 
 
 def corrected_at(run: Run) -> list[int]:

@@ -44,8 +44,9 @@ from lab.live.live_stream import LiveSolution, Stream, log_of_stream, look_at_co
 from lab.live.live_view import phase_of, state_of
 from lab.live.stream_settings import stream_settings
 from lab.motion.frames.rotation import wrap
+from lab.navigation.alignment import limits
 from lab.navigation.alignment.alignment import Alignment
-from lab.navigation.alignment.initial_heading import FORWARD_SPEED, contradict
+from lab.navigation.alignment.initial_heading import contradict
 from lab.navigation.alignment.start_covariance import start_covariance
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
@@ -394,8 +395,8 @@ class LiveNavigator:
         apart = np.degrees(abs(wrap(found.alignment.heading.heading - own.heading)))
         self._begin(found.alignment, found.first)
         self._notes["again"] = (
-            f"The first course above {FORWARD_SPEED:g} m/s showed that the heading at the start was wrong "
-            f"by {apart:.0f}°: the navigator began again with the samples that are kept."
+            f"The first course above {limits.ALIGNMENT.forward_speed:g} m/s showed that the heading at the "
+            f"start was wrong by {apart:.0f}°: the navigator began again with the samples that are kept."
         )
 
     def _stop(self, why: str) -> None:

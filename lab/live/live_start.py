@@ -17,8 +17,9 @@ from lab.data.log.sensor_log import MIN_OVERLAP
 from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.live.live_state import imu_between
-from lab.navigation.alignment.alignment import REST_SPEED, Alignment, align
-from lab.navigation.alignment.initial_heading import FORWARD_SPEED, Hints, shows_course
+from lab.navigation.alignment import limits
+from lab.navigation.alignment.alignment import Alignment, align
+from lab.navigation.alignment.initial_heading import Hints, shows_course
 from lab.navigation.log_navigation import start_fixes
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes
@@ -64,7 +65,7 @@ class LiveStart:
         self._navigator = navigator
         self._assumed = assumed
         self._tried = -np.inf  # time of the last attempt by the change of the velocity
-        self._is_slow_course = False  # whether a course gave the heading, and none above `FORWARD_SPEED` yet
+        self._is_slow_course = False  # whether a course gave the heading, and none above `forward_speed` yet
 
     def seek(
         self,
@@ -154,7 +155,7 @@ class LiveStart:
             left = wait - (now - float(fixes.time[course[0]]))
             return "" if left <= 0 else f"{COMPARED}, for {left:.0f} s more."
         speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
-        moves = bool((speed[fixes.time > now - AGAIN] > REST_SPEED).any())
+        moves = bool((speed[fixes.time > now - AGAIN] > limits.ALIGNMENT.rest_speed).any())
         if moves and now - self._tried >= AGAIN:
             self._tried = now
             return ""
@@ -169,7 +170,9 @@ def _fixes_with_velocity(fixes: Rolling) -> tuple[Fixes, FloatArray]:
 
 def _moves_forward(fixes: Fixes, sigma: FloatArray) -> bool:
     """Return whether two fixes in a row are so fast that no vehicle moves backwards."""
-    fast = shows_course(fixes, sigma) & (np.linalg.norm(fixes.velocity_n[:, :2], axis=1) > FORWARD_SPEED)
+    fast = shows_course(fixes, sigma) & (
+        np.linalg.norm(fixes.velocity_n[:, :2], axis=1) > limits.ALIGNMENT.forward_speed
+    )
     return bool((fast[1:] & fast[:-1]).any())
 
 

@@ -22,8 +22,9 @@ from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import empty_readings
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma, imu_between
+from lab.navigation.alignment import limits
 from lab.navigation.alignment.alignment import Alignment
-from lab.navigation.alignment.initial_heading import MAGNETIC_SIGMA, by_magnetometer
+from lab.navigation.alignment.initial_heading import by_magnetometer
 from lab.navigation.standstill import SHORTEST
 
 DECLINATION_SIGMA: Final = np.radians(20.0)
@@ -208,7 +209,7 @@ def look_at_compass(stream: Stream) -> None:
     attitude = stream.attitude
     if attitude is None or not attitude.begun or not attitude.rest:
         return
-    if attitude.P[8, 8] <= (WORSE * MAGNETIC_SIGMA) ** 2:
+    if attitude.P[8, 8] <= (WORSE * limits.ALIGNMENT.magnetic_sigma) ** 2:
         return
     samples = stream.samples
     start = max(samples.number("time", stream.now - SHORTEST), samples.first)

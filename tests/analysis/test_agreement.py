@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.agreement import FAMILY, Told, agreements, judge_agreement
+from lab.analysis.verdicts import limits
+from lab.analysis.verdicts.agreement import Told, agreements, judge_agreement
 from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.sums import Kept, Squares
@@ -55,7 +56,7 @@ def test_matched_runs_disagree_in_any_figure_as_seldom_as_the_family_says(runs: 
     rng = np.random.default_rng(runs)
     off = sum(not all(one.holds for one in agreements(drawn(rng, runs, slow))) for _ in range(1000))
     print(f"\n{runs} runs, slow {slow}: {off} of 1,000 disagree")
-    assert off / 1000 < 1.5 * FAMILY + 0.009
+    assert off / 1000 < 1.5 * limits.VERDICT.family_chance + 0.009
     assert off
 
 

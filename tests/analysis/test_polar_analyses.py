@@ -12,6 +12,7 @@ from lab.analysis import feedforward
 from lab.analysis.budget import error_budget
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.observability import observability
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.trial import advised
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -120,7 +121,7 @@ def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path:
     mission = polar(tmp_path, "straight over the north pole", duration=160.0)
     for seed in (11, 12, 15):
         free = run(mission, seed, **WANDER, **quiet, navigator__correction="feedforward")
-        assert free.free_run.drift < feedforward.LINEAR
+        assert free.free_run.drift < limits.VERDICT.free_attitude
         (finding,) = free.verdict.findings
         assert finding.quantity == "feedforward"
         followed = free.repeated(advised(free, finding.changes))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts import suggestion
+from lab.analysis.verdicts import limits, suggestion
 from lab.analysis.verdicts.finding import Suggestion
 from lab.analysis.verdicts.suggestion import may_suggest
 from lab.analysis.verdicts.trial import advised
@@ -137,7 +137,7 @@ def test_a_real_copter_never_hears_of_it_even_as_an_unknown_vehicle(name, tmp_pa
 
 
 def test_wheels_without_a_gain_are_not_mentioned(tmp_path, monkeypatch):
-    monkeypatch.setattr(suggestion, "CLOSER", 100.0)
+    monkeypatch.setattr(limits, "VERDICT", replace(limits.VERDICT, closer_factor=100.0))
     assert not suggested(drive(tmp_path, 2))
 
 

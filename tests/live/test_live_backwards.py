@@ -17,7 +17,7 @@ from lab.live.live_state import HistoryCursor
 from lab.missions import Recording
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Trajectory
-from lab.navigation.alignment.initial_heading import FORWARD_SPEED
+from lab.navigation.alignment import limits
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
@@ -99,7 +99,7 @@ def test_the_first_fast_course_shows_the_heading(vehicle, aside, rest, kept, per
         if now[-1] > HOST + FORWARD + 8:
             state = live.state
             assert abs(heading_error(live, trajectory)) < 3 * state.euler_sigma[2] + np.radians(0.5)
-    assert f"above {FORWARD_SPEED:g} m/s" in " ".join(live.state.remarks)
+    assert f"above {limits.ALIGNMENT.forward_speed:g} m/s" in " ".join(live.state.remarks)
     # Each fix is counted and shown once, although the filter went over it twice.
     _, later = live.since(cursor)
     times = np.concatenate((shown.fix_time, later.fix_time))

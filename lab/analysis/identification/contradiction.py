@@ -21,34 +21,21 @@ from lab.analysis.identification.candidate_trials import Candidate, Outcome, Tri
 from lab.analysis.identification.identification import HeldOut
 from lab.analysis.identification.likelihood import InnovationSeries, Parameter, maximise
 from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
-from lab.analysis.verdicts.finding import (
-    LARGE,
-    MATTERS,
-    RATIO,
-    Change,
-    Finding,
-    Verdict,
-    headline,
-    size_weight,
-    written,
-)
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, size_weight, written
 from lab.analysis.verdicts.finding_table import AID_NOISE, AS_LIKELY, FAULT_OF_LOG, FINDINGS
 from lab.analysis.verdicts.fix_verdict import latency
-from lab.analysis.verdicts.innovation_verdict import ALIKE, explanations, finding_of
+from lab.analysis.verdicts.innovation_verdict import explanations, finding_of
 from lab.analysis.verdicts.pattern import AXES
-from lab.analysis.verdicts.selection import PRICE
 from lab.analysis.verdicts.state_advice import of_log
-from lab.analysis.verdicts.trial import WORSE, Repeatable
+from lab.analysis.verdicts.trial import Repeatable
 from lab.base.arrays import FloatArray
 from lab.data.checks.imu_axes import NAMES
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.navigation.solution import Imu
 
-CONSISTENT = MATTERS**2
-"""NIS per degree of freedom up to which innovations are as large as the filter says, for a whole flight:
-1.5 × in size."""
 HALF = 0.5
 """Part of NIS that a fault may leave at most: one that explains less is a part of what is wrong."""
 VISIBLE = 10.0
@@ -107,7 +94,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
         cured = whole.outcome(stated) if first.changes else before
     except ValueError:  # such as a run of withheld settings that diverges
         return verdict
-    holds = cured is not None and cured.mean < CONSISTENT
+    holds = cured is not None and cured.mean < limits.VERDICT.consistent_nis
     moved = first.quantity in _BY_TIME
     if holds and not _is_large(first) and not moved:
         return verdict
@@ -132,7 +119,7 @@ def _is_large(finding: Finding) -> bool:
     Innovations that are too small contradict nothing.
     """
     factors = [change.value for change in finding.changes if change.times]
-    return any(isinstance(one, float | int) and one > LARGE for one in factors)
+    return any(isinstance(one, float | int) and one > limits.VERDICT.large_factor for one in factors)
 
 
 def _since(outcome: Outcome, stamps: FloatArray) -> float:
@@ -164,8 +151,12 @@ def _fault(
             continue
         (best, outcome), *others = sorted(tried, key=lambda one: -one[1].gain(part.as_it_is))
         # What stands at the end of its range is seen, whatever noise is like it.
-        if _explains(outcome, rivals, HALF if best.changes else 1 - ALIKE):
-            alike = [other.fault for other, there in others if outcome.gain(there) < RATIO and other.fault]
+        if _explains(outcome, rivals, HALF if best.changes else 1 - limits.VERDICT.alike_part):
+            alike = [
+                other.fault
+                for other, there in others
+                if outcome.gain(there) < limits.VERDICT.likelihood_ratio and other.fault
+            ]
             return _stated(part, best, outcome, since, alike)
     return None
 
@@ -177,9 +168,13 @@ def _explains(outcome: Outcome, rivals: Sequence[Outcome], part: float) -> bool:
     """
     before = rivals[0]
     gain, other = outcome.gain(before), max(rival.gain(before) for rival in rivals)
-    if gain < RATIO or outcome.mean > max(HALF * before.mean, CONSISTENT):
+    if gain < limits.VERDICT.likelihood_ratio or outcome.mean > max(
+        HALF * before.mean, limits.VERDICT.consistent_nis
+    ):
         return False
-    return gain > other - RATIO or (gain > part * other and outcome.mean < CONSISTENT)
+    return gain > other - limits.VERDICT.likelihood_ratio or (
+        gain > part * other and outcome.mean < limits.VERDICT.consistent_nis
+    )
 
 
 def _screened(log: SensorLog, since: float) -> SensorLog:
@@ -255,9 +250,15 @@ def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
         except (ValueError, np.linalg.LinAlgError):
             continue
         if held[1]:
-            found.append(Candidate("", fault=_late(run, log, float(value[0])), price=PRICE))
+            found.append(Candidate("", fault=_late(run, log, float(value[0])), price=limits.VERDICT.price))
         elif abs(value[1]) > LEAST_RATE:
-            found.append(Candidate("", fault=_clock(log, value), price=2 * PRICE + RATIO))
+            found.append(
+                Candidate(
+                    "",
+                    fault=_clock(log, value),
+                    price=2 * limits.VERDICT.price + limits.VERDICT.likelihood_ratio,
+                )
+            )
     return found
 
 
@@ -336,10 +337,14 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
         (found,) = of_log(Verdict("", (found,), ""), run).findings
         candidate = Candidate("", found.changes)
         outcome = whole.outcome(candidate) if found.changes else None
-        if outcome is None or outcome.mean > CONSISTENT:
+        if outcome is None or outcome.mean > limits.VERDICT.consistent_nis:
             continue
         was, becomes = whole.withheld(Candidate("")), whole.withheld(candidate)
-        if was is None or becomes is None or becomes.position_error > was.position_error / WORSE:
+        if (
+            was is None
+            or becomes is None
+            or becomes.position_error > was.position_error / limits.VERDICT.worse_factor
+        ):
             continue
         return found
     return None
@@ -373,7 +378,7 @@ def _predicts_better(becomes: HeldOut | None, was: HeldOut, stated: Candidate, b
     if becomes is None:
         return False
     if all(change.path.startswith("navigator.p0") for change in stated.changes):
-        return before.mean < CONSISTENT or becomes.log_likelihood > was.log_likelihood
+        return before.mean < limits.VERDICT.consistent_nis or becomes.log_likelihood > was.log_likelihood
     return becomes.position_error < was.position_error
 
 

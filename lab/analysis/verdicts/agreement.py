@@ -18,24 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from lab.analysis.verdicts.finding import (
-    DOUBT,
-    MATTERS,
-    Weighed,
-    Wording,
-    is_right,
-    mean_square,
-    size_weight,
-    too,
-    written,
-)
+from lab.analysis.verdicts import limits
+from lab.analysis.verdicts.finding import Weighed, Wording, is_right, mean_square, size_weight, too, written
 from lab.analysis.verdicts.finding_table import IN_QUARTER, TOGETHER, VALUES
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
 from lab.base.arrays import FloatArray
 
-FAMILY = 0.01
-"""Probability with which the runs of a matched filter disagree in any figure. Half of it is that of NEES of
-all states over the whole flight (of NIS without the truth); the other figures share the rest."""
 FAR = 3.0
 """Deviation in its σ up to which the expansion in the skewness holds: at three, of 30 runs, the correction is
 half a σ."""
@@ -89,7 +77,7 @@ def agreements(means: RunMeans) -> list[Agreement]:
     for at in known:
         mean, low, high, chance = _judged(values[:, at])
         figure = means.figures[at]
-        limit = FAMILY / 2 / (1 if figure == first else max(known.size - 1, 1))
+        limit = limits.VERDICT.family_chance / 2 / (1 if figure == first else max(known.size - 1, 1))
         found.append(Agreement(figure, mean, low, high, chance, limit))
     return found
 
@@ -141,7 +129,8 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
     """Judge the size of errors and innovations, for which no cause was found.
 
     A figure is off if the runs disagree by their own scatter. It is off too, also of a single run, if all
-    runs together are beyond `DOUBT` as squares of which so many are independent, by a factor that matters.
+    runs together are beyond `doubt` of `limits` as squares of which so many are independent, by a factor that
+    matters.
 
     Parameters
     ----------
@@ -156,7 +145,7 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
         squares, agreement = means.together(at), by_scatter.get(figure)
         if not squares.number:
             continue
-        ratio, doubt = max(float(squares.mean), 1e-12), DOUBT
+        ratio, doubt = max(float(squares.mean), 1e-12), limits.VERDICT.doubt
         if figure != Figure(figure.quantity):
             doubt /= len(means.figures)
         weight = size_weight(float(squares.total), float(squares.number))
@@ -183,7 +172,7 @@ def _weighed(off: list[_Off], told: Told) -> Weighed:
         quantity=_name(first.figure, told),
         direction=too(1 / first.ratio),
         values=_values(first.figure, told),
-        size=written(np.sqrt(first.ratio), 2 if factor > MATTERS else 3),
+        size=written(np.sqrt(first.ratio), 2 if factor > limits.VERDICT.wrong_factor else 3),
     )
     return Weighed(first.weight, finding)
 

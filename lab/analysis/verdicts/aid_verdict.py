@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.finding import Weighed, judge_size
 from lab.analysis.verdicts.finding_table import FINDINGS
@@ -20,13 +21,10 @@ from lab.navigation.aids import DOWNWARD, NAMES, RIGHTWARD, SENSORS
 from lab.navigation.filters.kalman import gate as largest_nis
 from lab.navigation.solution import Solution
 
-_WIDE = 0.9
-"""Part of the largest possible mean square of accepted innovations above which it does not tell their σ.
-Noise of 3.6 times the assumed σ reaches it at a gate of 0.999."""
 _EVEN = 1 / 3
 """Mean square of values that are spread evenly between -1 and 1."""
 _SIGMAS = 1e-6, 20.0
-"""Factors on σ between which that of accepted innovations lies, `_WIDE` considered."""
+"""Factors on σ between which that of accepted innovations lies, `gate_filled` of `limits` considered."""
 
 
 def aid_squares(solution: Solution, kinds: NDArray[np.int64], gate: float = 0.0) -> Squares:
@@ -70,7 +68,7 @@ def _as_if_not_gated(squares: FloatArray, limit: float) -> FloatArray:
     from scipy.optimize import brentq  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     accepted = squares[squares <= limit]
-    if accepted.size == 0 or accepted.mean() >= _WIDE * _EVEN * limit:
+    if accepted.size == 0 or accepted.mean() >= limits.VERDICT.gate_filled * _EVEN * limit:
         return squares
     mean, end = float(accepted.mean()), np.sqrt(limit)
     if mean <= _SIGMAS[0] ** 2:

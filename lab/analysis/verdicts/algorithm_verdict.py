@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lab.analysis import consistency
-from lab.analysis.verdicts import verdict
+from lab.analysis.verdicts import limits, verdict
 from lab.analysis.verdicts.agreement import Told, judge_agreement
 from lab.analysis.verdicts.evidence import Evidence, Reference, nees_squares, state_means, usage
 from lab.analysis.verdicts.finding import (
-    MANY_SIGMA,
     NOTHING,
     Verdict,
     Weighed,
@@ -107,7 +106,7 @@ def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
     follows = float((after.sum(axis=0) * np.sqrt(count / after.shape[0])).max())
     alternates = float((after[0] * np.sqrt(count)).min())
     most = follows if follows > -alternates else alternates
-    if abs(most) < MANY_SIGMA:
+    if abs(most) < limits.VERDICT.correlation_sigmas:
         return []
     finding = FINDINGS["low gain of an algorithm" if most > 0 else "high gain of an algorithm"].finding(
         float("nan"),

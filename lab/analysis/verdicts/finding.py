@@ -13,26 +13,12 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.sums import Squares
 from lab.base.notebook_card import NotebookCard
 
-DOUBT = 0.002
-"""Probability that a χ² statistic of a matched filter lies outside its interval."""
-MATTERS = 1.5
-"""Smallest factor of a wrong variance that is reported. In the steady state of filters of a random walk and
-of a constant velocity, an R that is wrong by it makes σ of the error at most 1.3 % larger; a factor of 3, up
-to 10 %."""
-LARGE = 30.0
-"""Factor on a variance from which it is tried before it is stated: noise 5 times larger than a data sheet or
-a calibration at rest says is rare, and an error of the data needs such factors."""
-CONFIDENCE = 0.95
-"""Probability that the interval of a factor contains it. A convention."""
-MANY_SIGMA = 4.0
-"""Smallest correlation of the innovations that is reported, in its standard deviations."""
 WITHHELD = "No advice:"
 """Beginning of advice that was tried, and made something worse or nothing better."""
-RATIO = 10.0
-"""Smallest logarithm of the likelihood ratio at which one explanation is preferred to another."""
 NOTHING = "nothing"
 """Basis of a verdict without evidence."""
 
@@ -276,7 +262,7 @@ def judge_size(
     squares: Squares,
     wording: Wording,
     of_what: str,
-    doubt: float = DOUBT,
+    doubt: float | None = None,
     rows: tuple[int, int] | None = None,
     **fields: object,
 ) -> list[Weighed]:
@@ -290,7 +276,7 @@ def judge_size(
         return []
     ratio = max(total / count, 1e-12)
     factor = max(ratio, 1 / ratio)
-    fewest, most = chi_square_interval(count, 1, CONFIDENCE)
+    fewest, most = chi_square_interval(count, 1, limits.VERDICT.confidence)
     interval = wrong_by(ratio, total / most, total / fewest)
     finding = wording.finding(
         factor,
@@ -344,14 +330,20 @@ def interval_words(interval: tuple[float, float] | None) -> str:
     return f"; 95 % interval of the factor {ends}"
 
 
-def mean_square(squares: Squares, of_what: str, doubt: float = DOUBT) -> str:
+def mean_square(squares: Squares, of_what: str, doubt: float | None = None) -> str:
     """Return a mean square and its expected interval as text."""
     total, count = float(squares.total), float(squares.number)
-    low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - doubt))
+    low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - _doubt(doubt)))
     return f"mean square of the {of_what} {written(total / count, 3)}, expected {low:.2f} to {high:.2f}"
 
 
-def is_right(total: float, count: float, doubt: float = DOUBT) -> bool:
+def _doubt(given: float | None) -> float:
+    return limits.VERDICT.doubt if given is None else given
+
+
+def is_right(total: float, count: float, doubt: float | None = None) -> bool:
     """Return whether a sum of `count` squares is compatible with unit variance, or close enough to it."""
-    low, high = chi_square_interval(count, 1, 1 - doubt)
-    return low <= total <= high or 1 / MATTERS < total / count < MATTERS
+    low, high = chi_square_interval(count, 1, 1 - _doubt(doubt))
+    return (
+        low <= total <= high or 1 / limits.VERDICT.wrong_factor < total / count < limits.VERDICT.wrong_factor
+    )

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
 from lab.analysis.fix_causes import CAUSES
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
@@ -30,11 +31,6 @@ CAPPED = 10.8
 """Square of a variable of unit variance that one in 1,000 exceeds."""
 NONLINEAR = 0.05
 """Smallest latency for which the fixes are compared with an earlier truth [s]."""
-FEWEST = 10
-"""Fewest fixes for an estimate of latency and lever arm."""
-LEAST = 6.0
-"""Smallest logarithm of the likelihood ratio at which a latency (8 with its price, false alarm 1 in 16,000)
-or a lever arm (12, 1 in 40,000) is reported."""
 STRETCH = 200
 """Number of fixes that are treated as correlated; longer records are cut, so that the work grows linearly."""
 
@@ -109,7 +105,11 @@ def fix_errors(
     root = np.sqrt(np.diagonal(belief.R))
     plain = normal_equations(causes / root[:, None], error / root)
     late, gain = _latency(plain)
-    if times.size >= FEWEST and gain > LEAST and abs(late) > NONLINEAR:
+    if (
+        times.size >= limits.VERDICT.cause_fixes
+        and gain > limits.VERDICT.cause_ratio
+        and abs(late) > NONLINEAR
+    ):
         # For a long latency, the error is not velocity times latency, so the fixes are compared with the
         # earlier truth.
         error = _errors(fixes, used, truth, late) - told + causes[..., 0] * late

@@ -6,23 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis.verdicts.finding import RATIO, Finding, Weighed, Wording, judge_size
+from lab.analysis.verdicts import limits
+from lab.analysis.verdicts.finding import Finding, Weighed, Wording, judge_size
 from lab.analysis.verdicts.finding_table import FINDINGS
-from lab.analysis.verdicts.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
-from lab.analysis.verdicts.outliers import CHANCE
+from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES, FixErrors
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
 from lab.analysis.verdicts.selection import select
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
-
-LATENCY, LEVER_ARM = 0.01, 0.2
-"""Smallest latency [s] and length of a lever arm [m] that are reported. On the mission Montréal (43 m/s),
-they move the fixes by 0.4 m and 0.2 m; the default fixes have a σ of 0.7 m. The advised latency is rounded to
-0.01 s."""
-CORRELATED = 0.3
-"""Smallest correlated error that is reported, as a fraction of the white σ: just below √0.1 of the smallest
-of `RATIOS`. At 1 Hz, with the shortest of `TIMES`, that one doubles the variance of the mean of many
-fixes."""
 
 
 def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
@@ -38,7 +29,7 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
     best = np.unravel_index(np.argmax(fits.likelihood), fits.likelihood.shape)
     time, ratio = TIMES[best[0]], RATIOS[best[1]]
     gain = float(fits.likelihood[best] - fits.likelihood[_WHITE])
-    correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
+    correlated = gain > limits.VERDICT.likelihood_ratio and np.sqrt(ratio) > limits.VERDICT.correlated_part
     at = best if correlated else _WHITE
     found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), told)
     scales = fits.scales[at].copy()
@@ -124,7 +115,7 @@ def _fits(fixes: FixErrors) -> _FixFits:
         matrix = parts[0].matrix / scales[..., 0, None, None] + parts[1].matrix / scales[..., 1, None, None]
         vector = parts[0].vector / scales[..., 0, None] + parts[1].vector / scales[..., 1, None]
         x = np.linalg.pinv(matrix, hermitian=True) @ vector[..., None]
-        if fixes.count < FEWEST:
+        if fixes.count < limits.VERDICT.cause_fixes:
             x = np.zeros_like(x)
         rest = [
             part.squares + ((x.mT @ part.matrix - 2 * part.vector[..., None, :]) @ x)[..., 0, 0]
@@ -142,11 +133,11 @@ def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
     """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
-    for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, LEAST):
+    for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, limits.VERDICT.cause_ratio):
         estimate = entry.estimate[0]
-        if entry.name == "latency" and abs(estimate[0]) > LATENCY:
+        if entry.name == "latency" and abs(estimate[0]) > limits.VERDICT.latency:
             found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, told)))
-        elif entry.name == "lever arm" and np.linalg.norm(estimate) > LEVER_ARM:
+        elif entry.name == "lever arm" and np.linalg.norm(estimate) > limits.VERDICT.lever_arm:
             found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, told)))
     return found
 
@@ -179,13 +170,14 @@ def judge_outliers(number: int, fixes: int, wording: Wording) -> list[Weighed]:
     """Judge used fixes that differ from their neighbours; `wording` is that of errors, or of innovations."""
     if not number:
         return []
+    chance = limits.VERDICT.outlier_chance
     finding = wording.finding(
         number / fixes,
-        f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / chance:.0e} reaches",
         number=number,
         fixes=fixes,
     )
-    return [Weighed(-number * float(np.log(CHANCE)), finding)]
+    return [Weighed(-number * float(np.log(chance)), finding)]
 
 
 def correlation(sigma: float, time: float, gain: float) -> Finding:

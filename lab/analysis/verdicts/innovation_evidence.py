@@ -13,12 +13,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lab.analysis import consistency
-from lab.analysis.consistency import chi_square_interval
 from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, matrices, respond, response
-from lab.analysis.verdicts import hypotheses
-from lab.analysis.verdicts.finding import DOUBT, MANY_SIGMA, is_right
+from lab.analysis.verdicts import hypotheses, limits
+from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.imu_causes import Steps, columns, steps, steps_in_parts
-from lab.analysis.verdicts.outliers import CHANCE, NEIGHBOURS, outliers
+from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers
 from lab.analysis.verdicts.pattern import BINS, binned
 from lab.analysis.verdicts.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.selection import gain_of
@@ -35,21 +34,11 @@ REGRESSORS = CAUSES + sum(len(own) for own in columns().values())
 """Regressors of all causes: those of the fixes first, then those of the inertial sensors."""
 PASSES = 4
 """Number of searches for outliers, each in the innovations without the outliers found before."""
-OUTLYING = chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
-"""Square of three components that Gaussian ones exceed with the probability `outliers.CHANCE`."""
-MOST = 0.2
-"""Largest fraction of the fixes that can be outliers: the median of all squares, which scales the limit, is
-then 1.2 times that of the good ones (1.7 times with 40 % outliers)."""
-TRIED = 5.0
-"""Logarithm of the likelihood ratio of latency and lever arm together above which all causes are tested;
-chance reaches it in 4 % of the runs."""
 MEDIAN_SQUARE = 5.35
 """Median of χ² with six degrees of freedom, the components of a fix."""
-CLUSTERED = 1e-3
-"""Probability below which chance does not put fixes so close together. A convention."""
 FIGURES = 5
-"""Parts of `DOUBT` for each of seven figures, six channels and NIS, which depend on each other. A plain
-choice."""
+"""Parts of `doubt` of `limits` for each of seven figures, six channels and NIS, which depend on each other. A
+plain choice."""
 LONGEST = 2000
 """Number of fixes of a run for the tests of hypotheses; longer records use the first ones, to bound the
 time."""
@@ -187,7 +176,9 @@ def _without_outliers(
     if not apart.any() and not _beyond(relative, limit):
         return record, apart
     refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
-    if 0 < refused.mean() <= MOST and not _clustered(record.imu.time[record.samples], refused):
+    if 0 < refused.mean() <= limits.VERDICT.outlying_fixes and not _clustered(
+        record.imu.time[record.samples], refused
+    ):
         without = record.without(refused, known)
         rest = consistency.normalised_squares(without.innovation[~refused], without.covariance[~refused])
         if is_right(float(rest.sum()), float(known[~refused].sum())):
@@ -211,9 +202,9 @@ def may_have_outliers(nu: FloatArray, S: FloatArray) -> bool:
 def _limit(relative: FloatArray) -> float:
     """Return the square of three components beyond which an innovation may be an outlier."""
     if not relative.size:
-        return OUTLYING
+        return largest_square()
     usual = float(np.median(np.sum(relative**2, axis=1), axis=0)) / MEDIAN_SQUARE
-    return OUTLYING * max(usual, 1.0)
+    return largest_square() * max(usual, 1.0)
 
 
 def _beyond(relative: FloatArray, limit: float) -> bool:
@@ -225,7 +216,7 @@ def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
     """Return whether some fixes are closer together than chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
-    return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < CLUSTERED)
+    return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < limits.VERDICT.cluster_chance)
 
 
 def normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
@@ -402,7 +393,7 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
 def needs_explanation(found: Innovations) -> bool:
     """Return whether innovations are suspicious, or latency and lever arm may explain a part of them."""
     fit = Fit(found.causes.matrix[None], found.causes.vector[None], found.causes.squares)
-    return suspicious(found) or gain_of(fit, range(CAUSES)) >= TRIED
+    return suspicious(found) or gain_of(fit, range(CAUSES)) >= limits.VERDICT.suspicious_ratio
 
 
 def suspicious(found: Innovations) -> bool:
@@ -410,14 +401,18 @@ def suspicious(found: Innovations) -> bool:
     for squares in (found.offered, found.nis):
         for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):
             if count:
-                low, high = consistency.chi_square_interval(float(count), 1, 1 - DOUBT / FIGURES)
+                low, high = consistency.chi_square_interval(
+                    float(count), 1, 1 - limits.VERDICT.doubt / FIGURES
+                )
                 if not low <= total <= high:
                     return True
     after = found.follows / np.maximum(found.offered.total, 1e-12)
     count = np.maximum(found.offered.number, 1.0)
     return bool(
-        (np.abs(after.sum(axis=0)) * np.sqrt(count / after.shape[0]) > MANY_SIGMA).any()
-        or (np.abs(after[0]) * np.sqrt(count) > MANY_SIGMA).any()
+        (
+            np.abs(after.sum(axis=0)) * np.sqrt(count / after.shape[0]) > limits.VERDICT.correlation_sigmas
+        ).any()
+        or (np.abs(after[0]) * np.sqrt(count) > limits.VERDICT.correlation_sigmas).any()
     )
 
 

@@ -12,12 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lab.analysis.fix_causes import CAUSES
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import (
-    LARGE,
-    MATTERS,
-    RATIO,
     Advice,
     Finding,
     Weighed,
@@ -37,25 +35,16 @@ from lab.analysis.verdicts.finding_table import (
     FINDINGS,
     VARIANCE,
 )
-from lab.analysis.verdicts.fix_verdict import LATENCY, LEVER_ARM, judge_outliers, latency, lever_arm
+from lab.analysis.verdicts.fix_verdict import judge_outliers, latency, lever_arm
 from lab.analysis.verdicts.hypotheses import HYPOTHESES, R_CHANNELS
 from lab.analysis.verdicts.imu_causes import columns
 from lab.analysis.verdicts.innovation_evidence import Innovations, suspicious
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
-from lab.analysis.verdicts.selection import PRICE, estimates, gain_of
+from lab.analysis.verdicts.selection import estimates, gain_of
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 
-ALIKE = 0.15
-"""Fraction of the gain in log-likelihood by which the best explanation must exceed that by the other
-instrument, because the responses are of first order, and variances are tried in steps."""
-FAR_OFF = 30.0
-"""Factor on Q above which its noise is to be identified: two decades of σ² are no detail of one sensor, and R
-and the drives of the biases, which one factor does not change, are then unknown too. A plain choice."""
-LINEAR = 0.5
-"""Largest misalignment [rad] or scale factor error [1] that is stated: responses are of first order, and at
-0.5 rad the second is a tenth of it. Data with two clocks gave 350°."""
 GPS, IMU, START = "GPS", "IMU", "P0"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])
 """The factor of each hypothesis."""
@@ -84,7 +73,11 @@ class Explanation(NamedTuple):
     @property
     def matters(self) -> bool:
         """Whether it is large enough to be reported."""
-        return bool(self.parts.size) or self.name == CORRELATION or not 1 / MATTERS < self.size < MATTERS
+        return (
+            bool(self.parts.size)
+            or self.name == CORRELATION
+            or not 1 / limits.VERDICT.wrong_factor < self.size < limits.VERDICT.wrong_factor
+        )
 
 
 def judge_innovations(evidence: Evidence) -> list[Weighed]:
@@ -97,7 +90,7 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     # Outliers are reported only if the rest is right.
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
         return apart
-    if found and found[0].gain > RATIO and found[0].matters:
+    if found and found[0].gain > limits.VERDICT.likelihood_ratio and found[0].matters:
         told = evidence.told.values.mean(axis=0)
         whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
         return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
@@ -121,7 +114,7 @@ def explanations(seen: Innovations) -> list[Explanation]:
             likely = likely_factor(FACTORS[[0, *own]], seen.likelihoods[[0, *own]])
             interval = likely.low, likely.high
             one = Explanation(name, source, likely.gain, likely.factor, interval=interval)
-        found.append(one._replace(gain=one.gain - PRICE))
+        found.append(one._replace(gain=one.gain - limits.VERDICT.price))
     records = Fit(seen.causes.matrix[None], seen.causes.vector[None], seen.causes.squares)
     causes = {"GPS latency": [0], "GPS lever arm": [1, 2, 3]}
     causes |= {name: [CAUSES + at for at in own] for name, own in columns().items()}
@@ -132,7 +125,7 @@ def explanations(seen: Innovations) -> list[Explanation]:
         source = GPS if name.startswith("GPS") else IMU
         if not _matters(name, parts):
             continue
-        price = PRICE * len(own)
+        price = limits.VERDICT.price * len(own)
         size = float(np.linalg.norm(parts))
         found.append(Explanation(name, source, gain_of(records, own) - price, size, parts))
     return _preferred(sorted(found, key=lambda one: -one.gain))
@@ -144,15 +137,17 @@ def _preferred(found: list[Explanation]) -> list[Explanation]:
     An R too large by more than `LARGE` is not plain: few fixes whose errors are correlated look like it.
     """
     best = found[0]
-    plain = [one for one in found if one.name.startswith("R") and 1 / LARGE < one.size < 1]
-    if best.name != CORRELATION or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
+    plain = [
+        one for one in found if one.name.startswith("R") and 1 / limits.VERDICT.large_factor < one.size < 1
+    ]
+    if best.name != CORRELATION or not plain or plain[0].gain < (1 - limits.VERDICT.alike_part) * best.gain:
         return found
     return [plain[0], *(one for one in found if one is not plain[0])]
 
 
 def _matters(name: str, parts: FloatArray) -> bool:
-    least = {"GPS latency": LATENCY, "GPS lever arm": LEVER_ARM}.get(name, 0.0)
-    most = LINEAR if name.endswith(("misalignment", "scale factor")) else np.inf
+    least = {"GPS latency": limits.VERDICT.latency, "GPS lever arm": limits.VERDICT.lever_arm}.get(name, 0.0)
+    most = limits.VERDICT.first_order if name.endswith(("misalignment", "scale factor")) else np.inf
     return bool(least < np.linalg.norm(parts) < most)
 
 
@@ -174,7 +169,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 begin=begin,
                 end=end,
             )
-    if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
+    if found and sum(entry.weight for entry in found) > (1 - limits.VERDICT.alike_part) * gain:
         return found
     if seen.likelihoods.any():  # then R of each channel is an explanation of its own
         return []
@@ -192,7 +187,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 kind=name,
                 axis=AXES[axis],
             )
-            if found and found[0].weight > (1 - ALIKE) * gain:
+            if found and found[0].weight > (1 - limits.VERDICT.alike_part) * gain:
                 return found
     return []
 
@@ -224,7 +219,9 @@ def _rival(found: list[Explanation]) -> Explanation | None:
     best = found[0]
     rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
     rival = max(rivals, key=lambda one: one.gain, default=None)
-    if rival is None or rival.gain <= best.gain - max(RATIO, ALIKE * best.gain):
+    if rival is None or rival.gain <= best.gain - max(
+        limits.VERDICT.likelihood_ratio, limits.VERDICT.alike_part * best.gain
+    ):
         return None
     return rival
 
@@ -284,7 +281,7 @@ def _filters_fixes(seen: Innovations) -> bool:
 def _of_motion(found: list[Explanation], statistic: str) -> Finding:
     """Return the finding of an error of inertial sensors, with the second explanation if it is as likely."""
     best, rival = found[0], found[1] if len(found) > 1 else None
-    alone = rival is None or rival.gain <= best.gain - RATIO
+    alone = rival is None or rival.gain <= best.gain - limits.VERDICT.likelihood_ratio
     wording = FINDINGS["error in motion" if alone else "ambiguous error in motion"]
     if "scale" in best.name:
         # Without their σ, P0 of the scale factors is zero, and the filter never estimates them.
@@ -315,7 +312,7 @@ _ROWS = {  # first and one past the last index of the affected values of the bel
 
 def _gain_advice(best: Explanation) -> list[Advice]:
     advice = [ADVICE["scale variances" if best.name in _ROWS else "scale a matrix"]]
-    is_far_off = best.name.startswith("Q") and best.size > FAR_OFF
+    is_far_off = best.name.startswith("Q") and best.size > limits.VERDICT.far_off_factor
     return [*advice, ADVICE["identify"]] if is_far_off else advice
 
 
@@ -353,7 +350,7 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     total, count = float(seen.nis.total), float(seen.nis.number)
     if not count or is_right(total, count):
         return []
-    ratio = max(total / count, 1 / MATTERS**20)
+    ratio = max(total / count, 1 / limits.VERDICT.wrong_factor**20)
     wording = FINDINGS["NIS" if seen.likelihoods.any() else "NIS, causes not compared"]
     if ratio < 1:
         wording = wording.with_advice(ADVICE["lower R"])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import Finding, Verdict, Wording, headline
@@ -18,24 +19,15 @@ from lab.analysis.verdicts.run_means import NEES, Figure, RunMeans
 from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.settings import NavigatorSettings
 
-WIDE = np.radians(20.0)
-"""σ of the attitude up to which the models of `PERTURBED` are linear enough [rad]. Measured on montreal and
-los_angeles with such a heading at the start, 24 flights each: mean NEES is 1.05 × too large at 20°, 1.1 to
-1.2 × at 30°, 2 to 4 × at 60°; with the other models 0.97 to 1.1 × in all cases."""
 PERTURBED = ("phi", "psi")
 """Models whose F holds for small attitude errors only."""
-NEGLECTED = 0.3
-"""Mean square of the neglected acceleration in σ of the accelerometer biases from which it is named. Measured
-on montreal: 0.05 and 1.5 with gyros of 0.017 and 0.24 °/s/√Hz, and NEES 1.02 and 1.16 × too large."""
-PART = 0.25
-"""Part of the excess of NEES of these biases that it must explain. Measured there: 0.8 to 1.4."""
 _CONSEQUENCES = (*UNEXPLAINED, *AID_NOISE)
 """Findings that a wrong attitude causes."""
 
 
 def is_wide(start: float, navigator: NavigatorSettings) -> bool:
     """Return whether the attitude is too uncertain at the start for the model, given its largest σ [rad]."""
-    return navigator.model in PERTURBED and start > WIDE
+    return navigator.model in PERTURBED and start > limits.VERDICT.wide_attitude
 
 
 def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) -> Verdict:
@@ -65,10 +57,11 @@ def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) ->
     if not verdict.findings or not unexplained or navigator.model == "nonlinear":
         return verdict
     largest, neglected = float(np.median(found.largest.values)), float(found.neglected.values.mean())
-    if largest > WIDE and navigator.model in PERTURBED:
+    if largest > limits.VERDICT.wide_attitude and navigator.model in PERTURBED:
         return _with((_of_flight(largest, navigator, verdict),), verdict)
     if (
-        neglected > max(NEGLECTED, PART * _excess(evidence.means))
+        neglected
+        > max(limits.VERDICT.neglected_square, limits.VERDICT.neglected_part * _excess(evidence.means))
         and verdict.findings[0].direction == "too large"
     ):
         return _with((_of_products(neglected, navigator, verdict),), verdict)
@@ -105,9 +98,10 @@ def remark(start: float, navigator: NavigatorSettings) -> str:
     """
     if not is_wide(start, navigator):
         return ""
+    limit = np.degrees(limits.VERDICT.wide_attitude)
     return (
         f"The attitude is uncertain by {np.degrees(start):.3g}° (1 σ) at the start, but the error model "
-        f"{navigator.model} is linear only up to {np.degrees(WIDE):.0f}°: its σ may not describe its errors. "
+        f"{navigator.model} is linear only up to {limit:.0f}°: its σ may not describe its errors. "
         "navigator.model = invariant or nonlinear holds for large attitude errors."
     )
 
@@ -119,20 +113,20 @@ def _worded(row: str, navigator: NavigatorSettings) -> Wording:
 
 
 def _of_start(start: float, navigator: NavigatorSettings) -> Finding:
-    degrees = np.degrees(start)
+    degrees, limit = np.degrees((start, limits.VERDICT.wide_attitude))
     return _worded("linear model at the start", navigator).finding(
         start,
-        f"σ of the attitude at the start {degrees:.3g}°, limit {np.degrees(WIDE):.0f}°",
+        f"σ of the attitude at the start {degrees:.3g}°, limit {limit:.0f}°",
         degrees=degrees,
         model=navigator.model,
     )
 
 
 def _of_flight(largest: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
-    degrees = np.degrees(largest)
+    degrees, limit = np.degrees((largest, limits.VERDICT.wide_attitude))
     return _worded("linear model in flight", navigator).finding(
         largest,
-        f"σ of the attitude {degrees:.3g}°, limit {np.degrees(WIDE):.0f}°; {verdict.findings[0].evidence}",
+        f"σ of the attitude {degrees:.3g}°, limit {limit:.0f}°; {verdict.findings[0].evidence}",
         degrees=degrees,
         model=navigator.model,
     )
@@ -143,7 +137,7 @@ def _of_products(neglected: float, navigator: NavigatorSettings, verdict: Verdic
     return _worded("neglected products", navigator).finding(
         size,
         f"mean square of the neglected acceleration in σ of the accelerometer biases {neglected:.2g}, limit "
-        f"{NEGLECTED:g}; {verdict.findings[0].evidence}",
+        f"{limits.VERDICT.neglected_square:g}; {verdict.findings[0].evidence}",
         size=size,
         effect=f"{verdict.findings[0].sentence.split('. ')[0]}.",
     )

@@ -6,14 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
+from lab.analysis.verdicts import limits
 from lab.base.arrays import FloatArray
 
 NEIGHBOURS = 10
 """Number of neighbouring fixes with which each fix is compared."""
-CHANCE = 1e-7
-"""Probability that an error with three Gaussian components counts as an outlier."""
-MEDIAN, LIMIT = chi_square_interval(3, 1, 0.0)[0], chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
-"""Median of the squares of three components, and the square that outliers exceed."""
+MEDIAN = chi_square_interval(3, 1, 0.0)[0]
+"""Median of the squares of three components."""
+
+
+def largest_square() -> float:
+    """Return the square of three components that outliers exceed."""
+    return chi_square_interval(3, 1, 1 - 2 * limits.VERDICT.outlier_chance)[1]
 
 
 def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
@@ -62,4 +66,4 @@ def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     usual = _middle(squares.T)
     for side in (around[:, :half], around[:, half:]):
         usual = np.maximum(usual, _middle(squares.T[:, side]).T)
-    return np.asarray((squares > LIMIT * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))
+    return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))

@@ -10,15 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis.verdicts.finding import DOUBT, MATTERS, RATIO, is_right
+from lab.analysis.verdicts import limits
+from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.sums import Kept, Squares
 from lab.base.arrays import FloatArray
 
 BINS = 40
 """Number of parts of a flight that are tested separately."""
 AXES = ("north", "east", "down")
-FEWEST = 30
-"""Fewest values of a stretch, more than a fix or two."""
 CAPPED = 16.3
 """Sum of three squares with unit variance that one in 1,000 exceeds."""
 FEW = 1e-12
@@ -90,7 +89,11 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
     number = np.append(0.0, np.cumsum(squares.number[1, kind]))
     inside, count = total - total[:, None], number - number[:, None]
     outside, others = total[-1] - inside, number[-1] - count
-    valid = (count >= FEWEST) & (others > 0) & (np.arange(BINS + 1) > np.arange(BINS + 1)[:, None])
+    valid = (
+        (count >= limits.VERDICT.stretch_values)
+        & (others > 0)
+        & (np.arange(BINS + 1) > np.arange(BINS + 1)[:, None])
+    )
     gain = np.where(
         valid,
         _likelihood(np.where(valid, inside, 0), np.where(valid, count, 0))
@@ -103,7 +106,11 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
     size = inside[first, last] / max(count[first, last], 1)
     rest = float(outside[first, last]), float(others[first, last])
     # 800 stretches are tested, so the price is ln 800.
-    if best < RATIO + np.log(BINS**2 / 2) or size < MATTERS or not is_right(*rest):
+    if (
+        best < limits.VERDICT.likelihood_ratio + np.log(BINS**2 / 2)
+        or size < limits.VERDICT.wrong_factor
+        or not is_right(*rest)
+    ):
         return None
     return Stretch(
         int(first),
@@ -126,6 +133,6 @@ def channel(squares: Squares) -> int | None:
         axis
         for axis in range(3)
         if squares.number[axis]
-        and not is_right(float(squares.total[axis]), float(squares.number[axis]), DOUBT / 6)
+        and not is_right(float(squares.total[axis]), float(squares.number[axis]), limits.VERDICT.doubt / 6)
     ]
     return wrong[0] if len(wrong) == 1 and np.count_nonzero(squares.number) > 1 else None

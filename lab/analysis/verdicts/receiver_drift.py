@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.fix_causes import matrices
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.hypotheses import HYPOTHESES, Hypothesis
 from lab.analysis.verdicts.innovation_evidence import Record
 from lab.analysis.verdicts.likely_factor import likely_factor
@@ -26,8 +27,6 @@ RATIOS = tuple(10.0 ** (half / 2) for half in range(-2, 5))
 WHITE = (1.0, 0.5, 0.7, 1.4)
 """Tried factors on R of the position: an R that was fitted without the slow error contains a part of it,
 which is a half at the most if the innovations are hardly larger than the white errors."""
-LIKELIER = 10.0
-"""Gain in log-likelihood from which R is changed."""
 MOST = 1000
 """Most fixes that are used, the first ones: about two seconds of computing time."""
 
@@ -77,7 +76,7 @@ def likely_drift(record: Record, skipped: NDArray[np.bool_]) -> ReceiverDrift | 
         if np.isfinite(own).sum() > 1:
             likely = likely_factor(np.array(RATIOS), own)
             sigma = float(np.sqrt(position * likely.factor))
-            price = LIKELIER if white != 1 else 0.0
+            price = limits.VERDICT.white_ratio if white != 1 else 0.0
             found.append(ReceiverDrift(sigma, time, white, likely.gain - price))
     return max(found, key=lambda one: one.gain, default=None)
 

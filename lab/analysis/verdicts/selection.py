@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.sums import Fit
 from lab.base.arrays import FloatArray
-
-PRICE = 2.0
-"""Required gain in log-likelihood per regressor, in addition to that of a cause; chance gives 0.5."""
 
 
 class Explained(NamedTuple):
@@ -64,13 +62,13 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     causes
         The regressors of each cause.
     least
-        Smallest logarithm of the likelihood ratio, minus `PRICE`, at which a cause is selected.
+        Smallest logarithm of the likelihood ratio, minus the price, at which a cause is selected.
     """
     chosen: list[str] = []
     gains: list[float] = []
     columns: list[int] = []
     present = np.diagonal(fit.matrix, axis1=1, axis2=2) > 0
-    price = {name: PRICE * float(present[:, list(own)].sum()) for name, own in causes.items()}
+    price = {name: limits.VERDICT.price * float(present[:, list(own)].sum()) for name, own in causes.items()}
     while len(chosen) < len(causes):
         worth = {
             name: gain_of(fit, [*columns, *own]) - sum(gains)

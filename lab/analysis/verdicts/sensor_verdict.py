@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import (
-    RATIO,
     Weighed,
     interval_words,
     is_right,
@@ -18,30 +18,14 @@ from lab.analysis.verdicts.finding import (
 )
 from lab.analysis.verdicts.finding_table import EARTH_RATE, FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
-from lab.analysis.verdicts.selection import PRICE, Explained, estimates, gain_of, select
+from lab.analysis.verdicts.selection import Explained, estimates, gain_of, select
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 
-EXPLAINS = 0.2
-"""Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
-depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
-LAG = 0.01
-"""Shortest lag of a sensor that is reported [s]: that of a latency. What a lag adds to the navigator is
-gone at the end of the manoeuvre; a bandwidth of 50 Hz lags by 3 ms, and NEES does not show it."""
-LEFT = 0.1
-"""Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
-remainder."""
-TOGETHER = 2.0
-"""Ratio of the variances of both kinds of sensors up to which one factor on Q serves both: it is within √2 of
-each, less than `finding.MATTERS`."""
 LEAST_FACTOR = float(FACTORS[0])
 """Smallest factor on a bias drive that is stated: the smallest tried."""
-WANDERS = 3.0
-"""Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
-ALL_OF_IT = 0.5
-"""Largest distance of its estimated part from 1: it is left out or it is not."""
 
 _CAUSES = {  # regressors of each cause
     "scale factor": (0,),
@@ -87,20 +71,24 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
     )
     total = float(fit.squares)
     scale = max((total - 2 * gain_of(fit, range(len(MOTION)))) / count, 1e-12)
-    chosen = select(Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale), _CAUSES, RATIO)
+    chosen = select(
+        Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale),
+        _CAUSES,
+        limits.VERDICT.likelihood_ratio,
+    )
     explained, found = 0.0, []
     for entry in chosen:
         explained += 2 * entry.gain * scale
-        if entry.gain < LEFT * chosen[0].gain:
+        if entry.gain < limits.VERDICT.remainder_part * chosen[0].gain:
             continue
         if entry.name == EARTH_RATE:
             found += _earth_rate(entry)
-        elif entry.name == "bandwidth" and _lag(entry) < LAG:
+        elif entry.name == "bandwidth" and _lag(entry) < limits.VERDICT.lag:
             continue
-        elif 2 * entry.gain / count > EXPLAINS:
+        elif 2 * entry.gain / count > limits.VERDICT.noise_part:
             found.append(_stated(entry, kind, sensor))
     rest = total - explained
-    if found and count < rest < count + LEFT * explained:
+    if found and count < rest < count + limits.VERDICT.remainder_part * explained:
         rest = count
     return found, (rest, count)
 
@@ -109,7 +97,7 @@ def _earth_rate(entry: Explained) -> list[Weighed]:
     """Judge errors like the rate of the Earth: they have a size, and last, so less of them matters."""
     weight = 1 / np.maximum(entry.sigma, 1e-12) ** 2
     part = float(np.sum(weight * entry.estimate) / weight.sum())
-    if abs(part - 1) > ALL_OF_IT:
+    if abs(part - 1) > limits.VERDICT.earth_rate_off:
         return []
     statistic = f"logarithm of the likelihood ratio {entry.gain:.0f}"
     return [Weighed(entry.gain, FINDINGS["Earth rate"].finding(part, statistic, part=part))]
@@ -190,7 +178,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         gain, likeliest = (likelihood(1, (0,)) - assumed, matched) if matched < drive else (0.0, drive)
         ends = []
     candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
-    price = PRICE * matrix.shape[0]
+    price = limits.VERDICT.price * matrix.shape[0]
     gains = {
         name: likelihood(0, columns) - assumed - price
         for name, columns in candidates.items()
@@ -198,11 +186,17 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     }
     top = max(gains, key=lambda name: gains[name])
     factor = likeliest / drive if drive else np.inf
-    if gains[top] > max(gain - RATIO, RATIO) and gains[top] > RATIO:
+    if (
+        gains[top] > max(gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio)
+        and gains[top] > limits.VERDICT.likelihood_ratio
+    ):
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
         return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
-    if gain < RATIO or 1 / WANDERS < factor < WANDERS:
+    if (
+        gain < limits.VERDICT.likelihood_ratio
+        or 1 / limits.VERDICT.drive_factor < factor < limits.VERDICT.drive_factor
+    ):
         return []
     times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
     interval = wrong_by(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
@@ -223,7 +217,12 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
 def _noise(noise: Squares) -> list[Weighed]:
     """Judge Q by the sensor errors besides the biases and the errors that depend on the motion."""
     ratio = noise.mean
-    together = bool(noise.number.all()) and 1 / TOGETHER < ratio[0] / max(ratio[1], 1e-12) < TOGETHER
+    together = (
+        bool(noise.number.all())
+        and 1 / limits.VERDICT.together_ratio
+        < ratio[0] / max(ratio[1], 1e-12)
+        < limits.VERDICT.together_ratio
+    )
     if together:
         whole = Squares(noise.total.sum(), noise.number.sum())
         return judge_size(whole, FINDINGS["Q"], "noise of the inertial sensors")

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.analysis.fix_causes import gains
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
-from lab.analysis.verdicts.finding import RATIO, Change, Finding, Verdict, rounded, written
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, rounded, written
 from lab.analysis.verdicts.finding_table import CORRELATION, SENSORS
 from lab.analysis.verdicts.innovation_evidence import Record, normalised, offered
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
@@ -213,4 +214,4 @@ def _drift(run: Repeatable) -> ReceiverDrift | None:
     K = gains(solution, seen) if filtered.gains is None else filtered.gains
     record = Record(solution, run.belief, imu, run.blocks, seen, samples, innovation, covariance, K)
     found = likely_drift(record, outliers(normalised(innovation, covariance), settled=NEIGHBOURS // 2))
-    return None if found is None or found.gain < RATIO else found
+    return None if found is None or found.gain < limits.VERDICT.likelihood_ratio else found

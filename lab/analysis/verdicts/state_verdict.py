@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.agreement import Told, judge_agreement
 from lab.analysis.verdicts.evidence import BLOCKS, Evidence
-from lab.analysis.verdicts.finding import DOUBT, Weighed, is_right, judge_size, size_weight
+from lab.analysis.verdicts.finding import Weighed, is_right, judge_size, size_weight
 from lab.analysis.verdicts.finding_table import FINDINGS, VALUES
 from lab.analysis.verdicts.run_means import NEES
-from lab.analysis.verdicts.selection import PRICE
 from lab.analysis.verdicts.sums import Squares
 
 _SETTINGS = {
@@ -40,7 +40,7 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
         of[0] -= of[explained].sum()
         of[explained] = 0.0
     whole = Squares(start.total[0], start.number[0])
-    doubt = DOUBT / len(BLOCKS)
+    doubt = limits.VERDICT.doubt / len(BLOCKS)
     found: dict[str, Weighed] = {}
     rest = Squares(whole.total.copy(), whole.number.copy())
     for at, name in enumerate(BLOCKS, start=1):
@@ -58,7 +58,7 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
             found[name] = judged[0]
             rest = Squares(rest.total - part.total, rest.number - part.number)
     together = size_weight(float(whole.total), float(whole.number)) if whole.number else 0.0
-    alone = sum(entry.weight for entry in found.values()) - PRICE * (len(found) - 1)
+    alone = sum(entry.weight for entry in found.values()) - limits.VERDICT.price * (len(found) - 1)
     if found and alone > together and (not rest.number or is_right(float(rest.total), float(rest.number))):
         return list(found.values())
     return judge_size(whole, FINDINGS["P0"], "start")

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import NO_SLIP, NO_SLIP_AT, WHEELS
 from lab.analysis.verdicts.aid_verdict import judge_aids
 from lab.analysis.verdicts.finding import Suggestion, Verdict
 from lab.analysis.verdicts.trial import (
     EVERY,
-    LIKELY,
     Repeatable,
     advised,
     figures,
@@ -32,13 +32,8 @@ from lab.base.parameters.setting_error import SettingError
 OUTAGE = 15.0
 """Length of the outages [s]: on a winding road with the default sensors, errors across 10 s are hardly above
 those of the fixes to which they are compared; across 15 s they are four times as large."""
-CLOSER = 1.25
-"""Least factor by which the errors across outages become smaller. A plain choice: less is not worth a
-condition that fails where the vehicle slips."""
 TURNS = 3
 """Number of sets of outages at different times: a drive of three minutes has seven outages then."""
-FEWEST = 3
-"""Fewest outages that show a gain."""
 MOST = 60_000
 """Most samples of a log on which it is tried, those in the middle: ten minutes at 100 Hz, and some five
 seconds for all runs."""
@@ -91,7 +86,11 @@ def _no_slip(run: Repeatable) -> Suggestion | None:
         return None  # it slips, or the axes of the IMU are not those of the vehicle
     before, after = (_across(one) for one in (run, with_it))
     growth = growth_of(before, after)
-    if growth is None or before.size < FEWEST or growth[0] + LIKELY * growth[1] > -np.log(CLOSER):
+    if (
+        growth is None
+        or before.size < limits.VERDICT.shown_outages
+        or growth[0] + limits.VERDICT.likely_errors * growth[1] > -np.log(limits.VERDICT.closer_factor)
+    ):
         return None
     if worsened(figures(run), figures(with_it)):
         return None

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, written
@@ -34,19 +35,8 @@ from lab.run.run import Run
 
 OUTAGE, EVERY = 10.0, 60.0
 """Length of the artificial outages, and time from one to the next [s]."""
-WORSE = 1.05
-"""Factor by which the errors across outages may grow: 5 % are worth a filter that knows its errors."""
-SCATTER, WEIGHT = 0.4, 3
-"""Scatter from outage to outage of the logarithm of the factor by which advice changes the error of one, and
-the number of outages as which it counts beside those of the run, which may be one to three."""
-LIKELY = 2.0
-"""Standard errors above which the mean of these logarithms is no chance."""
-CHANCE = 0.05
-"""Largest change of NIS per degree of freedom, or of a correlation, that does not count as worse."""
 SPREAD = np.sqrt(2 / 6)
 """σ of the NIS per degree of freedom of one fix: the variance of χ² is twice its six degrees of freedom."""
-RARE = 3.0
-"""Number of standard deviations within which a figure counts as that of a right filter."""
 
 _TRYING = "Trying the advice"
 
@@ -206,20 +196,20 @@ def _helped(
 def improved(before: Figures, after: Figures) -> bool:
     """Return whether a figure became better, by more than counts as a change."""
     return bool(
-        abs(np.log(max(after.nis, 1e-9))) < abs(np.log(max(before.nis, 1e-9))) - CHANCE
-        or after.correlation < before.correlation - CHANCE
-        or after.held_out < before.held_out / WORSE
+        abs(np.log(max(after.nis, 1e-9))) < abs(np.log(max(before.nis, 1e-9))) - limits.VERDICT.figure_change
+        or after.correlation < before.correlation - limits.VERDICT.figure_change
+        or after.held_out < before.held_out / limits.VERDICT.worse_factor
     )
 
 
 def worsened(before: Figures, after: Figures) -> str:
     """Return the figures that became worse, as text; empty if none did."""
     found = []
-    by_chance = RARE / np.sqrt(max(after.fixes, 1.0))
+    by_chance = limits.VERDICT.figure_sigmas / np.sqrt(max(after.fixes, 1.0))
     off = abs(np.log(max(after.nis, 1e-9)))
-    if off > max(by_chance * SPREAD, abs(np.log(max(before.nis, 1e-9))) + CHANCE):
+    if off > max(by_chance * SPREAD, abs(np.log(max(before.nis, 1e-9))) + limits.VERDICT.figure_change):
         found.append(f"NIS per degree of freedom ({before.nis:.2f}, then {after.nis:.2f})")
-    if after.correlation > max(by_chance, before.correlation + CHANCE):
+    if after.correlation > max(by_chance, before.correlation + limits.VERDICT.figure_change):
         found.append(
             f"the correlation of the innovations ({before.correlation:.2f}, then {after.correlation:.2f})"
         )
@@ -233,12 +223,15 @@ def worsened(before: Figures, after: Figures) -> str:
 
 def _grew(before: Figures, after: Figures) -> bool:
     """Return whether the errors across outages grew, by more than they scatter from one to another."""
-    if not after.held_out > WORSE * before.held_out:
+    if not after.held_out > limits.VERDICT.worse_factor * before.held_out:
         return False
     if not np.isfinite(after.held_out):
         return True
     growth = growth_of(before.outages, after.outages)
-    return growth is not None and growth[0] > np.log(WORSE) + LIKELY * growth[1]
+    return (
+        growth is not None
+        and growth[0] > np.log(limits.VERDICT.worse_factor) + limits.VERDICT.likely_errors * growth[1]
+    )
 
 
 def growth_of(before: FloatArray, after: FloatArray) -> tuple[float, float] | None:
@@ -252,8 +245,12 @@ def growth_of(before: FloatArray, after: FloatArray) -> tuple[float, float] | No
     growth = growth[~np.isnan(growth)]
     if not growth.size:
         return None
-    scatter = WEIGHT * SCATTER**2 + np.sum((growth - growth.mean()) ** 2)
-    return float(growth.mean()), float(np.sqrt(scatter / (WEIGHT + growth.size - 1) / growth.size))
+    scatter = limits.VERDICT.outage_weight * limits.VERDICT.outage_scatter**2 + np.sum(
+        (growth - growth.mean()) ** 2
+    )
+    return float(growth.mean()), float(
+        np.sqrt(scatter / (limits.VERDICT.outage_weight + growth.size - 1) / growth.size)
+    )
 
 
 def _words(before: Figures, after: Figures) -> str:

@@ -3,12 +3,13 @@
 Each statement is based on one statistic with a known distribution. It is made only if the deviation is both
 beyond doubt and large enough to matter:
 
-- *Beyond doubt.* A χ² statistic is outside its two-sided 99.8 % interval (`DOUBT`), an explanation raises the
-  likelihood by e¹⁰ (`RATIO`) beyond the price of its parameters, or a fix differs from its neighbours as one
-  in 5 million does (`outliers`). Together they raise less than one false alarm in 100 runs.
-- *Large enough.* A variance that is wrong by less than half (`MATTERS`) hardly affects a filter, because its
-  gain depends on the root of the variance. The same holds for a latency below 10 ms, or a lever arm below 20
-  cm.
+- *Beyond doubt.* A χ² statistic is outside its two-sided 99.8 % interval (`doubt` of `limits`), an
+  explanation raises the likelihood by e¹⁰ (`likelihood_ratio`) beyond the price of its parameters, or a fix
+  differs from its neighbours as one in 5 million does (`outliers`). Together they raise less than one false
+  alarm in 100 runs.
+- *Large enough.* A variance that is wrong by less than half (`wrong_factor`) hardly affects a filter, because
+  its gain depends on the root of the variance. The same holds for a latency below 10 ms, or a lever arm below
+  20 cm.
 
 The first question is whether all values are inconsistent, or a stretch, a channel, or single fixes
 (`pattern`). With the truth, each assumption has its own sample (`fix_verdict`, `sensor_verdict`,
@@ -20,10 +21,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.aid_verdict import judge_aids
 from lab.analysis.verdicts.evidence import Evidence, Usage
 from lab.analysis.verdicts.finding import (
-    MANY_SIGMA,
     NOTHING,
     Finding,
     Verdict,
@@ -38,15 +39,15 @@ from lab.analysis.verdicts.innovation_verdict import judge_innovations
 from lab.analysis.verdicts.sensor_verdict import judge_sensors
 from lab.analysis.verdicts.state_verdict import judge_start, judge_states
 
-__all__ = ["MANY_SIGMA", "NOTHING", "Finding", "Verdict", "Weighed", "judge", "judge_size", "judge_usage"]
-
-UNUSED = 0.02
-"""Fraction of the fixes that a gate may reject beyond the expected number: σ of the mean of the others is 1 %
-larger."""
-RIGHTLY = 0.7
-"""Fraction of the rejected fixes that must differ from their neighbours for the gate to be right. Measured
-with a gate of 0.999 on Montréal and Los Angeles, five seeds each: with 5, 10 or 20 % outliers it is 0.93 or
-more; with an R, a Q or a P0 that is too small, none differs."""
+__all__ = [
+    "NOTHING",
+    "Finding",
+    "Verdict",
+    "Weighed",
+    "judge",
+    "judge_size",
+    "judge_usage",
+]
 
 
 def judge(evidence: Evidence) -> Verdict:
@@ -81,11 +82,13 @@ def _judged(evidence: Evidence) -> str:
 def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
     """Judge the number of fixes that the gate rejected; `refused` of them differ from their neighbours."""
     unused = usage.rejected - usage.expected
-    beyond = usage.rejected > usage.expected + MANY_SIGMA * np.sqrt(usage.expected + 1)
-    if not usage.offered or unused <= UNUSED * usage.offered or not beyond:
+    beyond = usage.rejected > usage.expected + limits.VERDICT.correlation_sigmas * np.sqrt(usage.expected + 1)
+    if not usage.offered or unused <= limits.VERDICT.unused_fixes * usage.offered or not beyond:
         return []
     part = usage.rejected / usage.offered
-    finding = FINDINGS["refused outliers" if refused >= RIGHTLY * usage.rejected else "gate"].finding(
+    finding = FINDINGS[
+        "refused outliers" if refused >= limits.VERDICT.rightly_rejected * usage.rejected else "gate"
+    ].finding(
         part,
         f"{usage.rejected} rejected, expected {usage.expected:.2g}",
         direction="rejected",

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.verdicts import limits
 from lab.base.arrays import FloatArray
 from lab.data.log.vehicle import UNKNOWN, vehicle_of
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
@@ -19,22 +20,8 @@ from lab.run.run import Run
 
 STEP = 1.0
 """Time over which rates and specific forces are averaged [s]: vibration is gone, and turns are not."""
-FASTER = 3.0
-"""Speed from which the direction of the motion counts [m/s]: 0.1 m/s of error are then 2°."""
 LONGEST = 20_000
 """Most steps that are looked at: five hours; longer runs are looked at in part."""
-MOVING = 30.0
-"""Least time at such speeds [s]."""
-TURNED = np.radians(120.0)
-"""Least angle that the vehicle turns at such speeds, to both sides together: one street corner and a bit."""
-SLIP = np.radians(4.0)
-"""Largest rms angle between motion and forward axis, to the right and down: 2° of attitude errors and 2° of
-an IMU that is not straight in its vehicle. No slip needs better axes, which its trial shows."""
-TURNING = 0.3
-"""Least rms acceleration of the turns [m/s²]: an error of the attitude of 1° is 0.17 m/s²."""
-UPRIGHT = 0.5
-"""Least specific force to the right, relative to the acceleration of the turns: between a coordinated turn,
-0, and a flat one, 1. Cambered bends are in between, and bodies lean outwards."""
 
 
 class _Motion(NamedTuple):
@@ -57,13 +44,13 @@ def rolls(run: Run) -> bool:
         return False
     velocity, rate, force = motion
     aside = np.arctan2(velocity[:, 1:], np.abs(velocity[:, :1]))
-    if (np.sqrt(np.mean(aside**2, axis=0)) > SLIP).any():
+    if (np.sqrt(np.mean(aside**2, axis=0)) > limits.VERDICT.slip).any():
         return False
     turn = velocity[:, 0] * rate[:, 2]
-    if np.sqrt(np.mean(turn**2)) < TURNING:
+    if np.sqrt(np.mean(turn**2)) < limits.VERDICT.turn_acceleration:
         return False
     apart = turn - turn.mean()
-    return bool(apart @ force[:, 1] > UPRIGHT * (apart @ apart))
+    return bool(apart @ force[:, 1] > limits.VERDICT.upright_part * (apart @ apart))
 
 
 def ahead_of_axle(run: Run) -> float:
@@ -83,15 +70,18 @@ def _motion(run: Run) -> _Motion | None:
     time, solution = run.time, run.solution_arrays
     edges = np.searchsorted(time, np.arange(time[0], time[-1], STEP))[: LONGEST + 1]
     edges = np.unique(np.minimum(edges, time.size - 1))
-    if edges.size < MOVING / STEP:
+    if edges.size < limits.VERDICT.rolling_time / STEP:
         return None
     middle = (edges[1:] + edges[:-1]) // 2
     C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[middle]))
     velocity = np.einsum("mji,mj->mi", C_nb, solution.velocity_n[middle])
     dt = np.diff(time[edges])
     rate, force = (_mean(values, edges, dt) for values in (run.gyro.increments, run.accelerometer.increments))
-    fast = np.linalg.norm(velocity, axis=1) > FASTER
-    if dt[fast].sum() < MOVING or np.abs(rate[fast, 2] * dt[fast]).sum() < TURNED:
+    fast = np.linalg.norm(velocity, axis=1) > limits.VERDICT.rolling_speed
+    if (
+        dt[fast].sum() < limits.VERDICT.rolling_time
+        or np.abs(rate[fast, 2] * dt[fast]).sum() < limits.VERDICT.turned
+    ):
         return None
     return _Motion(velocity[fast], rate[fast], force[fast])
 

@@ -59,7 +59,7 @@ _MIN_TURN = np.radians(0.2)
 """Rms increment of an axis from which it is judged [rad]: less is noise of the attitude."""
 _MIN_COURSE_SPEED = 5.0
 """Speed from which attitude is compared with the course [m/s]: an error of 0.5 m/s across turns the course by
-6°, and no vehicle moves backwards so fast (`lab.navigation.alignment.initial_heading.FORWARD_SPEED`)."""
+6°, and no vehicle moves backwards so fast (`forward_speed` of `lab.navigation.alignment.limits`)."""
 _MIN_MOVING_SAMPLES = 20
 """Fewest samples at such a speed, or airspeed, by which they are compared."""
 _MAX_CRAB = np.radians(35.0)

@@ -18,6 +18,7 @@ from lab.data.checks.velocity_matching import turned
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced
 from lab.motion.frames.rotation import quaternion_from_euler, wrap
+from lab.navigation.alignment import limits
 from lab.navigation.alignment.initial_heading import (
     UNKNOWN,
     Found,
@@ -35,54 +36,10 @@ from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.solution import Belief, Fixes, Imu, Start
 
-REST_SPEED = 0.5
-"""Speed below which a vehicle may be at rest [m/s]."""
-NO_VERTICAL_SIGMA = 1.0
-"""σ of the initial vertical velocity if none is measured [m/s]."""
-_REST_SIGMAS = 3.5
-"""And in σ of a receiver's velocity in an axis: at rest, the speed is larger in 0.2 % of the fixes."""
-_MOST_REST_SPEED = 2.0
-"""Largest such speed, however poor the receiver is [m/s]: that of a fast walker."""
-
-_REST_RATE = np.radians(2.0)
-"""Largest σ of the gyros within a second of rest [rad/s]: above that of engines and noise, below that of
-handling."""
-_REST_FORCE = 0.4
-"""Largest σ of the accelerometers within a second of rest, and twice the largest change of their mean
-[m/s²]."""
 _SECOND = 1.0
 """Length of the intervals in which rest and turns are detected [s]."""
-_LEVELLING = 2.0
-"""Averaging time of the specific force that gives the vertical in motion [s]."""
-_AROUND = 1.1
-"""Margin around the alignment within which fixes are used [s]: enough for a receiver at 1 Hz."""
-_LONGEST_REST = 60.0
-"""Longest part of a rest that is used [s]."""
-_TILT_IN_MOTION = np.radians(3.0)
-"""σ of roll and pitch after levelling in motion [rad]: an unknown acceleration of 0.5 m/s²."""
-_STRAIGHT = np.radians(2.0)
-"""Largest rate of the course in straight motion [rad/s]."""
-_STRAIGHT_SIGMA = np.radians(0.3)
-"""σ of a gyro bias from straight motion, and smallest σ of one from velocity matching [rad/s]."""
-_LEAST_STRAIGHT = 10
-"""Fewest seconds of straight motion for a gyro bias."""
-_HIDDEN = 0.15
-"""Part of a turn that an IMU does not see about its own vertical: a bank of 30° hides a seventh."""
-_SCATTER = 0.35
-"""Largest scatter of a course about the turns of the gyros that shows their bias [rad]: the noise of fixes
-that just show a course is 1/3 (`COURSE_SIGMAS`), a change from one side to straight ahead 0.4."""
 _ROUNDS = 3
 """Number of iterations of levelling and heading, each with the result of the previous one."""
-_LEAST_FAST = 0.5
-"""Part of the fixes about a second that must show a course, for the second to be judged."""
-_ACCELERATION = 2.0
-"""σ of the mean acceleration over `_LEVELLING` if no velocity shows it [m/s²]: a car turns and brakes so."""
-_LEAST_FOR_SLOPE = 3
-"""Fewest fixes by which an acceleration is taken: a line through two has no redundancy."""
-_REST_NOISE = np.radians(0.02)
-"""σ of a mean rate at rest over 1 s: the white noise of a MEMS gyro, about its density [rad/s/√Hz]."""
-_LATE = 0.05  # smallest lateness of the fixes that is reported [s]
-_LATE_SIGMAS = 5  # and in its σ: beyond doubt, since people then change the log
 
 
 class Alignment(NamedTuple):
@@ -141,7 +98,7 @@ class Alignment(NamedTuple):
 def _late(found: Found) -> tuple[str, ...]:
     """Return a sentence about the clock of the fixes, if the heading was found with a lateness."""
     late, sigma = found.late, found.late_sigma
-    if not abs(late) > max(_LATE, _LATE_SIGMAS * sigma):
+    if not abs(late) > max(limits.ALIGNMENT.reported_latency, limits.ALIGNMENT.latency_sigmas * sigma):
         return ()
     return (
         f"The same motion shows that the fixes are {abs(late):.2f} s {'late' if late > 0 else 'early'} "
@@ -194,7 +151,7 @@ def align(
     velocity, start_sigma = _start_velocity(
         velocity, velocity_sigma[max(0, np.searchsorted(fixes.time, imu.time[0], "right") - 1)], rest
     )
-    length = rest or _LEVELLING
+    length = rest or limits.ALIGNMENT.levelling_time
     force = _mean_force(imu, length) if rest else _force_at_start(imu)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
     acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
@@ -203,7 +160,11 @@ def align(
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
         bias, bias_sigma = _bias_of_motion(imu, found)
-    tilt = _unsteadiness(imu, rest, assumed) / g if rest else float(np.hypot(_TILT_IN_MOTION, spread / g))
+    tilt = (
+        _unsteadiness(imu, rest, assumed) / g
+        if rest
+        else float(np.hypot(limits.ALIGNMENT.tilt_in_motion, spread / g))
+    )
     if np.isnan(hints.given):
         bias_sigma_of_force = float(np.sqrt(np.diag(assumed.P0)[ACCEL_BIAS].max()))
         of_all = float(np.hypot(tilt, bias_sigma_of_force / g))
@@ -218,7 +179,7 @@ def align(
             Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
         )
         bias = bias - up
-        noise = np.maximum(_REST_NOISE, np.sqrt(assumed.noise[:3]))
+        noise = np.maximum(limits.ALIGNMENT.rest_noise, np.sqrt(assumed.noise[:3]))
         bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
     rate = (
         np.zeros(3)
@@ -301,12 +262,12 @@ def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
 def _start_velocity(velocity: FloatArray, sigma: FloatArray, rest: float) -> tuple[FloatArray, FloatArray]:
     """Return the velocity (3,) at the start and its σ.
 
-    A vehicle at rest has a speed below `REST_SPEED`, and one in motion climbs by `NO_VERTICAL_SIGMA`. Where a
-    receiver knows less, the velocity is zero with this σ.
+    A vehicle at rest has a speed below `rest_speed` of `limits`, and one in motion climbs by
+    `vertical_speed_sigma`. Where a receiver knows less, the velocity is zero with this σ.
     """
-    sigma_of_zero = np.array([np.inf, np.inf, NO_VERTICAL_SIGMA])
+    sigma_of_zero = np.array([np.inf, np.inf, limits.ALIGNMENT.vertical_speed_sigma])
     if rest:
-        sigma_of_zero[:] = REST_SPEED
+        sigma_of_zero[:] = limits.ALIGNMENT.rest_speed
     return np.where(sigma > sigma_of_zero, 0.0, velocity), np.minimum(sigma, sigma_of_zero)
 
 
@@ -335,10 +296,14 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
 def _rest(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> float:
     """Return the duration of the rest from the first sample on, in whole seconds; 0 if below two [s]."""
     start = imu.time[0]
-    seconds = int(min(imu.time[-1] - start, _LONGEST_REST))
+    seconds = int(min(imu.time[-1] - start, limits.ALIGNMENT.longest_rest))
     dt = np.diff(imu.time)[:, None]
     rates, forces = imu.dtheta / dt, imu.dvelocity / dt
-    slow = np.clip(_REST_SIGMAS * velocity_sigma[:, :2].max(axis=1), REST_SPEED, _MOST_REST_SPEED)
+    slow = np.clip(
+        limits.ALIGNMENT.rest_sigmas * velocity_sigma[:, :2].max(axis=1),
+        limits.ALIGNMENT.rest_speed,
+        limits.ALIGNMENT.largest_rest_speed,
+    )
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1) / slow
     level_force = forces[: max(1, np.searchsorted(imu.time, start + _SECOND))].mean(axis=0)
     for second in range(seconds):
@@ -347,9 +312,9 @@ def _rest(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> float:
             return _at_least_two(second)
         moving = speed[(fixes.time >= start + second) & (fixes.time < start + second + _SECOND)]
         still = (
-            rates[window].std(axis=0).max() < _REST_RATE
-            and forces[window].std(axis=0).max() < _REST_FORCE
-            and np.abs(forces[window].mean(axis=0) - level_force).max() < _REST_FORCE / 2
+            rates[window].std(axis=0).max() < limits.ALIGNMENT.rest_rate
+            and forces[window].std(axis=0).max() < limits.ALIGNMENT.rest_force
+            and np.abs(forces[window].mean(axis=0) - level_force).max() < limits.ALIGNMENT.rest_force / 2
             and (not moving.size or float(np.median(moving)) < 1)
         )
         if not still:
@@ -380,12 +345,12 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
     if fast.sum() >= 2:
         course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
         turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
-        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > _LEAST_FAST
-        straight = known & (np.abs(turn) < _STRAIGHT)
-        if straight.sum() >= _LEAST_STRAIGHT:
-            return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
+        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > limits.ALIGNMENT.fast_part
+        straight = known & (np.abs(turn) < limits.ALIGNMENT.straight_rate)
+        if straight.sum() >= limits.ALIGNMENT.straight_seconds:
+            return np.median(rates[straight], axis=0), np.full(3, limits.ALIGNMENT.straight_bias_sigma)
     mean = _mean_rate(imu, float(imu.time[-1] - imu.time[0]))
-    if fast.sum() < 2 or np.ptp(fixes.time[fast]) < _LEAST_STRAIGHT:
+    if fast.sum() < 2 or np.ptp(fixes.time[fast]) < limits.ALIGNMENT.straight_seconds:
         return np.zeros(3), np.abs(mean)
     return _along_course(imu, fixes.time[fast], course, mean)
 
@@ -412,26 +377,26 @@ def _along_course(
     since = time - time.mean()
     slope = float(since @ apart) / float(since @ since)
     scatter = float(np.std(apart - apart.mean() - slope * since))
-    if scatter > _SCATTER:
+    if scatter > limits.ALIGNMENT.course_scatter:
         return np.zeros(3), np.abs(mean)
     # The errors of neighbouring fixes depend on each other: one in a second counts.
     noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
-    hidden = _HIDDEN * abs(slope + float(np.polyfit(since, turning, 1)[0]))
+    hidden = limits.ALIGNMENT.hidden_turn * abs(slope + float(np.polyfit(since, turning, 1)[0]))
     down = _down(imu)
     level = mean - down * float(mean @ down)
-    sigma = float(np.linalg.norm((noise, hidden, _STRAIGHT_SIGMA)))
+    sigma = float(np.linalg.norm((noise, hidden, limits.ALIGNMENT.straight_bias_sigma)))
     return -slope * down, np.hypot(np.abs(level), np.abs(down) * sigma)
 
 
 def _down(imu: Imu) -> FloatArray:
     """Return the vertical (3,) in b of a nearly level IMU."""
-    force = _mean_force(imu, _LEVELLING)
+    force = _mean_force(imu, limits.ALIGNMENT.levelling_time)
     return np.asarray(-force / np.linalg.norm(force))
 
 
 def _force_at_start(imu: Imu) -> FloatArray:
-    """Return the mean specific force (3,) over `_LEVELLING`, in b of the first sample [m/s²]."""
-    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + _LEVELLING, "right")) - 1)
+    """Return the mean specific force (3,) over `levelling_time`, in b of the first sample [m/s²]."""
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + limits.ALIGNMENT.levelling_time, "right")) - 1)
     C = turned(imu.dtheta[:last])[:-1].as_matrix()
     return np.asarray(np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0]))
 
@@ -456,16 +421,16 @@ def _acceleration(
 ) -> tuple[FloatArray, float]:
     """Return the mean acceleration (3,) over the first seconds, and the larger horizontal σ [m/s²].
 
-    It is that of a line through the velocities, as far as they know it better than `_ACCELERATION`.
+    It is that of a line through the velocities, as far as they know it better than `acceleration_sigma`.
     """
     start = imu.time[0]
-    near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
-    if near.sum() < _LEAST_FOR_SLOPE:
-        return np.zeros(3), _ACCELERATION
+    near = np.abs(fixes.time - start - length / 2) < length / 2 + limits.ALIGNMENT.margin
+    if near.sum() < limits.ALIGNMENT.slope_fixes:
+        return np.zeros(3), limits.ALIGNMENT.acceleration_sigma
     time = fixes.time[near] - start
     slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
     variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
-    known = _ACCELERATION**2 / (_ACCELERATION**2 + variance)
+    known = limits.ALIGNMENT.acceleration_sigma**2 / (limits.ALIGNMENT.acceleration_sigma**2 + variance)
     return slope * known, float(np.sqrt((variance * known)[:2].max()))
 
 
@@ -506,9 +471,9 @@ def _heading(
 def _bias_of_motion(imu: Imu, found: Found) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias found with the heading, or zero with the mean rate as its σ; and its σ."""
     if found.gyro_bias is not None and found.gyro_bias_sigma is not None:
-        return found.gyro_bias, np.maximum(found.gyro_bias_sigma, _STRAIGHT_SIGMA)
+        return found.gyro_bias, np.maximum(found.gyro_bias_sigma, limits.ALIGNMENT.straight_bias_sigma)
     return np.zeros(3), np.maximum(
-        np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0]))), _STRAIGHT_SIGMA
+        np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0]))), limits.ALIGNMENT.straight_bias_sigma
     )
 
 

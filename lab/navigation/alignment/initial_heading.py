@@ -31,41 +31,11 @@ from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.vehicle import Vehicle, vehicle_of
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import wrap
+from lab.navigation.alignment import limits
 from lab.navigation.solution import Fixes, Imu
-
-COURSE_SPEED = 1.0
-"""Speed above which a vehicle has a course, if it also exceeds `COURSE_SIGMAS` [m/s]."""
-COURSE_SIGMAS = 3
-"""The same in σ of its speed: the course is then known within 1/3 rad."""
-FORWARD_SPEED = 5.0
-"""Speed above which no vehicle moves backwards [m/s]: aeroplanes are pushed back, models carried to the
-runway tail first, and cars reversed, at 1 to 3 m/s."""
-MAGNETIC_SIGMA = np.radians(10.0)
-"""σ of a magnetometer's heading [rad]: iron and currents of the vehicle after one calibration."""
-ANTENNA_SIGMA = np.radians(2.0)
-"""σ of a heading from two antennas if the log gives none [rad]: 1 cm over 0.3 m."""
 
 _COURSE = "from the course"
 _ROUNDING = 1e-6  # of time stamps [s]
-_BEFORE = 1.0  # how old a heading or a field may be at the first sample of the IMU [s]
-_BIAS_AT_REST = np.radians(0.1)
-"""σ of a gyro bias taken at rest, before a match [rad/s]: noise and temperature, five times the drift."""
-_MATCH_SIGMA = np.radians(2.0)  # errors that the model of the match omits
-_SURE = np.radians(6.0)  # no further windows are examined
-_WORTH = np.radians(30.0)
-"""Largest σ of a heading from velocity matching that is used [rad]."""
-_MISFIT = 9.0
-"""Largest mean square residual, in σ, of an accepted match: residuals of three σ."""
-_MOST_WINDOWS = 8
-"""Largest number of windows that are matched."""
-_WITHIN = 1800.0  # from the start: over longer times, gyros cannot carry a heading back [s]
-_DRIFT_AT_REST = np.radians(0.02)
-"""Drift of a heading that gyros carry back, if their bias was measured at rest [rad/s]."""
-_DRIFT = np.radians(1.0)
-"""Drift for an unknown bias [rad/s]."""
-_CONTRADICTION = 3.5
-"""Difference of two headings, in σ, above which they contradict each other."""
-_WEAK = 6.0  # horizontal field [µT] below which compasses are unreliable (World Magnetic Model 2025)
 
 
 class Hints(NamedTuple):
@@ -174,7 +144,7 @@ UNKNOWN = Found(0.0, np.pi, "", np.nan)
 def contradict(one: Found, other: Found) -> bool:
     """Return whether two headings are further apart than their σ explain."""
     apart = abs(float(wrap(other.heading - one.heading)))
-    return bool(apart > _CONTRADICTION * np.hypot(one.sigma, other.sigma))
+    return bool(apart > limits.ALIGNMENT.contradiction_sigmas * np.hypot(one.sigma, other.sigma))
 
 
 def surest(found: Sequence[Found]) -> Found:
@@ -197,7 +167,10 @@ def surest(found: Sequence[Found]) -> Found:
 def shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the fixes that are fast enough for a course."""
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
-    slowest = np.maximum(COURSE_SPEED, COURSE_SIGMAS * np.linalg.norm(velocity_sigma[:, :2], axis=1))
+    slowest = np.maximum(
+        limits.ALIGNMENT.course_speed,
+        limits.ALIGNMENT.course_sigmas * np.linalg.norm(velocity_sigma[:, :2], axis=1),
+    )
     return np.asarray(speed > slowest)
 
 
@@ -206,7 +179,7 @@ def by_course(
 ) -> Found:
     """Return the heading from the course of the first lasting motion, carried back by the gyros.
 
-    A slow vehicle may move backwards, or be carried. The first course above `FORWARD_SPEED` shows it.
+    A slow vehicle may move backwards, or be carried. The first course above `forward_speed` shows it.
 
     Parameters
     ----------
@@ -242,7 +215,7 @@ def by_course(
             time,
         )
 
-    found, forward = first_of(fast), first_of(fast & (speed > FORWARD_SPEED))
+    found, forward = first_of(fast), first_of(fast & (speed > limits.ALIGNMENT.forward_speed))
     return _forward(found, forward, rest, vehicle) if forward.source else found
 
 
@@ -265,19 +238,21 @@ def _forward(found: Found, forward: Found, rest: float, vehicle: Vehicle) -> Fou
         apart = float(wrap(forward.heading - found.heading))
     between = np.hypot(np.sqrt(2) * vehicle.sideslip, _drift(rest) * (forward.time - found.time))
     # Neither forward nor backward: it was carried.
-    return forward if abs(apart) > _CONTRADICTION * between else found
+    return forward if abs(apart) > limits.ALIGNMENT.contradiction_sigmas * between else found
 
 
 def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: float) -> Found:
     """Return the heading of the first measurement with two antennas, carried back by the gyros."""
     if headings is None:
         return UNKNOWN
-    rows = np.flatnonzero((headings.time >= imu.time[0] - _BEFORE) & (headings.time <= imu.time[-1]))
+    rows = np.flatnonzero(
+        (headings.time >= imu.time[0] - limits.ALIGNMENT.heading_age) & (headings.time <= imu.time[-1])
+    )
     if not rows.size:
         return UNKNOWN
     first = int(rows[0])
     time = float(headings.time[first])
-    own = headings.sigma[first] if np.isfinite(headings.sigma[first]) else ANTENNA_SIGMA
+    own = headings.sigma[first] if np.isfinite(headings.sigma[first]) else limits.ALIGNMENT.antenna_sigma
     drift = _drift(rest) * abs(time - imu.time[0])
     heading = float(wrap(headings.heading[first] - np.interp(time, imu.time, turning)))
     return Found(heading, float(min(np.pi, np.hypot(own, drift))), f"by two antennas at {time:.1f} s", time)
@@ -286,23 +261,23 @@ def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: 
 def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatArray, rest: float) -> Found:
     """Return the heading for which specific force and velocities agree, for any vehicle."""
     log = (imu.time, imu.dtheta, imu.dvelocity, fixes.time, fixes.velocity_n, velocity_sigma)
-    spread = _BIAS_AT_REST if rest else GYRO_BIAS_SIGMA
+    spread = limits.ALIGNMENT.bias_at_rest if rest else GYRO_BIAS_SIGMA
     best: tuple[float, float, Match] | None = None
-    starts = [start for _, start in lively(log) if start - imu.time[0] < _WITHIN]
-    for start in starts[:_MOST_WINDOWS]:
+    starts = [start for _, start in lively(log) if start - imu.time[0] < limits.ALIGNMENT.match_time]
+    for start in starts[: limits.ALIGNMENT.match_windows]:
         window = window_of(log, start)
         if window is None:
             continue
         found = match(window, bias, spread, lags=(0.0,))
-        drift = (_drift(rest) if rest else float(min(_DRIFT, found.gyro_bias_sigma[2]))) * (
+        drift = (_drift(rest) if rest else float(min(limits.ALIGNMENT.drift, found.gyro_bias_sigma[2]))) * (
             start - imu.time[0]
         )
-        sigma = float(np.sqrt(found.heading_sigma**2 + _MATCH_SIGMA**2 + drift**2))
-        if found.misfit < _MISFIT and (best is None or sigma < best[0]):
+        sigma = float(np.sqrt(found.heading_sigma**2 + limits.ALIGNMENT.match_sigma**2 + drift**2))
+        if found.misfit < limits.ALIGNMENT.match_misfit and (best is None or sigma < best[0]):
             best = sigma, start, found
-            if sigma < _SURE:
+            if sigma < limits.ALIGNMENT.sure_heading:
                 break
-    if best is None or best[0] > _WORTH:
+    if best is None or best[0] > limits.ALIGNMENT.worth_heading:
         return UNKNOWN
     sigma, start, found = best
     increments = steps(
@@ -348,7 +323,9 @@ def by_magnetometer(
     """
     if magnetometer is None:
         return UNKNOWN
-    rows = (magnetometer.time >= imu.time[0] - _BEFORE) & (magnetometer.time <= imu.time[0] + length)
+    rows = (magnetometer.time >= imu.time[0] - limits.ALIGNMENT.heading_age) & (
+        magnetometer.time <= imu.time[0] + length
+    )
     if not rows.any():
         return UNKNOWN
     field = np.median(magnetometer.field[rows], axis=0)
@@ -360,8 +337,8 @@ def by_magnetometer(
     if not np.isfinite(declination):
         declination, horizontal = magnetic_declination(position)
         model = "declination of the World Magnetic Model"
-    sigma = float(np.hypot(MAGNETIC_SIGMA, tilt_sigma * abs(down) / level))
-    if horizontal < _WEAK or sigma > np.pi:
+    sigma = float(np.hypot(limits.ALIGNMENT.magnetic_sigma, tilt_sigma * abs(down) / level))
+    if horizontal < limits.ALIGNMENT.weak_field or sigma > np.pi:
         return UNKNOWN
     return Found(
         float(wrap(np.arctan2(-east, north) + declination)),
@@ -373,4 +350,4 @@ def by_magnetometer(
 
 def _drift(rest: float) -> float:
     """Return the rate at which the σ of a heading carried by the gyros grows [rad/s]."""
-    return float(_DRIFT_AT_REST if rest else _DRIFT)
+    return float(limits.ALIGNMENT.drift_at_rest if rest else limits.ALIGNMENT.drift)
