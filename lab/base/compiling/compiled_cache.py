@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import IndexDataCacheFile, NullCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
 
 from lab.base.compiling.fingerprint import fingerprint
 from lab.base.files.locks import locked
@@ -94,11 +95,29 @@ class CheckedCacheFile(IndexDataCacheFile):
                 path.unlink()
 
 
+class KernelCache(FunctionCache):
+    """The compiled code of one kernel, which is loaded without the compiler."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the code for some types of arguments; None if there is none.
+
+        Numba first imports all functions that it can compile, which takes ten times as long as loading. Code
+        needs of them only the runtime; the compiler imports the rest if there is no code.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 class CachedKernel(CPUDispatcher):
     """A function called from Python whose compiled code is kept on disk, and is compiled by one process."""
 
     _cache: Any
     targetctx: Any
+
+    def enable_caching(self) -> None:
+        """Keep compiled code on the disk."""
+        self._cache = KernelCache(self.py_func)
 
     def compile(self, sig: Any) -> Any:
         """Load the code for some types of arguments, or compile it; wait for a process that does."""
