@@ -195,15 +195,15 @@ def _errors(result: Result) -> str:
         return table(
             tuple(result.whiteness.columns), rows, right=set(range(1, len(result.whiteness.columns)))
         )
-    summary = result.summary
-    numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
+    from lab.experiment.datasets.tables import summary_rows  # noqa: PLC0415 - help does not need it
+
+    columns, summary = summary_rows(result)
     # Fixed decimals align. Errors far below a millimetre, as without sensor noise, need powers of ten.
-    form = ".3f" if summary["rms"].min() > 0.01 else ".2e"
+    form = ".3f" if min((float(row[2]) for row in summary), default=0.0) > 0.01 else ".2e"
     rows = [
-        tuple(f"{cell:{form}}" if column in numbers else str(cell) for column, cell in enumerate(row))
-        for row in summary.itertuples(index=False)
+        tuple(f"{cell:{form}}" if isinstance(cell, float) else str(cell) for cell in row) for row in summary
     ]
-    return table(tuple(summary.columns), rows, right=numbers)
+    return table(columns, rows, right=set(range(2, len(columns))))
 
 
 def verdict_text(verdict: Verdict) -> str:

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from lab.base.arrays import FloatArray
-from lab.experiment.datasets import tables
 from lab.experiment.result import Result
 from lab.motion.truth.trajectory import Truth
 from lab.run.run import Recorded
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
 """Data that are unknown for a log without a reference."""
@@ -110,15 +104,6 @@ class LogResult(Result):
     def _origin(self) -> tuple[float, float]:
         latitude, longitude, _ = self.solution_arrays.position[0]
         return float(latitude), float(longitude)
-
-    @cached_property
-    def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile.
-
-        Only for quantities in the reference; with mean and standard deviation, since a reference may have a
-        constant error.
-        """
-        return tables.summary(self, None if self.is_long else self.errors, moments=True)
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:

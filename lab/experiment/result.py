@@ -241,8 +241,12 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile."""
-        return tables.summary(self, None if self.is_long else self.errors, moments=False)
+        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile.
+
+        For a log, only of quantities in the reference, and with mean and standard deviation, since a
+        reference may have a constant error.
+        """
+        return tables.summary(self)
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -19,45 +19,39 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def summary(run: Run, errors: xr.Dataset | None, *, moments: bool) -> pd.DataFrame:
-    """Return the table of the errors; see `Result.summary`.
-
-    Parameters
-    ----------
-    run
-        The run.
-    errors
-        Its errors; None of a long flight, of which they are computed one component after the other, since
-        all together take ten times the memory.
-    moments
-        Whether mean and standard deviation are in it, of what is known; then nothing need be known.
-    """
+def summary(run: Run) -> pd.DataFrame:
+    """Return the table of the errors; see `Result.summary`."""
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
+    columns, rows = summary_rows(run)
+    return pd.DataFrame(rows, columns=columns)
+
+
+def summary_rows(run: Run) -> tuple[tuple[str, ...], list[tuple[str | float, ...]]]:
+    """Return the names of the columns of `summary`, and its rows."""
+    moments = run.recorded is not None
     rows = []
-    for name, unit, column in _columns(run, errors):
+    for name, unit, column in _columns(run):
         known = column[np.isfinite(column)] if moments else column
         if not known.size:
             continue
         about = [known.mean(), known.std()] if moments else []
-        # Of a long flight in place: a vector takes 23 MB in four hours.
-        size = np.abs(known, out=known if errors is None else None)
+        size = np.abs(known, out=known)  # in place: in four hours, a vector takes 23 MB
         rms = np.sqrt(size @ size / size.size)
         figures = [rms, size.max(), np.quantile(size, 0.95, overwrite_input=True)]
         rows.append((name, unit, *map(float, figures + about)))
-    columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if moments else [])]
-    return pd.DataFrame(rows, columns=columns)
+    return ("quantity", "unit", "rms", "max", "95 %", *(("mean", "std") if moments else ())), rows
 
 
-def _columns(run: Run, errors: xr.Dataset | None) -> Iterator[tuple[str, str, FloatArray]]:
-    """Iterate over all components of the errors: name, unit and values (n + 1,)."""
+def _columns(run: Run) -> Iterator[tuple[str, str, FloatArray]]:
+    """Iterate over all components of the errors: name, unit and values (n + 1,), which may be overwritten.
+
+    Those of a long flight are computed one after the other: all together take ten times the memory.
+    """
     for name, (dim, unit) in flight.ERRORS.items():
+        errors = None if run.is_long else flight.error_of(run, name)
         for number, component in enumerate(COORDINATES[dim]):
-            values = (
-                flight.error_component(run, name, number)
-                if errors is None
-                else errors[name].values[:, number]
-            )
+            values = flight.error_component(run, name, number) if errors is None else errors[:, number].copy()
             yield f"{name} {component}", unit, values
 
 
