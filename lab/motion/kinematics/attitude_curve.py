@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Literal, Protocol, get_args
 
 import numpy as np
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.motion.frames import rotation
+from lab.motion.kinematics.rotation_spline import RotationSpline
 from lab.motion.kinematics.spline_windows import CubicCurve, SplineWindows
 
 AttitudeKind = Literal["rotation", "euler"]
@@ -34,7 +35,7 @@ class AttitudeCurve(Protocol):
 
 
 class RotationCurve:
-    """SciPy's `RotationSpline` through the attitudes: no gimbal lock, nothing to unwrap.
+    """A `RotationSpline` through the attitudes: no gimbal lock, nothing to unwrap.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ class RotationCurve:
         def make(part: slice) -> RotationSpline:
             knots = times[part]
             given = attitudes.attitude(knots) if isinstance(attitudes, RotationCurve) else attitudes[part]
-            return RotationSpline(knots, given)
+            return RotationSpline(knots, given.as_quat(scalar_first=True))
 
         self._spline = SplineWindows(times, make)
         # A curve of one window already exists.
@@ -56,13 +57,12 @@ class RotationCurve:
 
     def attitude(self, times: FloatArray) -> Rotation:
         """Return C_nb at the times."""
-        if self._spline.only is not None:
-            return self._spline.only(times)
-        return Rotation.from_quat(self._spline(times, lambda spline, at: spline(at).as_quat()))
+        q_nb = self._spline(times, lambda spline, at: spline.attitude(at))
+        return Rotation.from_quat(q_nb, scalar_first=True)
 
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
-        return self._spline(times, lambda spline, at: spline(at, 1))
+        return self._spline(times, lambda spline, at: spline.rate(at))
 
     @property
     def nbytes(self) -> int:
