@@ -30,6 +30,7 @@ import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
+from lab.base.collection_pause import collection_pause
 from lab.base.old_names import find_old_names
 from lab.views.cards import register_cards
 
@@ -126,11 +127,12 @@ if "IPython" in sys.modules:  # one that is not loaded does not run; loading it 
 
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use, because the compiler and the plotting libraries load slowly."""
-    if name in _MODULES:
-        return importlib.import_module(_MODULES[name])
-    if name not in _HOMES:
+    home = _MODULES.get(name) or _HOMES.get(name)
+    if home is None:
         raise AttributeError(f"module 'lab' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    with collection_pause():
+        module = importlib.import_module(home)
+    return module if name in _MODULES else getattr(module, name)
 
 
 def __dir__() -> list[str]:

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from lab.base.blas_threads import OneBlasThread
+from lab.base.collection_pause import collection_pause
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
@@ -80,7 +81,8 @@ class AllCommands(Commands):
 
 def _imported(name: str) -> Any:
     module, _, attribute = COMMANDS[name][0].partition(":")
-    home = import_module(module)
+    with collection_pause():
+        home = import_module(module)
     found = getattr(home, attribute)
     if isinstance(found, typer.Typer):
         group = typer.main.get_group(found)

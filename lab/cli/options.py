@@ -98,7 +98,7 @@ def experiment(
         raise CommandError("--no-assumed: needs --card, whose assumed numbers it omits")
     mission = _single(mission)
     find_mission(mission)
-    from lab.experiment.experiment import Experiment  # noqa: PLC0415 - takes a second
+    from lab import Experiment  # noqa: PLC0415 - takes a second
 
     chosen = Experiment() if config is None else Experiment.from_toml(config)
     if card is not None:

@@ -8,7 +8,6 @@ Nor does it know what other processes compile: several that need the same kernel
 from __future__ import annotations
 
 import contextlib
-import gc
 import hashlib
 import logging
 import os
@@ -23,6 +22,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
+from lab.base.collection_pause import collection_pause
 from lab.base.compiling.fingerprint import fingerprint
 from lab.base.files.locks import locked
 
@@ -124,15 +124,8 @@ class CachedKernel(CPUDispatcher):
         # The lock of the compiler first: a thread that compiles another kernel has it, and may need this one.
         with global_compiler_lock:
             file = self._files()
-            with _alone(file) if file else contextlib.nullcontext():
-                collected = gc.isenabled()
-                # The compiler makes many objects and keeps most: searches are a tenth of its time.
-                gc.disable()
-                try:
-                    return super().compile(sig)
-                finally:
-                    if collected:
-                        gc.enable()
+            with _alone(file) if file else contextlib.nullcontext(), collection_pause():
+                return super().compile(sig)
 
     @property
     def is_ready(self) -> bool:

@@ -23,6 +23,7 @@ from textwrap import fill, indent
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
+from lab.base.collection_pause import collection_pause
 from lab.base.compiling.fingerprint import plain_function, uses
 from lab.base.compiling.generated_module import module_of
 from lab.navigation.kernels import compilation
@@ -142,7 +143,7 @@ def generated(
     parts
         Modules of the same filter: what they have is imported from them.
     """
-    with _LOCK:
+    with _LOCK, collection_pause():
         writer = _Writer(variant, parts)
         for root in roots:
             writer.include(root)
