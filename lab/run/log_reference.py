@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from lab.base.arrays import FloatArray
@@ -64,6 +63,8 @@ def _positions(reference: Reference, time: FloatArray, after: NDArray[np.intp]) 
         per_latitude, per_longitude = metres_per_radian(latitude, height)
         north, east, down = velocity_n.T
         slopes = np.column_stack((north / per_latitude, east / per_longitude, -down))
+        from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415 - only a reference needs it
+
         there = np.asarray(CubicHermiteSpline(rows, values, slopes)(time))
     there[~(given[after] & given[after - 1])] = np.nan
     return there

@@ -7,19 +7,17 @@ is added.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 
 from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.kinematics.cubic_spline import cubic_spline, fit_spline
 
 ANCHOR_SPACING = 10.0
 """Knot spacing of the correction that ties the integrated velocity to the positions [s]."""
-
-_LONG = 100_000
-"""Number of samples above which the spline is fitted by normal equations, because the QR decomposition takes
-more time and memory."""
 
 
 def anchored_offsets(
@@ -46,7 +44,7 @@ def anchored_offsets(
     fixes = np.stack((latitude, np.unwrap(longitude), height), axis=-1)
     per_latitude, per_longitude = metres_per_radian(latitude, height)
     to_rate = np.stack((1 / per_latitude, 1 / per_longitude, np.full_like(time, -1.0)), axis=-1)
-    flown = CubicSpline(time, velocity_n * to_rate).antiderivative()
+    flown = cubic_spline(time, velocity_n * to_rate).antiderivative()
     correction = slow_spline(time, fixes - fixes[0] - flown(time))
     return np.asarray(flown(grid) + correction(grid))
 
@@ -69,12 +67,12 @@ def anchored_cartesian(
     """
     fixes = ecef.position(position)
     velocity_e = np.einsum("nij,nj->ni", ecef.axes(position[:, 0], position[:, 1]), velocity_n)
-    flown = CubicSpline(time, velocity_e).antiderivative()
+    flown = cubic_spline(time, velocity_e).antiderivative()
     correction = slow_spline(time, fixes - fixes[0] - flown(time))
     return np.asarray(flown(grid) + correction(grid))
 
 
-def slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
+def slow_spline(time: FloatArray, values: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, with samples between.
 
     Parameters
@@ -87,5 +85,4 @@ def slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
     pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
     inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
     knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))
-    # Here, the normal equations agree to 13 digits, and are sixteen times as fast for long flights.
-    return make_lsq_spline(time, values, knots, k=3, method="norm-eq" if len(time) > _LONG else "qr")
+    return fit_spline(time, values, knots)

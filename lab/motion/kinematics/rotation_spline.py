@@ -12,9 +12,11 @@ N. Mayorov, *Smooth Attitude Interpolation*, github.com/scipy/scipy/files/293275
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from lab.base.arrays import FloatArray
+from lab.motion.kinematics.cubic_spline import find_intervals
 
 SMALL_ANGLE = 1e-3
 """Angle below which functions of it are computed as series [rad]; the terms omitted are below 1e-15."""
@@ -47,7 +49,7 @@ class RotationSpline:
     def attitude(self, times: FloatArray) -> FloatArray:
         """Return q_nb (m, 4) at the times."""
         index, dt = self._interval(times)
-        cubic, square, linear = self._coefficients[:, :, index]
+        cubic, square, linear = np.take(self._coefficients, index, axis=2)
         turn = dt * (linear + dt * (square + dt * cubic))
         angle = np.sqrt(_dot(turn, turn))
         small = angle < SMALL_ANGLE
@@ -59,17 +61,16 @@ class RotationSpline:
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (m, 3) at the times [rad/s]."""
         index, dt = self._interval(times)
-        cubic, square, linear = self._coefficients[:, :, index]
+        cubic, square, linear = np.take(self._coefficients, index, axis=2)
         turn = dt * (linear + dt * (square + dt * cubic))
         change = linear + dt * (2 * square + dt * 3 * cubic)
         first, second, _ = _series(turn)
         across = _cross(turn, change)
         return np.ascontiguousarray((change - first * across + second * _cross(turn, across)).T)
 
-    def _interval(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _interval(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the interval of each time, and the time since its knot."""
-        index = np.searchsorted(self._times, times, side="right") - 1
-        np.clip(index, 0, self._times.size - 2, out=index)
+        index = find_intervals(self._times, times)
         return index, times - self._times[index]
 
 

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
+from lab.motion.kinematics.cubic_spline import cubic_spline
 
 Spline = TypeVar("Spline")
 
@@ -93,7 +93,7 @@ class SplineWindows(Generic[Spline]):
 
 
 class CubicCurve:
-    """SciPy's `CubicSpline` through values.
+    """A cubic spline through values.
 
     Parameters
     ----------
@@ -104,12 +104,16 @@ class CubicCurve:
     """
 
     def __init__(self, times: FloatArray, values: FloatArray) -> None:
-        self._spline = SplineWindows(times, lambda part: CubicSpline(times[part], values[part]))
+        self._spline = SplineWindows(times, lambda part: cubic_spline(times[part], values[part]))
         self._values = values if self._spline.only is None else values[:0].copy()
 
     def __call__(self, times: FloatArray, derivative: int = 0) -> FloatArray:
         """Return the values, or a time derivative of them, at times within the knots (m, 3)."""
-        return self._spline(times, lambda spline, at: np.asarray(spline(at, derivative)))
+        return self._spline(times, lambda spline, at: spline(at, derivative))
+
+    def motion(self, times: FloatArray) -> list[FloatArray]:
+        """Return the values and their first and second time derivatives at times (m, 3)."""
+        return np.split(self._spline(times, lambda spline, at: spline.derivatives(at, range(3))), 3, axis=1)
 
     @property
     def nbytes(self) -> int:

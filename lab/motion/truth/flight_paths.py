@@ -83,10 +83,11 @@ class GeodeticPath(_Path):
 
     def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ω_ib,b and f_b at the times; see `lab.motion.truth.trajectory.FlightPath`."""
+        offset, rate, second = self._position.motion(times)
         return ideal_imu.inputs(
-            self._position(times) + self._origin,
-            self._position(times, 1),
-            self._position(times, 2),
+            offset + self._origin,
+            rate,
+            second,
             self._attitude.attitude(times),
             self._attitude.rate(times),
         )
@@ -139,12 +140,12 @@ class PolarPath(_Path):
 
         f = r̈ + 2 ω_ie × ṙ − g in e, with the one gravity (Groves 5.18, 5.29).
         """
-        r_e = self._position(times) + self._origin
-        latitude, longitude, height = ecef.geodetic(r_e).T
+        offset, rate, second = self._position.motion(times)
+        latitude, longitude, height = ecef.geodetic(offset + self._origin).T
         omega_ie = np.array([0.0, 0.0, earth.RATE])
         down = ecef.axes(latitude, longitude)[:, :, 2]
         g_e = earth.gravity(np.sin(latitude), height)[:, None] * down
-        f_e = self._position(times, 2) + 2 * np.cross(omega_ie, self._position(times, 1)) - g_e
+        f_e = second + 2 * np.cross(omega_ie, rate) - g_e
         C_eb = self._attitude.attitude(times)
         omega_ib_b = self._attitude.rate(times) + C_eb.apply(omega_ie, inverse=True)
         return omega_ib_b, C_eb.apply(f_e, inverse=True)
