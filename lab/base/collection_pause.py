@@ -1,6 +1,6 @@
-"""Collection pause: imports and the compiler make many objects and keep most, so a search for garbage is vain.
+"""Collection pause: imports and the compiler keep most of the objects that they make.
 
-Searches are a tenth of the time of an import, and half of the time in which a syntax tree is built.
+Searches for garbage take a tenth of an import, and half of the time in which a syntax tree is built.
 """
 
 from __future__ import annotations

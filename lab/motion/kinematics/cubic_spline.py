@@ -1,7 +1,7 @@
 """Cubic spline: piecewise polynomials through knots, and the least-squares spline of few pieces.
 
-They are SciPy's `CubicSpline` and `make_lsq_spline`, to rounding. Importing `scipy.interpolate` takes longer than
-the splines of a flight of minutes, because it brings `scipy.optimize` and `scipy.sparse`.
+They are SciPy's `CubicSpline` and `make_lsq_spline`, to rounding. To import `scipy.interpolate`, which brings
+`scipy.optimize`, takes longer than all splines of a flight of minutes.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from scipy.linalg.lapack import dgtsv
 from lab.base.arrays import FloatArray
 
 MOST_PRODUCTS = 10**8
-"""Samples times squared number of coefficients up to which the dense equations of `fit_spline` are solved; they
-take a fifth of a second."""
+"""Samples times squared number of coefficients up to which the dense equations of `fit_spline` are solved;
+they take a fifth of a second."""
 
 
 class PiecewisePolynomial:
@@ -65,7 +65,7 @@ class PiecewisePolynomial:
 
 
 def cubic_spline(times: FloatArray, values: FloatArray) -> PiecewisePolynomial:
-    """Return the cubic spline through values, whose third derivative is continuous at the second and last knot but one.
+    """Return the cubic spline through values; the first two pieces are one polynomial, and the last two.
 
     Parameters
     ----------

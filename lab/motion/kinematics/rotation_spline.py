@@ -75,7 +75,7 @@ class RotationSpline:
 
 
 def _rates(turn: FloatArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return, for each interval, ω at its start, and the derivative of the rotation vector at its end (3, n)."""
+    """Return ω at the start of each interval, and the derivative of the rotation vector at its end (3, n)."""
     rate = turn / dt
     first_rate = rate[:, :1].copy()
     if dt.size == 1:
@@ -110,7 +110,7 @@ def _rates(turn: FloatArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _nonlinear(turn: FloatArray, change: FloatArray) -> FloatArray:
-    """Return the part of the angular acceleration that is quadratic in the derivative of the rotation vector."""
+    """Return the part of the angular acceleration that is quadratic in the rotation vector's derivative."""
     square = _dot(turn, turn)
     angle = np.sqrt(square)
     small = angle < 1e-2

@@ -154,7 +154,7 @@ def generated(
 @functools.cache
 def interpreted(kernel: Kernel, variant: Variant = Variant()) -> Kernel:
     """Return a kernel and all kernels that it calls as plain Python: slow, but ready at once."""
-    with _LOCK:
+    with _LOCK, collection_pause():
         writer = _Writer(variant, plain=True)
         name = writer.include(kernel)
         title = f"The kernel {name} as plain Python."
@@ -285,7 +285,7 @@ class _Writer:
         self, tree: ast.AST, scope: Mapping[str, Any], home: str, *, replace: bool
     ) -> dict[ast.expr, str]:
         """Return the names and attributes in a function that have other names in this module."""
-        nodes = list(ast.walk(tree))
+        nodes = _nodes(tree)
         local = {node.arg for node in nodes if isinstance(node, ast.arg)}
         local |= {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         dropped = getattr(tree, "decorator_list", []) if self._plain else []
@@ -322,6 +322,18 @@ def _import(home: str, names: Sequence[str]) -> str:
     if len(line) <= LONGEST_LINE:
         return line
     return f"from {home} import (\n{indent(fill(', '.join(names), LONGEST_LINE - 4), '    ')},\n)"
+
+
+def _nodes(tree: ast.AST) -> list[ast.AST]:
+    """Return all nodes of a tree in the order of `ast.walk`, which takes three times as long."""
+    nodes = [tree]
+    for node in nodes:
+        for value in vars(node).values():
+            if isinstance(value, list):
+                nodes += [one for one in value if isinstance(one, ast.AST)]
+            elif isinstance(value, ast.AST):
+                nodes.append(value)
+    return nodes
 
 
 def _is_kernel(value: object) -> bool:
