@@ -33,7 +33,7 @@ class OneBlasThread(contextlib.ContextDecorator):
         """Limit BLAS to one thread."""
         everyone = OneBlasThread
         # SciPy has a BLAS of its own, which may be loaded at any time, by one of many modules.
-        loaded = sum(name.startswith("scipy.") for name in list(sys.modules))
+        loaded = _of_scipy(len(sys.modules))
         with everyone._lock:
             if everyone._inside == 0 or everyone._known != loaded:
                 everyone._limits.enter_context(_libraries(loaded).limit(limits=1))
@@ -55,6 +55,12 @@ class OneBlasThread(contextlib.ContextDecorator):
 def keep_one_blas_thread() -> None:
     """Limit BLAS to one thread until the process ends, for a server."""
     OneBlasThread().__enter__()
+
+
+@functools.lru_cache(maxsize=1)
+def _of_scipy(_loaded: int) -> int:
+    """Return how many modules of SciPy are loaded, counted anew when another number of modules is loaded."""
+    return sum(name.startswith("scipy.") for name in list(sys.modules))
 
 
 @functools.lru_cache(maxsize=1)

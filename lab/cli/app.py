@@ -16,7 +16,13 @@ from lab.base.blas_threads import OneBlasThread
 from lab.base.collection_pause import collection_pause
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.terminal import ProgressLine, drop_output, spell_what_cannot_be_encoded, visible_output
+from lab.cli.terminal import (
+    ProgressLine,
+    drop_output,
+    say_starting,
+    spell_what_cannot_be_encoded,
+    visible_output,
+)
 
 
 class CommandError(ValueError):
@@ -70,6 +76,8 @@ class AllCommands(Commands):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command by its name, imported now."""
         if cmd_name in COMMANDS and cmd_name not in self.commands:
+            if not ctx.resilient_parsing:
+                say_starting()
             self.commands[cmd_name] = _imported(cmd_name)
         return super().get_command(ctx, cmd_name)
 

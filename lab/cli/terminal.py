@@ -13,10 +13,13 @@ import threading
 import time
 import unicodedata
 from collections.abc import Collection, Iterator, Sequence
-from typing import Any, Self, TextIO, cast
+from typing import Any, ClassVar, Self, TextIO, cast
 
 PATIENCE = 0.5
 """Time after which unfinished work shows its progress [s]."""
+
+ERASE = "\r\x1b[K"
+"""What a terminal obeys by erasing the line."""
 
 _SPELLED = {
     "°": "deg",
@@ -60,11 +63,15 @@ class VisibleText:
         The stream below it.
     """
 
+    starting: ClassVar[TextIO | None] = None
+    """The terminal that shows `say_starting`."""
+
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text."""
+        """Write a text, in place of `say_starting`."""
+        _erase_starting()
         return self.stream.write(visible(text))
 
     def __getattr__(self, name: str) -> Any:
@@ -77,7 +84,26 @@ def visible_output() -> Iterator[None]:
     """Write to standard output and error as `visible` while this is open."""
     out, error = (cast(TextIO, VisibleText(stream)) for stream in (sys.stdout, sys.stderr))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
-        yield
+        try:
+            yield
+        finally:
+            _erase_starting()
+
+
+def say_starting() -> None:
+    """Say on a terminal that a command starts, until it writes something: many need a second before that."""
+    stream = sys.stderr.stream if isinstance(sys.stderr, VisibleText) else sys.stderr
+    if stream is not None and stream.isatty():
+        stream.write("starting ...")
+        stream.flush()
+        VisibleText.starting = stream
+
+
+def _erase_starting() -> None:
+    terminal, VisibleText.starting = VisibleText.starting, None
+    if terminal is not None:
+        terminal.write(ERASE)
+        terminal.flush()
 
 
 def drop_output() -> None:
@@ -162,7 +188,7 @@ class ProgressLine:
         self._done.set()
         self._watch.join()
         if self._alive and self._shown:
-            self._stream.write("\r\x1b[K")
+            self._stream.write(ERASE)
             self._stream.flush()
 
     def __call__(self, step: str, fraction: float) -> None:
@@ -187,6 +213,6 @@ class ProgressLine:
         line = visible(f"{self._task}: {self._step} ..." if self._step else f"{self._task} ...")
         seconds = time.monotonic() - self._begin
         self._stream.write(
-            f"\r\x1b[K{line} {self._fraction:.0%}, {seconds:.0f} s" if self._alive else f"{line}\n"
+            f"{ERASE}{line} {self._fraction:.0%}, {seconds:.0f} s" if self._alive else f"{line}\n"
         )
         self._stream.flush()

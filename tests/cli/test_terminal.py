@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lab.cli.app import main
-from lab.cli.terminal import ProgressLine, table
+from lab.cli.terminal import ERASE, ProgressLine, table
 
 
 def test_a_wide_last_column_goes_on_below_itself(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,6 +44,25 @@ def test_what_a_stranger_wrote_gives_the_terminal_no_orders(
     shown = "".join(capsys.readouterr())
     assert shown.count("\\x1b") >= 2  # in the refusals of the last two; the log may go elsewhere in tests
     assert not set(shown) & set("\x1b\x07\x9b\u202e")
+
+
+def test_a_terminal_says_at_once_that_a_command_starts_until_its_first_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command, refused in ((["cards"], False), (["run", "no_such_mission"], True)):
+        screen = _Screen()
+        monkeypatch.setattr(sys, "stderr", screen)
+        monkeypatch.setattr(sys, "argv", ["ins-lab", *command])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        before, after = screen.getvalue().split(f"starting ...{ERASE}")
+        assert not before
+        assert bool(ended.value.code) == refused == ("there is no mission" in after)
+        assert "starting" not in capsys.readouterr().out
+    monkeypatch.setattr(sys, "stderr", io.StringIO())  # a file, as in a script
+    with pytest.raises(SystemExit):
+        main()
+    assert "starting" not in sys.stderr.getvalue()
 
 
 class _Screen(io.StringIO):

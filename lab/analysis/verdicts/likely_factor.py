@@ -7,6 +7,7 @@ too depend less on the factor: further terms are its root and a polynomial in x.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +56,7 @@ def likely_factor(factors: FloatArray, gains: FloatArray) -> LikelyFactor:
     order = np.argsort(factors[known])
     x, y = np.log(factors[known][order]), gains[known][order]
     fine = np.linspace(x[0], x[-1], 1 + int(np.ceil((x[-1] - x[0]) / STEP)))
-    value = _interpolated(fine, x, y)
+    value = _interpolation(fine.tobytes(), x.tobytes()) @ y
     best = int(np.argmax(value))
     fallen = value < value[best] - LOSS
     before, after = np.flatnonzero(fallen[:best]), np.flatnonzero(fallen[best:])
@@ -67,18 +68,23 @@ def likely_factor(factors: FloatArray, gains: FloatArray) -> LikelyFactor:
     )
 
 
-def _interpolated(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the log-likelihood at some logarithms from that at the `AROUND` nearest of others (k,)."""
+@functools.lru_cache(maxsize=16)
+def _interpolation(to: bytes, of: bytes) -> FloatArray:
+    """Return the weights (m, k) for the log-likelihood at some logarithms (m,) of that at others (k,).
+
+    Those of the `AROUND` nearest are not zero. The same factors are tried in each run.
+    """
+    at, x = np.frombuffer(to), np.frombuffer(of)
     between = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     terms = min(AROUND, x.size)
-    found = np.empty_like(at)
+    weights = np.zeros((at.size, x.size))
     for index in range(x.size - 1):
         own = between == index
         first = int(np.clip(index + 1 - terms // 2, 0, x.size - terms))
         near = slice(first, first + terms)
-        parts = np.linalg.solve(_terms(x[near] - x[index], terms), y[near])
-        found[own] = _terms(at[own] - x[index], terms) @ parts
-    return found
+        known, wanted = (_terms(some - x[index], terms) for some in (x[near], at[own]))
+        weights[own, near] = np.linalg.solve(known.T, wanted.T).T
+    return weights
 
 
 def _terms(x: FloatArray, count: int) -> FloatArray:

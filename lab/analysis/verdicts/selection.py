@@ -99,7 +99,8 @@ def _part(fit: Fit, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     matrix = fit.matrix[:, at[:, None], at]
     scale = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
     scale = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
-    scaled = matrix * scale[:, :, None] * scale[:, None, :]
-    inverse = np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) * scale[:, :, None] * scale[:, None, :]
+    inverse = scale[:, :, None] * scale[:, None, :]
+    if at.size > 1:
+        inverse *= np.linalg.pinv(matrix * inverse, rcond=1e-9, hermitian=True)
     sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0))
     return np.einsum("bij,bj->bi", inverse, fit.vector[:, at]), sigma
