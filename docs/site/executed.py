@@ -1,4 +1,6 @@
-"""Executed notebooks: outputs of their cells, kept in ``build/notebooks`` until notebook or lab change.
+"""Executed notebooks: outputs of their cells, kept in ``build/notebooks`` until they would be others.
+
+They are kept with the digests of the files of the lab that the notebook imported, also while its cells ran.
 
 Plots are those that Jupyter shows, drawn by the scripts of Bokeh and Panel, which the site brings along.
 """
@@ -9,16 +11,18 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import bokeh
 import jupytext
 import panel
 from docutils import nodes
 from nbclient import NotebookClient
+from nbformat.v4 import new_code_cell
 from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
@@ -36,19 +40,51 @@ NETWORK = f"https://cdn.holoviz.org/panel/{panel.__version__}/dist/"
 LOADING = {"application/javascript", "application/vnd.holoviews_load.v0+json"}
 """Kinds of output with which Jupyter loads scripts: the page has its own."""
 
+USED = """
+import json, sys
+print(json.dumps([vars(one)["__file__"] for one in list(sys.modules.values()) if vars(one).get("__file__")]))
+"""
+"""A last cell, which prints the files of all modules that the notebook has imported."""
+
 Cell = dict[str, Any]
 _log = logging.getLogger(__name__)
 
 
+class Executed(NamedTuple):
+    """A notebook that was executed.
+
+    Attributes
+    ----------
+    cells : list of dict
+        Its cells with their outputs.
+    files : dict
+        The files of the lab that it imported, within the repository, and their digests.
+    """
+
+    cells: list[Cell]
+    files: dict[str, str]
+
+
 def key(source: str) -> str:
-    """Return a text that changes with a notebook, with the lab and with what draws the plots."""
-    parts = [source, bokeh.__version__, panel.__version__]
-    parts += [path.read_text("utf-8") for path in sorted((ROOT / "lab").rglob("*.py"))]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+    """Return a text that changes with a notebook and with what draws the plots."""
+    return digest("\0".join([source, bokeh.__version__, panel.__version__]).encode())
 
 
-def executed(name: str, source: str, cache: Path) -> list[Cell]:
-    """Return the cells of a notebook with their outputs.
+def digest(content: bytes) -> str:
+    """Return a text that changes with a content."""
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def is_current(notebook: Executed) -> bool:
+    """Return whether all files are as they were."""
+    return all(
+        (ROOT / name).is_file() and digest((ROOT / name).read_bytes()) == known
+        for name, known in notebook.files.items()
+    )
+
+
+def executed(name: str, source: str, cache: Path) -> Executed:
+    """Return a notebook with its outputs.
 
     Parameters
     ----------
@@ -66,18 +102,27 @@ def executed(name: str, source: str, cache: Path) -> list[Cell]:
     """
     kept = cache / f"{name}-{key(source)}.json"
     if kept.exists():
-        return list(json.loads(kept.read_text("utf-8")))
+        found = Executed(**json.loads(kept.read_text("utf-8")))
+        if is_current(found):
+            return found
     _log.info("executing %s", name)
+    begin = time.monotonic()
     notebook = jupytext.reads(source, fmt="py:percent")
+    notebook.cells.append(new_code_cell(USED))
     with TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}
         NotebookClient(notebook, timeout_func=longest, resources=resources).execute()
-    cells = [dict(cell) for cell in notebook.cells]
+    _log.info("executed %s in %.0f s", name, time.monotonic() - begin)
+    *cells, last = (dict(cell) for cell in notebook.cells)
+    paths = [Path(path) for path in json.loads(last["outputs"][0]["text"])]
+    own = sorted(path for path in paths if path.is_relative_to(ROOT / "lab"))
+    files = {path.relative_to(ROOT).as_posix(): digest(path.read_bytes()) for path in own}
+    made = Executed(cells, files)
     cache.mkdir(parents=True, exist_ok=True)
     for old in cache.glob(f"{name}-*.json"):
         old.unlink()
-    kept.write_text(json.dumps(cells), "utf-8")
-    return cells
+    kept.write_text(json.dumps(made._asdict()), "utf-8")
+    return made
 
 
 def longest(_cell: object = None) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import jupytext
 from docutils import nodes
-from executed import Cell, executed
+from executed import ROOT, Cell, executed
 from myst_parser.sphinx_ import Parser
 from sphinx.application import Sphinx
 
@@ -25,7 +25,9 @@ class PercentParser(Parser):
         """Parse a notebook into a document."""
         env = document.settings.env
         if env.config.execute_notebooks:
-            cells = executed(Path(env.docname).name, inputstring, Path(env.config.notebook_cache))
+            cells, files = executed(Path(env.docname).name, inputstring, Path(env.config.notebook_cache))
+            for file in files:
+                env.note_dependency(str(ROOT / file))
         else:
             cells = [dict(cell) for cell in jupytext.reads(inputstring, fmt="py:percent").cells]
         env.temp_data["cells"] = cells

@@ -188,6 +188,7 @@ NOTEBOOK = """\
 import holoviews as hv
 import pandas as pd
 import panel as pn
+from lab import earth
 
 hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
@@ -338,10 +339,16 @@ def test_outputs_are_kept_until_the_notebook_changes(
     monkeypatch.setattr(module, "NotebookClient", Refusing)
     cache = short.parents[2] / "cache"
     again = module.executed("short", NOTEBOOK, cache)
-    assert "said aloud\n" in [text for cell in again for _kind, text in module.outputs(cell)]
+    assert "said aloud\n" in [text for cell in again.cells for _kind, text in module.outputs(cell)]
     for changed, name in ((NOTEBOOK.replace("aloud", "again"), "short"), (NOTEBOOK, "other")):
         with pytest.raises(AssertionError, match="executed again"):
             module.executed(name, changed, cache)
+    # Of the lab, only what the notebook imported counts.
+    assert module.is_current(again)
+    assert "lab/motion/frames/earth.py" in again.files
+    assert "lab/cli/app.py" not in again.files
+    for file in ("lab/motion/frames/earth.py", "lab/that_was_removed.py"):
+        assert not module.is_current(again._replace(files={**again.files, file: "of another content"}))
 
 
 @pytest.mark.proof
