@@ -30,7 +30,7 @@ def summary(run: Run) -> pd.DataFrame:
 def summary_rows(run: Run) -> tuple[tuple[str, ...], list[tuple[str | float, ...]]]:
     """Return the names of the columns of `summary`, and its rows."""
     moments = run.recorded is not None
-    rows = []
+    rows: list[tuple[str | float, ...]] = []
     for name, unit, column in _columns(run):
         known = column[np.isfinite(column)] if moments else column
         if not known.size:
