@@ -367,6 +367,15 @@ def test_any_flight_survives_the_round_trip(tmp_path_factory, steps, values, air
     same(read_flight_csv(path), recording, tolerance=1e-6)
 
 
+def test_few_rows_and_many_give_the_same_bits(tmp_path, monkeypatch):
+    """NumPy reads few rows, because pandas takes longer to import than they to read."""
+    path = tmp_path / "flight.csv"
+    write_flight_csv(path, circle())
+    few = read_flight_csv(path)
+    monkeypatch.setattr("lab.base.files.named_columns._FEW", 0)
+    same(few, read_flight_csv(path))
+
+
 def test_reading_does_not_import_what_it_does_not_need():
     code = "import sys, lab.missions; print([m for m in ('pandas', 'jsbsim', 'scipy') if m in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
