@@ -162,7 +162,7 @@ class Files:
             self._session.problem = outcome.problem
             return
         try:
-            self._session.take(outcome.result)
+            self._session.accept(outcome.result)
         except SettingError as error:
             self._session.problem = str(error)
 
@@ -229,7 +229,7 @@ class Address:
                 trial = self._session.homework.taking(trial)
                 self._session.go("Lessons", None)
         try:
-            self._session.take(trial)
+            self._session.accept(trial)
         except SettingError as error:
             problems.append(str(error))
             self._session.compute()

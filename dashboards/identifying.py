@@ -103,7 +103,7 @@ class Identifying:
             return
         trial = self._session.experiment.copy()
         try:
-            self._session.take(trial.update(self._found.settings(self._chosen.value)))
+            self._session.accept(trial.update(self._found.settings(self._chosen.value)))
         except SettingError as error:
             self._say(str(error))
 
@@ -113,7 +113,7 @@ class Identifying:
             if time.monotonic() - self._told > TELL:
                 self._told = time.monotonic()
                 words = f"Identifying: {stage}, {100 * fraction:.0f} %"
-                self._later(partial(self._tell, result, words))
+                self._later(partial(self._report, result, words))
 
         return attempt(lambda: result.identify(tell))
 
@@ -124,7 +124,7 @@ class Identifying:
         assert self._document is not None
         soon(self._document, callback)
 
-    def _tell(self, result: Result, words: str) -> None:
+    def _report(self, result: Result, words: str) -> None:
         if result is self._result and self._found is None:
             self._say(words)
 

@@ -208,17 +208,17 @@ class SimulatorPage:
                 experiment = Experiment().update(experiment.to_dict())
             if moment.experiment is not self._taken:
                 if not moment.has_settings_of(self.session.experiment):
-                    self._take(experiment.copy(), moment)
+                    self._accept(experiment.copy(), moment)
                 self._taken = moment.experiment
             self._tabs.active = [page.title for page in PAGES].index(moment.page)
             if moment.time != self.axis.time:
                 self._time_bar.go(moment.time)
 
-    def _take(self, experiment: Experiment, moment: Moment) -> None:
+    def _accept(self, experiment: Experiment, moment: Moment) -> None:
         """Take settings over; the time waits for their result, which may be of a longer flight."""
         self._waiting_time = moment.time
         try:
-            self.session.take(experiment, moment.result)
+            self.session.accept(experiment, moment.result)
         except SettingError as error:
             self.session.problem = str(error)
 
@@ -325,7 +325,7 @@ class SimulatorPage:
         self._show_reminder()
         with self._failures_shown():
             page, result = self._page, self.session.result
-            reason = page.lacks(result) if result is not None else ""
+            reason = page.missing_reason(result) if result is not None else ""
             self._reason.say(reason, "info")
             view = self._reason.view if reason else page.view
             laid_out = self._stage.objects == [view]
@@ -365,7 +365,7 @@ class SimulatorPage:
         """Let a page prepare a result; an error is shown when the page is drawn."""
         page = self._pages.get(self._tabs.active)
         try:
-            if page is not None and not page.lacks(result):
+            if page is not None and not page.missing_reason(result):
                 page.prepare(result)
             if result.is_long:
                 give_back()

@@ -159,7 +159,7 @@ class Session(param.Parameterized):
             self._document.add_timeout_callback(self._rest, REST)
         return True
 
-    def take(self, experiment: Experiment, ready: Result | None = None) -> None:
+    def accept(self, experiment: Experiment, ready: Result | None = None) -> None:
         """Take over all settings of an experiment, and run them.
 
         Parameters

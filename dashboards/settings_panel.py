@@ -184,7 +184,7 @@ class SettingsPanel:
         return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")
 
     def _reset(self) -> None:
-        self._session.take(Experiment(mission=self._session.experiment.mission))
+        self._session.accept(Experiment(mission=self._session.experiment.mission))
 
     def _sections(self) -> list[pn.viewable.Viewable]:
         return [self._section(path, title, is_open) for path, (title, is_open) in SECTIONS.items()]

@@ -97,7 +97,7 @@ class TimeBar:
     def span(self) -> None:
         """Make the slider end with the flight."""
         self._slider.param.update(end=self._axis.duration, value=self._axis.time)
-        self._tell(self._axis.time)
+        self._report(self._axis.time)
 
     def play(self) -> None:
         """Start playing; from the beginning if the cursor is at the end."""
@@ -149,10 +149,10 @@ class TimeBar:
             self._slider.value = time
         finally:
             self._moving = False
-        self._tell(time)
+        self._report(time)
         self._follow(time)
 
-    def _tell(self, time: float) -> None:
+    def _report(self, time: float) -> None:
         self._readout.object = f"<b>{time:.2f} s</b> <span>/ {self._axis.duration:.0f} s</span>"
 
 

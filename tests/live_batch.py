@@ -83,6 +83,6 @@ def recorded(
         changed = bytearray(data)
         for at in hit.tolist():
             changed[at] ^= int(rng.integers(1, 256))
-        writer.take(Chunk(5000.0 + now + float(rng.exponential(2e-3)), bytes(changed)))
+        writer.accept(Chunk(5000.0 + now + float(rng.exponential(2e-3)), bytes(changed)))
     writer.close()
     return path

@@ -56,7 +56,7 @@ class Allan(ComputedPage):
             margin=0,
         )
 
-    def lacks(self, result: Result) -> str:
+    def missing_reason(self, result: Result) -> str:
         """Return why a sensor log has no Allan deviation: its rest is too short."""
         if result.recorded is None or result.recorded.alignment.rest >= LEAST_REST:
             return ""

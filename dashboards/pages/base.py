@@ -54,7 +54,7 @@ class Page(ABC):
     def make(self) -> pn.viewable.Viewable:
         """Return the layout, made once, without any data."""
 
-    def lacks(self, result: Result) -> str:
+    def missing_reason(self, result: Result) -> str:
         """Return, in a sentence, why a result has nothing to show; empty if it has."""
         return ""
 

@@ -47,9 +47,9 @@ class Budget(ComputedPage):
             margin=0,
         )
 
-    def lacks(self, result: Result) -> str:
+    def missing_reason(self, result: Result) -> str:
         """Return why there is no budget."""
-        return result.lacks("budget")
+        return result.missing_reason("budget")
 
     def work_out(self, result: Result, _progress: Progress) -> None:
         """Compute the budget and the observability of the result."""

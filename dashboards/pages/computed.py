@@ -96,7 +96,7 @@ class ComputedPage(Page):
             progress(stage, fraction)
             if time.monotonic() - self._told > TELL:
                 self._told = time.monotonic()
-                self._later(partial(self._tell, result, stage))
+                self._later(partial(self._report, result, stage))
 
         with large_blocks_given_back(result.time.size):
             outcome = attempt(lambda: self.work_out(result, tell))
@@ -111,7 +111,7 @@ class ComputedPage(Page):
         assert self._document is not None
         soon(self._document, callback)
 
-    def _tell(self, result: Result, stage: str) -> None:
+    def _report(self, result: Result, stage: str) -> None:
         if result is self._wanted:
             self.say(f"{self.working} {stage}")
 

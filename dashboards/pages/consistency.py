@@ -122,7 +122,7 @@ class Consistency(ComputedPage):
         if self.runs == 1:
             self._one.prepare(result)
             _ = result.verdict, result.innovation_verdict, result.whiteness
-            if not result.lacks("coverage"):
+            if not result.missing_reason("coverage"):
                 _ = result.coverage
 
     def draw(self, result: Result) -> None:
@@ -221,7 +221,7 @@ class Consistency(ComputedPage):
         self._changes = next((one.changes for one in named if one.changes), ())
         self._follow.visible = bool(self._changes) and self._session is not None
         tables = [whiteness_html(judged.whiteness)]
-        if isinstance(judged, Ensemble) or not judged.lacks("coverage"):
+        if isinstance(judged, Ensemble) or not judged.missing_reason("coverage"):
             tables.append(coverage_html(judged))
         self._tables.object = (
             f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
@@ -234,7 +234,7 @@ class Consistency(ComputedPage):
         changed = advised(self._result, self._changes)
         assert isinstance(changed, Experiment)
         try:
-            self._session.take(changed)
+            self._session.accept(changed)
         except SettingError as error:
             self.say(escape(str(error)))
 

@@ -74,7 +74,9 @@ class Models(ComputedPage):
         self._table.object = models_html(content, str(result.experiment.navigator.model))
         mission = escape(result.mission.title or result.mission.name)
         if result.recorded:
-            against = "unknown without a reference" if result.lacks("errors") else "against the reference"
+            against = (
+                "unknown without a reference" if result.missing_reason("errors") else "against the reference"
+            )
             return (
                 f"{mission}, a sensor log: rms errors are {against}. NIS is the mean over the fixes, beside "
                 "its expected value."

@@ -45,7 +45,7 @@ class Summary(Page):
 
     def prepare(self, result: Result) -> None:
         """Compute the summary of the result."""
-        _ = result.whiteness if result.lacks("summary") else result.summary
+        _ = result.whiteness if result.missing_reason("summary") else result.summary
 
     def draw(self, result: Result) -> None:
         """Fill the table."""
@@ -74,7 +74,7 @@ def log_html(result: Result) -> str:
     """
     mission = escape(result.mission.title or result.mission.name)
     remarks = "".join(f"<li>{escape(as_seen(remark))}</li>" for remark in result.remarks)
-    if result.lacks("summary"):
+    if result.missing_reason("summary"):
         table, words = result.whiteness, "innovations in their σ (navigator − fix)"
         names = [name for name in table.columns if name != "innovation"]
         rows = [

@@ -77,9 +77,9 @@ class Errors(TimePlots):
     title = "Errors"
     plots = ERRORS
 
-    def lacks(self, result: Result) -> str:
+    def missing_reason(self, result: Result) -> str:
         """Return why the errors are unknown."""
-        return result.lacks("errors")
+        return result.missing_reason("errors")
 
 
 class Covariance(TimePlots):

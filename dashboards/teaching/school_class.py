@@ -205,7 +205,7 @@ class SchoolClass:
                 return
             self.moment = moment
             followers = [one for one in self._seats if one.follows]
-        self._tell(followers, loop)
+        self._report(followers, loop)
 
     def changed(self) -> None:
         """Tell the teacher that a student has solved a step, typed a name, wandered off or come back."""
@@ -234,7 +234,7 @@ class SchoolClass:
         for seat in seats:
             seat.notify()
 
-    def _tell(self, seats: Iterable[Seat], loop: asyncio.AbstractEventLoop | None) -> None:
+    def _report(self, seats: Iterable[Seat], loop: asyncio.AbstractEventLoop | None) -> None:
         """Tell pages of a new moment: in a server one by one, with other requests in between."""
         self._untold |= dict.fromkeys(seats)
         if loop is None:

@@ -183,13 +183,13 @@ _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1,
 def _of_fixes(run: Run) -> list[Series]:
     """Return the errors of the fixes due to latency and lever arm, for which the filter has no states."""
     errors, fixes, navigator = run.experiment.sensors.gps, run.fixes, run.experiment.navigator
-    latency, told = float(errors.latency), si(errors, "lever_arm")
+    latency, assumed = float(errors.latency), si(errors, "lever_arm")
     if LATENCY not in run.blocks:
         latency = assumed_latency(navigator, latency)
     if LEVER_ARM not in run.blocks:
-        told = assumed_lever_arm(navigator, told)
-    is_told = latency == errors.latency and np.array_equal(told, si(errors, "lever_arm"))
-    if not fixes.time.size or is_told:
+        assumed = assumed_lever_arm(navigator, assumed)
+    is_assumed = latency == errors.latency and np.array_equal(assumed, si(errors, "lever_arm"))
+    if not fixes.time.size or is_assumed:
         return []
     number = np.round(fixes.time / errors.period).astype(np.int64)
     times = errors.period * np.arange(1.0, number[-1] + 1)
@@ -202,8 +202,8 @@ def _of_fixes(run: Run) -> list[Series]:
         axis=1,
     )
     no_inertial, no_aids = np.zeros((run.time.size - 1, 6)), np.zeros(run.aids.time.size)
-    moved = moved - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, told)
-    arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - told)
+    moved = moved - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, assumed)
+    arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - assumed)
     parts = {"GPS lever arm": arm, "GPS latency": moved - arm}
     apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
     return [Series(name, no_inertial, part, no_aids) for name, part in parts.items() if apart[name]]

@@ -82,12 +82,12 @@ def check(
     with working(str(file)) as progress:
         tried = trials(found, progress)
     for trial in tried:
-        print(_words(trial))
+        print(_describe(trial))
     if not all(trial.is_right for trial in tried):
         raise typer.Exit(1)
 
 
-def _words(trial: Trial) -> str:
+def _describe(trial: Trial) -> str:
     verb = "accepts" if trial.accepted else "refuses"
     judgement = "right" if trial.is_right else "WRONG"
     values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())

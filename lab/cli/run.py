@@ -168,7 +168,7 @@ def facts(result: Result, out: Path | None, export: Path | None) -> dict[str, An
         "seed": result.experiment.seed,
         "algorithm": result.algorithm or None,
         "settings": result.experiment.to_dict(),
-        "summary": None if result.lacks("summary") else _renamed(result.summary),
+        "summary": None if result.missing_reason("summary") else _renamed(result.summary),
         "remarks": list(result.remarks),
         "verdict": {**asdict(result.tried_verdict), "consistent": result.verdict.consistent},
         "out": None if out is None else str(out),
@@ -187,7 +187,7 @@ def _remarks(result: Result) -> list[str]:
 
 def _errors(result: Result) -> str:
     """Return the errors as a table; if they are unknown, the innovations."""
-    if result.lacks("summary"):
+    if result.missing_reason("summary"):
         rows = [
             tuple(f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in row)
             for row in result.whiteness.itertuples(index=False)

@@ -178,7 +178,7 @@ class ProgressLine:
         self._begin = time.monotonic()
         self._lock = threading.Lock()
         self._done = threading.Event()
-        self._watch = threading.Thread(target=self._tell, daemon=True)
+        self._watch = threading.Thread(target=self._report, daemon=True)
 
     def __enter__(self) -> Self:
         self._watch.start()
@@ -199,7 +199,7 @@ class ProgressLine:
             if self._shown and fraction < 1 and (new or self._alive):
                 self._write()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         pause = PATIENCE
         while not self._done.wait(pause):
             with self._lock:

@@ -41,17 +41,17 @@ def warm(
         working("warm") as progress,
         get_context("spawn").Pool(1, maxtasksperchild=AT_ONCE) as fresh,
     ):
-        progress(_words(found[0]), 0.0)
+        progress(_describe(found[0]), 0.0)
         for done, accepted in enumerate(fresh.imap(variants.compile_variant, found), 1):
             usable += accepted
             progress(
-                _words(found[done]) if done < len(found) else "error budget, many seeds", done / len(found)
+                _describe(found[done]) if done < len(found) else "error budget, many seeds", done / len(found)
             )
         fresh.apply(variants.compile_budget)
         fresh.apply(variants.compile_lanes)
     print(f"The filter is compiled for {usable} of {len(found)} combinations; the others are not accepted.")
 
 
-def _words(assignments: Mapping[str, object]) -> str:
+def _describe(assignments: Mapping[str, object]) -> str:
     """Return settings in words, such as ``model psi, states 21, mechanization north-slaved``."""
     return ", ".join(f"{name.rpartition('.')[2]} {value}" for name, value in assignments.items())

@@ -26,7 +26,7 @@ _SPOKEN = {
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class LogResult(Result):
-    """The result of a run of a log; `lacks` names the unknown data.
+    """The result of a run of a log; `missing_reason` names the unknown data.
 
     Attributes
     ----------
@@ -69,8 +69,8 @@ class LogResult(Result):
         """Times (m,) of the fixes [s], which are stored without the latency."""
         return self.fixes.time
 
-    def lacks(self, name: str) -> str:
-        """Return in a sentence why this log lacks a quantity; see `Run.lacks`."""
+    def missing_reason(self, name: str) -> str:
+        """Return in a sentence why this log lacks a quantity; see `Run.missing_reason`."""
         if name in NEEDS_SIMULATION:
             return (
                 "The true flight and the true biases of a sensor log are unknown, and "

@@ -79,7 +79,7 @@ class Result(NotebookCard, Repeatable):
     """The result of one run.
 
     The datasets are made from the arrays at their first use. Two threads may both make the same one. Some
-    datasets of a sensor log are unknown: `lacks` gives the reason, and reading one raises `ResultError`.
+    datasets of a sensor log are unknown: `missing_reason` says why, and reading one raises `ResultError`.
 
     Attributes
     ----------
@@ -430,7 +430,7 @@ class Result(NotebookCard, Repeatable):
         names = (*DATASETS, *(["temperature"] if self.has_temperature else []))
         names += ("further_states",) if self.solution_arrays.further.shape[1] else ()
         names += ("aiding",) if self.aids.time.size else ()
-        return {name: getattr(self, name) for name in names if not self.lacks(name)}
+        return {name: getattr(self, name) for name in names if not self.missing_reason(name)}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write all datasets as groups of one netCDF file, the settings in its attributes.
@@ -460,7 +460,7 @@ class Result(NotebookCard, Repeatable):
     @property
     def overview(self) -> tuple[str, pd.DataFrame]:
         """Name and content of the main table: the errors, or the innovations if the errors are unknown."""
-        return ("whiteness", self.whiteness) if self.lacks("summary") else ("summary", self.summary)
+        return ("whiteness", self.whiteness) if self.missing_reason("summary") else ("summary", self.summary)
 
     def __repr__(self) -> str:
         _, table = self.overview

@@ -15,7 +15,7 @@ from lab.base.registry import find, names
 class Plottable(Protocol):
     """A result, as far as its plots need it."""
 
-    def lacks(self, name: str) -> str:
+    def missing_reason(self, name: str) -> str:
         """Return, in a sentence, why something is unknown; empty if it is known."""
 
 
@@ -32,7 +32,7 @@ class ResultPlots:
         self._result = result
 
     def __dir__(self) -> list[str]:
-        return [name for name in names("plot") if not self._result.lacks(name)]
+        return [name for name in names("plot") if not self._result.missing_reason(name)]
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in names("plot"):

@@ -57,7 +57,7 @@ class SimulatedResult(Result):
         """Times of validity (m,) of the fixes, as the filter assumed them [s]."""
         return self.fixes.time - self.latency
 
-    def lacks(self, name: str) -> str:
+    def missing_reason(self, name: str) -> str:
         """Return an empty text: a simulated run lacks nothing."""
         return ""
 

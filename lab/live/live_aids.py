@@ -195,7 +195,7 @@ class LiveAids:
         """Append heights by pressure (n,) [m] at times (n,) in increasing order [s]."""
         _append(self.readings["height"], time, value=height)
 
-    def take(self, rows: NDArray[np.void], epoch: float, reach: float) -> float:
+    def accept(self, rows: NDArray[np.void], epoch: float, reach: float) -> float:
         """Append headings and speeds; return the earliest time of one that is used, infinite without one [s].
 
         Parameters

@@ -70,9 +70,9 @@ class FixIntake:
     def early(self, stream: Stream) -> None:
         """Append the fixes that came before the first sample of a stream."""
         rows, self._early = self._early, self._early[:0]
-        self.take(stream, rows)
+        self.accept(stream, rows)
 
-    def take(self, stream: Stream, rows: NDArray[np.void]) -> None:
+    def accept(self, stream: Stream, rows: NDArray[np.void]) -> None:
         """Append fixes to a stream.
 
         Parameters
@@ -154,16 +154,16 @@ class ReadingIntake:
         if np.isnan(stream.epoch):
             return
         aids.take_fields(self._rows["time"] - stream.epoch, self._rows["magnetic"])
-        time, height = self.heights.take(self._rows)
+        time, height = self.heights.accept(self._rows)
         self._rows = self._rows[:0]
         aids.take_heights(time - stream.epoch, height)
 
-    def take(self, stream: Stream, aids: LiveAids) -> None:
+    def accept(self, stream: Stream, aids: LiveAids) -> None:
         """Append the headings and speeds that arrived, and tell the filter how far to return for them."""
         if np.isnan(stream.epoch) or not self._early.size:
             return
         reach = -np.inf if stream.filter is None else stream.filter.reach
-        earliest = aids.take(self._early, stream.epoch, reach)
+        earliest = aids.accept(self._early, stream.epoch, reach)
         self._early = NO_READINGS
         if stream.filter is not None and np.isfinite(earliest):
             stream.filter.changed_readings(earliest)

@@ -170,8 +170,8 @@ class LiveNavigator:
         with self._lock:
             self._take_rows()
             if fixes is not None and fixes.size:
-                self._fix_intake.take(self._stream, fixes)
-            self._reading_intake.take(self._stream, self._aids)
+                self._fix_intake.accept(self._stream, fixes)
+            self._reading_intake.accept(self._stream, self._aids)
             self._advance()
         return True
 
@@ -180,8 +180,8 @@ class LiveNavigator:
         with self._lock:
             self._take_rows()
             for part in self._intake.finish():
-                self._take(part)
-            self._reading_intake.take(self._stream, self._aids)
+                self._accept(part)
+            self._reading_intake.accept(self._stream, self._aids)
             self._advance()
             if self._stream.filter is not None:
                 self._stream.filter.finish()
@@ -285,10 +285,10 @@ class LiveNavigator:
             rows = self._rows[0] if len(self._rows) == 1 else np.concatenate(self._rows)
             self._rows = []
             for part in self._intake.accept(rows):
-                self._take(part)
+                self._accept(part)
             self._reading_intake.take_rows(rows, self._stream, self._aids)
 
-    def _take(self, part: Increments) -> None:
+    def _accept(self, part: Increments) -> None:
         """Append increments; those after a break begin a new stream."""
         if part.begins:
             self._break(float(part.time[0]))

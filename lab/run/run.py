@@ -257,7 +257,7 @@ class Run(ABC):
         return thermal.temperature(settings, self.time[1:], height[1:] - height[0])
 
     @abstractmethod
-    def lacks(self, name: str) -> str:
+    def missing_reason(self, name: str) -> str:
         """Return, in a sentence, why something is unknown for this run; empty if it is known.
 
         Parameters
@@ -274,9 +274,9 @@ class Run(ABC):
         ResultError
             If it is unknown.
         """
-        reason = self.lacks(name)
+        reason = self.missing_reason(name)
         if reason or self.truth_arrays is None:
-            raise ResultError(reason or self.lacks("truth"))
+            raise ResultError(reason or self.missing_reason("truth"))
         return self.truth_arrays
 
     def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
@@ -291,7 +291,7 @@ class Run(ABC):
         """
         truth = self.known_truth(name)
         if self.ideal is None:
-            raise ResultError(self.lacks("budget"))
+            raise ResultError(self.missing_reason("budget"))
         return truth, self.ideal
 
 

@@ -42,7 +42,7 @@ def models_html(rows: Sequence[Compared], chosen: str = "") -> str:
 def _row(row: Compared, is_chosen: bool) -> str:
     name = f"<b>{escape(row.model)}</b>" if is_chosen else escape(row.model)
     if row.refusal:
-        return f"<tr><td>{name}</td>{'<td>–</td>' * 6}{_words(f'Does not run: {row.refusal}')}</tr>"
+        return f"<tr><td>{name}</td>{'<td>–</td>' * 6}{_describe(f'Does not run: {row.refusal}')}</tr>"
     figures = (
         *(
             f"{error:.3f}" if np.isfinite(error) else "–"
@@ -53,10 +53,10 @@ def _row(row: Compared, is_chosen: bool) -> str:
         f"{1e3 * row.seconds:.0f}",
     )
     cells = "".join(f"<td>{figure}</td>" for figure in figures)
-    return f"<tr><td>{name}</td>{cells}{_words(row.verdict)}</tr>"
+    return f"<tr><td>{name}</td>{cells}{_describe(row.verdict)}</tr>"
 
 
-def _words(text: str) -> str:
+def _describe(text: str) -> str:
     # JupyterLab does not break the lines of a table by itself, and its cells are right-aligned.
     return f'<td class="words" style="text-align:left;white-space:normal;min-width:18em">{escape(text)}</td>'
 

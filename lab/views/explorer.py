@@ -165,7 +165,7 @@ def tabs_of(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:
         "Budget": lambda: budget(result, axis),
     }
     needs = {"Errors": "errors", "Budget": "budget"}
-    return {title: make for title, make in tabs.items() if not result.lacks(needs.get(title, title))}
+    return {title: make for title, make in tabs.items() if not result.missing_reason(needs.get(title, title))}
 
 
 def innovations(result: Result, axis: TimeAxis) -> Tab:

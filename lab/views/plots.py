@@ -151,7 +151,7 @@ def innovations(result: Result) -> hv.Layout:
 
 def consistency(result: Result) -> hv.Layout:
     """Return NEES and NIS with their 95 % intervals, and the innovations in their σ; NIS alone for a log."""
-    known = [plot for plot in CONSISTENCY if plot.name != "nees" or not result.lacks("consistency")]
+    known = [plot for plot in CONSISTENCY if plot.name != "nees" or not result.missing_reason("consistency")]
     return _layout(result, known, wide=2)
 
 

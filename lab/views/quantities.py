@@ -33,7 +33,7 @@ _AT_FIXES = ("gps", "innovations", "consistency")
 
 def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
     """Return NaN (n,) for unknown quantities of a sensor log."""
-    if not result.lacks(group) and variable in getattr(result, group):
+    if not result.missing_reason(group) and variable in getattr(result, group):
         return None
     return np.full((result.fixes.time if group in _AT_FIXES else result.time).shape, np.nan)
 
@@ -308,7 +308,7 @@ def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
     """Return a plot of a quantity that should be χ²-distributed, with its 95 % interval."""
 
     def edges(result: Result) -> tuple[float, float]:
-        if result.lacks(group):
+        if result.missing_reason(group):
             return np.nan, np.nan
         return chi_square_interval(getattr(result, group)[variable].attrs["degrees"])
 

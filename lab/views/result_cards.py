@@ -87,7 +87,8 @@ def result_html(result: Result) -> str:
     _, shown = result.overview
     summary = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
     words = (
-        result.lacks("summary") or f"Errors are estimate minus {result.truth_word}, over the whole flight."
+        result.missing_reason("summary")
+        or f"Errors are estimate minus {result.truth_word}, over the whole flight."
     )
     return (
         f"<h4>{escape(title)}</h4>"

@@ -127,10 +127,10 @@ def curves(
     # Errors are averaged as squares; NEES and NIS are squares.
     squared = bool(one.unit)
     mean = (runs**2).mean("seed") ** 0.5 if squared else runs.mean("seed")
-    told = (expected**2).mean("seed") ** 0.5 if squared else expected.mean("seed")
+    assumed = (expected**2).mean("seed") ** 0.5 if squared else expected.mean("seed")
     drawn = [
         hv.Area((axis, low, high), x, [y, f"{one.title} high"]).opts(color=colour, alpha=0.15, line_alpha=0),
-        hv.Curve((axis, told.values), x, y).opts(
+        hv.Curve((axis, assumed.values), x, y).opts(
             color=colour if squared else TRUTH, line_dash="dashed", line_width=1.4
         ),
         hv.Curve((axis, mean.values), x, y, label=label).opts(color=colour, line_width=2),

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.agreement import Told, agreements, judge_agreement
+from lab.analysis.verdicts.agreement import FigureWording, agreements, judge_agreement
 from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, QUARTERS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.sums import Kept, Squares
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 
-TOLD = Told(FINDINGS["unexplained"])
+TOLD = FigureWording(FINDINGS["unexplained"])
 RUNS = 30
 
 

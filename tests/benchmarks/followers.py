@@ -112,7 +112,7 @@ class Teacher(Page):
         button = next(model for model in self._models() if _data(model).get("label") == "Start a class")
         values = [["model", {"id": button["id"]}], ["node", "click"], ["data", {"type": "map"}]]
         click = {"type": "event", "name": "dom_event", "values": {"type": "map", "entries": values}}
-        await self._tell({"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": click})
+        await self._report({"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": click})
         await self.until(lambda page: CODE.search(page._seen) is not None)
         found = CODE.search(self._seen)
         assert found is not None
@@ -133,11 +133,11 @@ class Teacher(Page):
         await self._set({"id": self._slider}, "value", value)
 
     async def _set(self, model: dict[str, Any], attribute: str, value: Any) -> None:
-        await self._tell(
+        await self._report(
             {"kind": "ModelChanged", "model": {"id": model["id"]}, "attr": attribute, "new": value}
         )
 
-    async def _tell(self, event: dict[str, Any]) -> None:
+    async def _report(self, event: dict[str, Any]) -> None:
         await self._send("PATCH-DOC", {"events": [event]})
 
     def _models(self) -> Iterator[dict[str, Any]]:

@@ -65,7 +65,7 @@ def test_a_raw_recording_becomes_a_log_of_its_name(flight: SimulatedFlight, tmp_
     path = tmp_path / "drive.inslab"
     writer = RawWriter(path, {"protocol": "vectornav"})
     for chunk in sent(flight, "vectornav"):
-        writer.take(chunk)
+        writer.accept(chunk)
     writer.close()
     answer = ask("import", str(path), "--as", "log")
     assert answer.stdout.splitlines()[-1] == "Added: drive. Navigate it: ins-lab run drive"

@@ -192,7 +192,7 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
     for act in (
         lambda: page.session.change("seed", 5),
         lambda: setattr(page._tabs, "active", TITLES.index("Height")),
-        lambda: page.session.take(Experiment().update(FLIGHT)),
+        lambda: page.session.accept(Experiment().update(FLIGHT)),
         lambda: lessons(student)._open(("shipped", "04-tuning-r")),
     ):
         assert bar(student).follows

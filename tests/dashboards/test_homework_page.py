@@ -113,7 +113,7 @@ def test_reset_turns_it_off_and_it_is_taken_up_again(walk: Walk, keyed: Keyed) -
     name = page(walk).view.select(pmui.TextInput)[-1]
     name.value = "Ada"
     loaded = Experiment().update({"navigator": {"r_scale": 3.0, "q_scale": 5.0}})
-    session.take(loaded)
+    session.accept(loaded)
     assert page(walk)._homework._view._content() is None
     assert IS_OFF in walk.text()
     click(walk, "Run with the settings at the left")

@@ -143,7 +143,7 @@ def test_a_repair_counts_only_with_the_fault(walk: Walk) -> None:
     click(walk, "Break it 3")
     for _ in range(3):
         click(walk, "Next step")
-    session.take(Experiment(mission="los_angeles"))  # as Reset and Load do
+    session.accept(Experiment(mission="los_angeles"))  # as Reset and Load do
     click(walk, "Check my result")
     assert FAULT_IS_OFF in walk.text()
 

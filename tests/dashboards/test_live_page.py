@@ -214,7 +214,7 @@ def test_unplugging_is_shown(opened: Callable[[], Opened], monkeypatch: pytest.M
     assert device is not None
     device.unplug()
     one.until(lambda: station.status.state == LOST)
-    one.page._tell()
+    one.page._report()
     assert "lost" in one.page._status.view.object
     # No sample comes: what the navigator said of the last one does not hold now.
     assert "Before: " in one.page._status.view.object
@@ -417,7 +417,7 @@ def test_the_columns_of_text_lines_are_shown_and_corrected(
     fields._source.value = address
     assert fields._columns.visible
     station = one.connect()
-    one.page._tell()
+    one.page._report()
     shown = str(station.source._reception.columns)
     assert shown in one.page._status.view.object
     before = station.source.last(0.2).imu["force"][-1]

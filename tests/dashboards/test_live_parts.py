@@ -73,19 +73,19 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     part = page._axes
     assert list(page._stage) == [part.view]
     one.until(lambda: station.source.end.imu > 700)
-    part._take("level")
+    part._accept("level")
     assert list(part.check.positions) == ["level"]
     assert "Gyro biases" in part._words.object
     assert "Earth" in part._words.object
     assert part._use.disabled
-    part._take("nose up")
+    part._accept("nose up")
     assert "alike" in part._notice.text
     part._apply()  # nothing is found yet
     assert station.source.axes == AxisMap()
     rows = station.source.last(3.0).imu
     rows["force"] = rows["force"][:, [2, 1, 0]] * (-1, 1, 1)  # as if the nose were up
-    part.check.take("nose up", rows)
-    part._tell()
+    part.check.accept("nose up", rows)
+    part._report()
     assert not part._use.disabled
     assert "forward" in part._picture.object
     part._apply()
@@ -104,7 +104,7 @@ def test_samples_from_before_the_source_was_lost_are_no_position(one: Opened) ->
     assert station.source.device is not None
     station.source.device.unplug(60.0)
     one.until(lambda: station.source.status.state == LOST)
-    page._axes._take("nose up")
+    page._axes._accept("nose up")
     assert not page._axes.check.positions
     assert "no samples" in page._axes._notice.text
 

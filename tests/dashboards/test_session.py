@@ -34,7 +34,7 @@ def test_a_mission_is_named_and_never_a_file(session: Session, elsewhere: str) -
     assert "there is no such mission" in session.problem
     assert session.experiment.mission == "montreal"
     with pytest.raises(SettingError, match="there is no such mission"):
-        session.take(Experiment(mission=elsewhere))
+        session.accept(Experiment(mission=elsewhere))
     assert session.experiment.mission == "montreal"
     assert session.change("mission", "los_angeles")
     assert (session.experiment.mission, session.problem) == ("los_angeles", "")

@@ -265,7 +265,7 @@ def test_21_states_of_a_sensor_without_scale_errors_are_said_to_be_zero(walk: Wa
     assert "scale factors [%]: zero" in covariance_titles(walk)
 
 
-STEPS = ("prepare", "show_time", "lacks")
+STEPS = ("prepare", "show_time", "missing_reason")
 
 
 @pytest.mark.proof

@@ -214,7 +214,7 @@ def test_every_dataset_has_units_and_long_names(result):
 
 def test_a_simulated_run_lacks_nothing(result):
     assert isinstance(result, SimulatedResult)
-    assert not any(map(result.lacks, (*DATASETS, "summary", "coverage", "budget")))
+    assert not any(map(result.missing_reason, (*DATASETS, "summary", "coverage", "budget")))
     assert (result.truth_word, result.realisation, result.epoch) == ("truth", "seed 3", 0.0)
     assert result.recorded is None
 

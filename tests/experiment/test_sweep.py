@@ -77,7 +77,7 @@ def test_nothing_is_computed_twice_and_an_interrupted_sweep_goes_on(
         return run(point, seed)
 
     monkeypatch.setattr(sweeping, "run", counted)
-    monkeypatch.setattr(sweeping, "TOLD_EVERY", 0.0)
+    monkeypatch.setattr(sweeping, "REPORT_EVERY", 0.0)
     wider = {"sensors.gyro.noise_density": [*DENSITIES, 0.1], "navigator.r_scale": [1.0, 0.1]}
     small().sweep(wider, SEEDS)
     assert sorted(runs) == [4, 4, 5, 5, 6, 6]

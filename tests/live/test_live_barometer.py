@@ -42,9 +42,9 @@ def test_one_reading_a_second_is_used_and_bad_ones_are_not() -> None:
     rows["pressure"][100:150], rows["pressure"][250] = np.nan, 0.0
     rows["time"][320] = 0.0  # a row that is late
     whole, pieces = Heights(), Heights()
-    time, height = whole.take(rows)
+    time, height = whole.accept(rows)
     np.testing.assert_allclose(time, [100.005, 101.505, 102.005, 103.005, 104.005])
-    parts = [pieces.take(rows[a : a + 7]) for a in range(0, 500, 7)]
+    parts = [pieces.accept(rows[a : a + 7]) for a in range(0, 500, 7)]
     np.testing.assert_array_equal(np.concatenate([part[0] for part in parts]), time)
     whole.begin_at(102.9, 300.0, time, height)
     whole.begin_at(104.9, 999.0, time, height)

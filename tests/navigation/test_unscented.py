@@ -78,7 +78,7 @@ def make_positions_certain(filter_: unscented.UnscentedFilter) -> None:
 def spread(filter_: unscented.UnscentedFilter) -> None:
     """Spread a filter's sigma points."""
     f = filter_
-    sigma_points.spread(f.state, f.P, f.order, f.root, f.x, f.points, f.places)
+    sigma_points.draw_sigma_points(f.state, f.P, f.order, f.root, f.x, f.points, f.places)
 
 
 def gather(filter_: unscented.UnscentedFilter) -> None:

@@ -79,11 +79,11 @@ class LessonList:
         )
         key = entry.origin, entry.name
         button.on_click(lambda _event: self._open(key))
-        words = pn.pane.HTML(_words(entry, solved), margin=(0, 4), stylesheets=[SUMMARY])
+        words = pn.pane.HTML(_describe(entry, solved), margin=(0, 4), stylesheets=[SUMMARY])
         return pn.Row(button, words, margin=0, sizing_mode="stretch_width", stylesheets=[ROW])
 
 
-def _words(entry: Entry, solved: set[int]) -> str:
+def _describe(entry: Entry, solved: set[int]) -> str:
     if entry.lesson is None:
         return f'<div class="problem">{escape(entry.problem)}</div>'
     return f"<div>{escape(entry.lesson.summary)} {progress_html(entry.lesson, solved)}</div>"

@@ -202,7 +202,7 @@ class Lessons(Page):
     def _turn_off(self) -> None:
         """Turn off whatever is hidden."""
         if self._session.experiment.hidden:
-            self._take(Experiment().update(self._session.experiment.to_dict()))
+            self._accept(Experiment().update(self._session.experiment.to_dict()))
 
     def _turn(self, by: int) -> None:
         if self._lesson is not None and self._number + by == len(self._lesson.steps):
@@ -228,12 +228,12 @@ class Lessons(Page):
         if self._lesson is None:
             return
         try:
-            self._take(self._lesson.experiment(self._lesson.steps[self._number]))
+            self._accept(self._lesson.experiment(self._lesson.steps[self._number]))
         except SettingError as error:
             self._step.warn(str(error))
 
-    def _take(self, experiment: Experiment) -> None:
-        self._session.take(experiment)
+    def _accept(self, experiment: Experiment) -> None:
+        self._session.accept(experiment)
 
     def _look(self) -> None:
         if self._lesson is not None:

@@ -123,13 +123,13 @@ class AxesPart(PartOfWatched):
     def _row(self, name: str) -> pn.Row:
         label = "Turn, then: take" if name in TURNS else "Hold still: take"
         button = pmui.Button(label=label, **_SMALL, **sized(150))
-        button.on_click(lambda _event: self._take(name))
+        button.on_click(lambda _event: self._accept(name))
         shown = pn.pane.HTML("", margin=(8, 6), sizing_mode="stretch_width")
         self._shown[name] = shown
         self._buttons.append(button)
         return pn.Row(button, shown, margin=0, sizing_mode="stretch_width")
 
-    def _take(self, name: str) -> None:
+    def _accept(self, name: str) -> None:
         if self._station is None:
             return
         source = self._station.source
@@ -142,19 +142,19 @@ class AxesPart(PartOfWatched):
             return
         rows = source.last(TURN_TIME if name in TURNS else LAST).imu
         try:
-            self.check.take(name, in_device_axes(rows, source.axes))
+            self.check.accept(name, in_device_axes(rows, source.axes))
         except AxisCheckError as error:
             self._notice.say(str(error))
             return
         self._notice.say("")
-        self._tell()
+        self._report()
 
     def _forget(self) -> None:
         self.check.forget()
         self._notice.say("")
-        self._tell()
+        self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         """Show what was taken and what follows from it."""
         for name, pane in self._shown.items():
             seen = self.check.positions.get(name) or self.check.turns.get(name)

@@ -344,7 +344,7 @@ class Live(PartOfWatched, Page):
             self._figures.clear()
             self._errors.begin_anew()
             self._advance()
-        self._tell()
+        self._report()
         if self._visible and self._pause.label == "Pause":
             self._periodic = self._document.add_periodic_callback(self._tick, TICK)
 
@@ -387,7 +387,7 @@ class Live(PartOfWatched, Page):
             self._advance(whole=turn > 1, words=words)
             if words:
                 self._told = self._ticks
-                self._tell()
+                self._report()
 
     def _advance(self, *, whole: bool = True, words: bool = True) -> None:
         """Append what came since the last tick to the plots that are shown.
@@ -415,7 +415,7 @@ class Live(PartOfWatched, Page):
         self._figures.add_fixes(read.fix)
         self._figures.show(station.state, station.newest - station.zero, whole=whole, words=words)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         station = self._station
         if station is not None:
             status = station.status

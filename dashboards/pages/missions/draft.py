@@ -135,7 +135,7 @@ class Draft:
         self._naming.suggest(paths[0].name, f"Flight of {paths[0].name}")
         self._prepare()
 
-    def take(self, raw: RawFlight, name: str, title: str) -> None:
+    def accept(self, raw: RawFlight, name: str, title: str) -> None:
         """Show a flight that is already read, such as a live recording."""
         self._clear()
         self._raw = raw

@@ -51,7 +51,7 @@ class Flying:
             **sized(230),
         )
         load = pmui.Button(label="Load", **_SMALL, margin=(10, 4))
-        load.on_click(lambda _event: self._take(self._load.value))
+        load.on_click(lambda _event: self._accept(self._load.value))
         save = pmui.FileDownload(
             callback=self._toml, filename="flight.toml", label="Save plan", **_SMALL, margin=(10, 4)
         )
@@ -70,7 +70,7 @@ class Flying:
             sizing_mode="stretch_width",
             stylesheets=[WHOLE],
         )
-        self._take(next(iter(plans)))
+        self._accept(next(iter(plans)))
         session.on_library(self._offer)
 
     def refresh(self) -> None:
@@ -85,7 +85,7 @@ class Flying:
     def _offer(self) -> None:
         self._load.options = mission_titles(_plans())
 
-    def _take(self, name: str) -> None:
+    def _accept(self, name: str) -> None:
         found = _plans().get(name)
         if found is not None:
             self._editor.load(found.flight or {})

@@ -139,7 +139,7 @@ class ColumnField:
             margin=(8, 0),
             sizing_mode="stretch_width",
         )
-        self._text.param.watch(self._take, "value")
+        self._text.param.watch(self._accept, "value")
         self.view = _card("Columns", self._text)
         self.view.visible = False
 
@@ -174,7 +174,7 @@ class ColumnField:
         parts = [line.rpartition("=") for line in str(self._text.value or "").splitlines() if line.strip()]
         return [(name.strip(), text.strip()) for name, _, text in parts]
 
-    def _take(self, _event: object) -> None:
+    def _accept(self, _event: object) -> None:
         if self._clearing:
             return
         wrong = next((text for name, text in self._lines() if not name or not text), None)

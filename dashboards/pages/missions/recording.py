@@ -105,10 +105,10 @@ class RecordingPart:
         self._recorder = recorder
         self._start.disabled, self._stop.disabled = True, False
         assert self._document is not None
-        self._watch = self._document.add_periodic_callback(self._tell, TELL)
-        self._tell()
+        self._watch = self._document.add_periodic_callback(self._report, TELL)
+        self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         recorder = self._recorder
         if recorder is not None:
             self._counter.object = f"<b>{recorder.seconds:.1f} s</b>, {recorder.samples} samples"
@@ -128,4 +128,4 @@ class RecordingPart:
         self._watch = None
 
     def _recorded(self, raw: RawFlight) -> None:
-        self._draft.take(raw, "xplane", "Flight in X-Plane")
+        self._draft.accept(raw, "xplane", "Flight in X-Plane")

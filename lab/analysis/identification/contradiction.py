@@ -283,8 +283,8 @@ def _lateness(seconds: float) -> str:
 
 def _late(run: Repeatable, log: SensorLog, size: float) -> LogFault:
     """Return fixes that are late by a constant time [s]."""
-    told = np.append(run.latency, np.zeros(3))
-    return LogFault(latency(size, 0.0, told), with_clock(log, size, 0.0))
+    assumed = np.append(run.latency, np.zeros(3))
+    return LogFault(latency(size, 0.0, assumed), with_clock(log, size, 0.0))
 
 
 def _stated(
@@ -328,12 +328,12 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
     if run.recorded is None:
         return None
     evidence = run.evidence
-    told = evidence.told.values.mean(axis=0)
+    assumed = evidence.assumed.values.mean(axis=0)
     for one in explanations(evidence.innovations):
         if not one.name.endswith("misalignment"):
             continue
         statistic = f"logarithm of the likelihood ratio {one.gain:.0f}"
-        found = finding_of([one], evidence.innovations, statistic, told)
+        found = finding_of([one], evidence.innovations, statistic, assumed)
         (found,) = of_log(Verdict("", (found,), ""), run).findings
         candidate = Candidate("", found.changes)
         outcome = whole.outcome(candidate) if found.changes else None

@@ -48,7 +48,7 @@ from lab.analysis.identification.likelihood import (
     squares,
 )
 from lab.analysis.identification.renavigation import Subject, subject
-from lab.analysis.identification.spread import spread
+from lab.analysis.identification.spread import describe_spread
 from lab.analysis.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 from lab.analysis.verdicts.finding import Verdict
 from lab.base.arrays import Flags, FloatArray
@@ -200,7 +200,7 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
         every=EVERY,
         inside=(_inside(seen[0]), _inside(seen[1])),
         white=white,
-        spread=spread(seen[1]),
+        spread=describe_spread(seen[1]),
         chosen_by=found.chosen_by,
         outliers=int(search.dropped.sum()),
         fixes=int((counted & ~search.dropped).sum()),
@@ -373,10 +373,10 @@ def _maximised(
     start: float,
     end: float,
 ) -> Estimate:
-    def told(stage: str, fraction: float) -> None:
+    def report(stage: str, fraction: float) -> None:
         tell(stage, start + (end - start) * fraction)
 
-    return maximise(search.run, whole, begin, held, told, AHEAD if search.masks else ROUNDS)
+    return maximise(search.run, whole, begin, held, report, AHEAD if search.masks else ROUNDS)
 
 
 def _outliers(seen: InnovationSeries) -> Flags:

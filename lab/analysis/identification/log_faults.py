@@ -149,7 +149,7 @@ def ranges_of(log: SensorLog) -> Iterator[tuple[int, LogFault]]:
 def _of_losses(log: SensorLog) -> Iterator[LogFault]:
     """Yield lost samples: what the IMU moved by in long intervals is not what its samples show."""
     dt = np.diff(log.time)
-    usual = UsualInterval().take(dt)
+    usual = UsualInterval().accept(dt)
     long = dt > _LOST * usual
     at, filled = log.time[1:], np.zeros(dt.size, np.bool_)
     for start, end in log.gaps:

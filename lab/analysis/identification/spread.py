@@ -20,7 +20,7 @@ CHANNELS = STATES[:6]
 """Position and velocity, the parts of a fix."""
 
 
-def spread(seen: InnovationSeries) -> str:
+def describe_spread(seen: InnovationSeries) -> str:
     """Return a sentence about the spread of innovations; empty if nothing is wrong.
 
     Parameters

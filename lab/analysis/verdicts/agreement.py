@@ -98,8 +98,8 @@ def _judged(values: FloatArray) -> tuple[float, float, float, float]:
     return mean, mean / high, mean / low if low > 0 else np.inf, 2 * float(special.stdtr(runs - 1, -abs(off)))
 
 
-class Told(NamedTuple):
-    """How a figure that is off is told.
+class FigureWording(NamedTuple):
+    """How a figure that is off is worded.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class _Off(NamedTuple):
     evidence: str
 
 
-def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
+def judge_agreement(means: RunMeans, worded: FigureWording) -> list[Weighed]:
     """Judge the size of errors and innovations, for which no cause was found.
 
     A figure is off if the runs disagree by their own scatter. It is off too, also of a single run, if all
@@ -136,8 +136,8 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
     ----------
     means
         The means of the runs.
-    told
-        How it is told.
+    worded
+        How it is worded.
     """
     by_scatter = {one.figure: one for one in agreements(means)}
     off: dict[str, list[_Off]] = {}
@@ -150,49 +150,49 @@ def judge_agreement(means: RunMeans, told: Told) -> list[Weighed]:
             doubt /= len(means.figures)
         weight = size_weight(float(squares.total), float(squares.number))
         if not is_right(float(squares.total), float(squares.number), doubt):
-            evidence = mean_square(squares, f"{_what(figure, told)} (by {_name(figure, told)})", doubt)
+            evidence = mean_square(squares, f"{_what(figure, worded)} (by {_name(figure, worded)})", doubt)
         elif agreement is not None and not agreement.holds:
             evidence = f"mean {agreement}, by the scatter of {means.runs} runs"
         else:
             continue
         off.setdefault(figure.quantity, []).append(_Off(figure, ratio, weight, evidence))
-    return [_weighed(found, told) for found in off.values()]
+    return [_weighed(found, worded) for found in off.values()]
 
 
-def _weighed(off: list[_Off], told: Told) -> Weighed:
+def _weighed(off: list[_Off], worded: FigureWording) -> Weighed:
     """Return the finding on a quantity of which some figures are off."""
     first = max(off, key=lambda one: (one.figure == Figure(one.figure.quantity), one.weight))
     also = [one for one in sorted(off, key=lambda one: -one.weight) if one is not first][: NAMED - 1]
     evidence, more = [one.evidence for one in (first, *also)], len(off) - 1 - len(also)
     factor = max(first.ratio, 1 / first.ratio)
-    wording = told.wording if first.ratio > 1 or told.small is None else told.small
+    wording = worded.wording if first.ratio > 1 or worded.small is None else worded.small
     finding = wording.finding(
         factor,
         "; ".join((*evidence, f"and {more} more") if more else evidence),
-        quantity=_name(first.figure, told),
+        quantity=_name(first.figure, worded),
         direction=too(1 / first.ratio),
-        values=_values(first.figure, told),
+        values=_values(first.figure, worded),
         size=written(np.sqrt(first.ratio), 2 if factor > limits.VERDICT.wrong_factor else 3),
     )
     return Weighed(first.weight, finding)
 
 
-def _name(figure: Figure, told: Told) -> str:
-    return told.between[0] if figure.quantity == BETWEEN else figure.quantity
+def _name(figure: Figure, worded: FigureWording) -> str:
+    return worded.between[0] if figure.quantity == BETWEEN else figure.quantity
 
 
-def _values(figure: Figure, told: Told) -> str:
+def _values(figure: Figure, worded: FigureWording) -> str:
     """Return what a sentence calls the values of a figure."""
-    values = _what(figure, told)
+    values = _what(figure, worded)
     if figure.quarter:
         return IN_QUARTER.format(values=values, quarter=figure.quarter)
     # Each may fit its own σ: what does not fit may be their correlations in P.
     return values if figure.group else TOGETHER.format(values=values)
 
 
-def _what(figure: Figure, told: Told) -> str:
+def _what(figure: Figure, worded: FigureWording) -> str:
     if figure.quantity == BETWEEN:
-        return told.between[1]
+        return worded.between[1]
     return VALUES[f"{figure.quantity} of a group" if figure.group else figure.quantity].format(
         group=figure.group
     )

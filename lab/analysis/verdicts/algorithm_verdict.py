@@ -13,7 +13,7 @@ import numpy as np
 
 from lab.analysis import consistency
 from lab.analysis.verdicts import limits, verdict
-from lab.analysis.verdicts.agreement import Told, judge_agreement
+from lab.analysis.verdicts.agreement import FigureWording, judge_agreement
 from lab.analysis.verdicts.evidence import Evidence, Reference, nees_squares, state_means, usage
 from lab.analysis.verdicts.finding import (
     NOTHING,
@@ -89,8 +89,8 @@ def judge(evidence: Evidence) -> Verdict:
     if evidence.nees is not None:
         weighed += judge_size(evidence.nees, FINDINGS["covariance"], "errors")
     weighed += judge_size(evidence.innovations.nis, FINDINGS["innovation covariance"], "innovations")
-    told = Told(FINDINGS["unexplained of an algorithm"])
-    findings = sorted_findings(weighed or judge_agreement(evidence.means, told))
+    worded = FigureWording(FINDINGS["unexplained of an algorithm"])
+    findings = sorted_findings(weighed or judge_agreement(evidence.means, worded))
     said = headline(findings, f"Consistent: {judged} are as large as the algorithm states.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")

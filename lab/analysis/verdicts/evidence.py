@@ -142,7 +142,7 @@ class Evidence(Sum):
         Innovations of the fixes.
     usage : Usage
         Use of the fixes.
-    told : Kept
+    assumed : Kept
         Latency [s] and lever arm [m] that the filter assumed, (runs, 4).
     fixes : FixErrors or None
         Errors of the fixes; needs the truth.
@@ -164,7 +164,7 @@ class Evidence(Sum):
     runs: int
     innovations: Innovations
     usage: Usage
-    told: Kept = field(default_factory=lambda: Kept(np.zeros((1, 4))))
+    assumed: Kept = field(default_factory=lambda: Kept(np.zeros((1, 4))))
     fixes: FixErrors | None = None
     sensors: SensorErrors | None = None
     start: Squares | None = None
@@ -181,7 +181,7 @@ class Evidence(Sum):
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
         return type(self)(
-            self.runs, self.innovations, self.usage, self.told, linearity=self.linearity, aids=self.aids
+            self.runs, self.innovations, self.usage, self.assumed, linearity=self.linearity, aids=self.aids
         )
 
 
@@ -252,7 +252,7 @@ def evidence(
             solution, belief, fixes, imu, motion, explain=explain, aided=aided, names=names, gained=gains
         ),
         usage=usage(solution, gate),
-        told=Kept(np.append(latency, belief.lever_arm)[None]),
+        assumed=Kept(np.append(latency, belief.lever_arm)[None]),
         linearity=linearity(solution, belief, motion, seen),
         aids=aid_squares(solution, aid_kinds, gate),
     )

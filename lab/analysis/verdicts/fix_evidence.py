@@ -100,8 +100,8 @@ def fix_errors(
         Mask of the rejected ones.
     """
     times = fixes.time[used]
-    told = _of_lever_arm(belief.lever_arm, truth, dtheta, times)
-    error = _errors(fixes, used, truth, 0.0) - told
+    assumed = _of_lever_arm(belief.lever_arm, truth, dtheta, times)
+    error = _errors(fixes, used, truth, 0.0) - assumed
     root = np.sqrt(np.diagonal(belief.R))
     plain = normal_equations(causes / root[:, None], error / root)
     late, gain = _latency(plain)
@@ -112,7 +112,7 @@ def fix_errors(
     ):
         # For a long latency, the error is not velocity times latency, so the fixes are compared with the
         # earlier truth.
-        error = _errors(fixes, used, truth, late) - told + causes[..., 0] * late
+        error = _errors(fixes, used, truth, late) - assumed + causes[..., 0] * late
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
     kept = ~outliers(error)

@@ -16,10 +16,10 @@ from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 
 
-def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
+def judge_fixes(fixes: FixErrors, sizes: FloatArray, assumed: FloatArray) -> list[Weighed]:
     """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes.
 
-    `sizes` are the rms of the position and the velocity innovations in their σ, `told` are the latency and
+    `sizes` are the rms of the position and the velocity innovations in their σ, `assumed` are the latency and
     the lever arm (4,) that the filter assumed.
     """
     if not fixes.count:
@@ -31,7 +31,7 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
     gain = float(fits.likelihood[best] - fits.likelihood[_WHITE])
     correlated = gain > limits.VERDICT.likelihood_ratio and np.sqrt(ratio) > limits.VERDICT.correlated_part
     at = best if correlated else _WHITE
-    found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), told)
+    found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), assumed)
     scales = fits.scales[at].copy()
     if correlated:
         sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
@@ -126,35 +126,35 @@ def _fits(fixes: FixErrors) -> _FixFits:
     return _FixFits(matrix, vector, scales, likelihood)
 
 
-def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
+def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
     """Judge latency and lever arm by their normal equations with unit variance.
 
-    `told` are the values (4,) that the filter assumed.
+    `assumed` are the values (4,) that the filter assumed.
     """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
     for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, limits.VERDICT.cause_ratio):
         estimate = entry.estimate[0]
         if entry.name == "latency" and abs(estimate[0]) > limits.VERDICT.latency:
-            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, told)))
+            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, assumed)))
         elif entry.name == "lever arm" and np.linalg.norm(estimate) > limits.VERDICT.lever_arm:
-            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, told)))
+            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, assumed)))
     return found
 
 
-def latency(size: float, gain: float, told: FloatArray) -> Finding:
-    """Return the finding of a latency [s] beyond the one the filter assumed, `told` (4,)."""
+def latency(size: float, gain: float, assumed: FloatArray) -> Finding:
+    """Return the finding of a latency [s] beyond the one the filter assumed, `assumed` (4,)."""
     return FINDINGS["GPS latency"].finding(
         abs(size),
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
         seconds=abs(size),
         side="late" if size > 0 else "early",
-        latency=float(round(told[0] + size, 2)),
+        latency=float(round(assumed[0] + size, 2)),
     )
 
 
-def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
-    """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `told` (4,)."""
+def lever_arm(arm: FloatArray, gain: float, assumed: FloatArray) -> Finding:
+    """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `assumed` (4,)."""
     where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
     length = float(np.linalg.norm(arm))
     return FINDINGS["GPS lever arm"].finding(
@@ -162,7 +162,7 @@ def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
         length=length,
         place=where,
-        arm=[float(round(metres, 2)) for metres in told[1:] + arm],
+        arm=[float(round(metres, 2)) for metres in assumed[1:] + arm],
     )
 
 

@@ -91,9 +91,9 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
         return apart
     if found and found[0].gain > limits.VERDICT.likelihood_ratio and found[0].matters:
-        told = evidence.told.values.mean(axis=0)
+        assumed = evidence.assumed.values.mean(axis=0)
         whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
-        return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
+        return _local(seen, found[0].gain, whose) or [_stated(found, seen, assumed)]
     # Without a comparison of explanations, as with further states, nothing speaks for the fixes.
     whose = GPS if seen.likelihoods.any() else EITHER
     return (_local(seen, 0.0, whose) or _sizes(seen)) if suspicious(seen) else []
@@ -192,7 +192,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
     return []
 
 
-def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> Weighed:
+def _stated(found: list[Explanation], seen: Innovations, assumed: FloatArray) -> Weighed:
     """Return the finding of the best explanation, or of GPS or IMU if both explain nearly as much."""
     best = found[0]
     rival = _rival(found)
@@ -206,12 +206,12 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             f"{statistic}, {rival.gain:.0f} of the other",
             None,
             _ROWS.get(best.name),
-            explanation=_words(best),
-            rival=_words(rival),
+            explanation=_describe(best),
+            rival=_describe(rival),
             **_gain_fields(best),
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, finding_of(found, seen, statistic, told))
+    return Weighed(best.gain, finding_of(found, seen, statistic, assumed))
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
@@ -226,7 +226,7 @@ def _rival(found: list[Explanation]) -> Explanation | None:
     return rival
 
 
-def _words(one: Explanation) -> str:
+def _describe(one: Explanation) -> str:
     """Return an explanation as text."""
     if one.name in EXPLANATIONS:
         sizes = (one.size, 100 * one.size, float(np.degrees(one.size)))
@@ -236,16 +236,16 @@ def _words(one: Explanation) -> str:
     return VARIANCE.format(variance=one.name, factor=factor, direction=too(one.size))
 
 
-def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assumed: FloatArray) -> Finding:
     """Return the finding of the first of some explanations.
 
-    `statistic` is its evidence, `told` are the latency and the lever arm (4,) that the filter assumed.
+    `statistic` is its evidence, `assumed` are the latency and the lever arm (4,) that the filter assumed.
     """
     best = found[0]
     if best.name == "GPS latency":
-        return latency(float(best.parts[0]), best.gain, told)
+        return latency(float(best.parts[0]), best.gain, assumed)
     if best.name == "GPS lever arm":
-        return lever_arm(best.parts, best.gain, told)
+        return lever_arm(best.parts, best.gain, assumed)
     if best.name == CORRELATION:
         size = np.sqrt(seen.offered.mean[:3].mean())
         wording = FINDINGS["hidden GPS correlation" if size < 1 else "GPS correlation, by innovations"]
@@ -264,7 +264,7 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, told
         interval,
         _ROWS.get(best.name),
         direction=too(best.size),
-        explanation=_words(best),
+        explanation=_describe(best),
         **_gain_fields(best),
     )
 
@@ -291,8 +291,8 @@ def _of_motion(found: list[Explanation], statistic: str) -> Finding:
         statistic,
         cause=best.name,
         sensor=best.name.split()[0],
-        explanation=_words(best),
-        rival="" if rival is None else _words(rival),
+        explanation=_describe(best),
+        rival="" if rival is None else _describe(rival),
         percent=rounded(100 * best.size / float(np.sqrt(best.parts.size))),
     )
 

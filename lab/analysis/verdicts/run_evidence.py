@@ -49,7 +49,7 @@ def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Eviden
     explain
         Whether to explain suspicious innovations, which takes several times as long as the run.
     """
-    reference = None if run.lacks("consistency") else reference_of(run)
+    reference = None if run.missing_reason("consistency") else reference_of(run)
     if run.algorithm:
         span = float(run.time[0]), float(run.time[-1])
         return algorithm_evidence(run.solution_arrays, run.fixes.time, span, reference)

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
-from lab.analysis.verdicts.agreement import Told, judge_agreement
+from lab.analysis.verdicts.agreement import FigureWording, judge_agreement
 from lab.analysis.verdicts.evidence import BLOCKS, Evidence
 from lab.analysis.verdicts.finding import Weighed, is_right, judge_size, size_weight
 from lab.analysis.verdicts.finding_table import FINDINGS, VALUES
@@ -70,12 +70,12 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
     # Fixes are not judged where there are none, or as the filter estimates errors of the receiver.
     judged = used and not (evidence.start is not None and evidence.fixes is None)
     wording = FINDINGS["unexplained" if judged else "unexplained, fixes not judged"]
-    told = Told(
+    worded = FigureWording(
         wording.with_advice(ADVICE["look for errors"]),
         wording.with_advice(ADVICE["look for errors that are not there"]),
     )
     if evidence.start is None:
-        told = told._replace(small=FINDINGS["small innovations"])
+        worded = worded._replace(small=FINDINGS["small innovations"])
     if not used:
-        told = told._replace(between=(NEES, VALUES[f"{NEES} of a group"].format(group="position")))
-    return judge_agreement(evidence.means, told)
+        worded = worded._replace(between=(NEES, VALUES[f"{NEES} of a group"].format(group="position")))
+    return judge_agreement(evidence.means, worded)

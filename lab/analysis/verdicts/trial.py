@@ -153,7 +153,7 @@ def _together(
         return ""
     if worsened(before, there) or not _helped(findings, before, there, after):
         return ""
-    return _words(before, there)
+    return _describe(before, there)
 
 
 def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
@@ -168,7 +168,7 @@ def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Fin
         return replace(finding, advice=_told("worse", finding, worse=worse), changes=())
     if not _helped([finding], before, there, after):
         return replace(finding, advice=TRIED["useless"], changes=())
-    return replace(finding, advice=_told("better", finding, effect=_words(before, there)))
+    return replace(finding, advice=_told("better", finding, effect=_describe(before, there)))
 
 
 def _told(row: str, finding: Finding, **fields: object) -> str:
@@ -253,7 +253,7 @@ def growth_of(before: FloatArray, after: FloatArray) -> tuple[float, float] | No
     )
 
 
-def _words(before: Figures, after: Figures) -> str:
+def _describe(before: Figures, after: Figures) -> str:
     words = [
         f"NIS per degree of freedom {before.nis:.2f}, then {after.nis:.2f}",
         f"correlation of the innovations {before.correlation:.2f}, then {after.correlation:.2f}",

@@ -127,4 +127,4 @@ def _fixes_by_truth(evidence: Evidence) -> list[Weighed]:
     if evidence.fixes is None:
         return []
     sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
-    return judge_fixes(evidence.fixes, sizes, evidence.told.values.mean(axis=0))
+    return judge_fixes(evidence.fixes, sizes, evidence.assumed.values.mean(axis=0))

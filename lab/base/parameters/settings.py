@@ -203,23 +203,23 @@ class Settings(NotebookCard, param.Parameterized):
         trial = self.copy()
         for name, value in values.items():
             trial.set(name, value)
-        self._take(trial)
+        self._accept(trial)
         return self
 
     def copy(self) -> Self:
         """Return an independent copy."""
         twin = type(self)()
-        twin._take(self)
+        twin._accept(self)
         return twin
 
-    def _take(self, other: Self) -> None:
+    def _accept(self, other: Self) -> None:
         # Only differences, because setting a parameter is far slower than reading it, and notifies every
         # watcher.
         cls = type(self)
         for name in _declared(cls):
             mine, value = getattr(self, name), getattr(other, name)
             if _is_group(cls, name):
-                mine._take(value)
+                mine._accept(value)
             elif value != mine:
                 self.set(name, value)
 

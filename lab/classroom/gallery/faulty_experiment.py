@@ -56,7 +56,7 @@ class FaultyExperiment(Experiment):
     def copy(self) -> Self:
         """Return an independent copy."""
         twin = type(self)(self._fault)
-        twin._take(self)
+        twin._accept(self)
         return twin
 
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:

@@ -77,7 +77,7 @@ class HiddenExperiment(Experiment):
     def copy(self) -> Self:
         """Return an independent copy."""
         twin = type(self)(self._scenario)
-        twin._take(self)
+        twin._accept(self)
         return twin
 
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
@@ -115,9 +115,9 @@ class HiddenResult(SimulatedResult):
         """Always False: constant errors of the sensors are hidden settings."""
         return False
 
-    def lacks(self, name: str) -> str:
+    def missing_reason(self, name: str) -> str:
         """Return why the error budget is unknown; nothing else is."""
-        return NO_BUDGET if name in {"budget", "observability"} else super().lacks(name)
+        return NO_BUDGET if name in {"budget", "observability"} else super().missing_reason(name)
 
 
 class _HiddenStages(Stages):

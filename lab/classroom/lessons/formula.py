@@ -78,7 +78,7 @@ class _Reader:
             if not token:
                 raise FormulaError("ends before a brace is closed; accepted is { with its }")
             parts.append(self._scripted())
-        self._take()
+        self._pop()
         self._depth -= 1
         return f"<mrow>{''.join(parts)}</mrow>"
 
@@ -89,7 +89,7 @@ class _Reader:
                 raise FormulaError(
                     f"has two {sign} after one another; accepted is one, with a group in braces"
                 )
-            self._take()
+            self._pop()
             scripts[sign] = self._one()
         if len(scripts) == 2:
             return f"<msubsup>{base}{scripts['_']}{scripts['^']}</msubsup>"
@@ -99,7 +99,7 @@ class _Reader:
 
     def _one(self) -> str:
         """Return a sign, a number, a command with its groups, or a group."""
-        token = self._take()
+        token = self._pop()
         if token in ("", "}", "^", "_"):
             raise FormulaError(f"has {token or 'its end'} where a letter, a number or a group is expected")
         if token == "{":
@@ -139,7 +139,7 @@ class _Reader:
             self._at = found.end()
         return ""
 
-    def _take(self) -> str:
+    def _pop(self) -> str:
         token = self._peek()
         self._at += len(token)
         return token

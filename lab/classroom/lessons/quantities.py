@@ -56,7 +56,7 @@ def _error(kind: str, columns: slice | int, how: Callable[[FloatArray], float]) 
     """Return a function of a result: a figure of some columns of one of its errors."""
 
     def of(result: Result) -> float:
-        if result.lacks("errors"):
+        if result.missing_reason("errors"):
             return float("nan")
         return how(result.errors[kind].values[:, columns])
 
@@ -78,7 +78,7 @@ def _mean_square(columns: slice) -> Callable[[Result], float]:
 
 
 def _nees(result: Result) -> float:
-    if result.lacks("consistency"):
+    if result.missing_reason("consistency"):
         return float("nan")
     values, degrees = result.consistency.nees.values, result.consistency.nees.attrs["degrees"]
     return float(np.nanmean(values)) / degrees if degrees and np.isfinite(values).any() else float("nan")
@@ -92,7 +92,7 @@ def _correlation(result: Result) -> float:
 
 def _in_outages(result: Result) -> float:
     """Return the largest error of the position in the outages [m]; NaN without any."""
-    if result.lacks("errors"):
+    if result.missing_reason("errors"):
         return float("nan")
     time = result.time + result.epoch
     inside = np.zeros(time.size, dtype=np.bool_)

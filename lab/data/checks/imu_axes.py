@@ -26,8 +26,8 @@ class ImuAxes(NamedTuple):
     def words(self) -> str:
         """What has to be changed."""
         if not np.array_equal(self.forces, SAME):
-            return f"accelerometers along {_words(self.forces)}"
-        return f"gyros about {_words(self.gyros)}"
+            return f"accelerometers along {_describe(self.forces)}"
+        return f"gyros about {_describe(self.gyros)}"
 
     @property
     def remedy(self) -> str:
@@ -68,7 +68,7 @@ def signed(axes: range) -> Iterator[FloatArray]:
             yield matrix
 
 
-def _words(matrix: FloatArray) -> str:
+def _describe(matrix: FloatArray) -> str:
     """Return which axis of the file each of forward, right, down is."""
     places = np.argmax(np.abs(matrix), axis=1)
     return ", ".join(

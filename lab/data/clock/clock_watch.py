@@ -128,7 +128,7 @@ class ClockWatch:
         self._untold = 0
         self._restored = False
 
-    def told(self) -> list[ClockEvent]:
+    def new_events(self) -> list[ClockEvent]:
         """Return the events since the last call."""
         new = list(self.events)[len(self.events) - self._untold :]
         self._untold = 0

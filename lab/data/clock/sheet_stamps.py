@@ -34,7 +34,7 @@ _AVERAGED = 50
 """Rows before and after a stamp that jitters, with which it is averaged."""
 
 
-def spread(time: FloatArray, key: FloatArray) -> tuple[FloatArray, str]:
+def distribute_stamps(time: FloatArray, key: FloatArray) -> tuple[FloatArray, str]:
     """Return time stamps with those that samples share spread evenly, and a report.
 
     Parameters

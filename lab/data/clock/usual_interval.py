@@ -25,7 +25,7 @@ class UsualInterval:
     """The median of the last intervals, renewed after each `BLOCK`.
 
     >>> usual = UsualInterval()
-    >>> usual.take(np.full(30, 0.01))[-1]
+    >>> usual.accept(np.full(30, 0.01))[-1]
     0.01
     """
 
@@ -35,7 +35,7 @@ class UsualInterval:
         self._last = np.empty(0)
         self._due = BLOCK  # intervals up to the next median
 
-    def take(self, intervals: FloatArray) -> FloatArray:
+    def accept(self, intervals: FloatArray) -> FloatArray:
         """Return the usual interval at each of some intervals.
 
         Parameters

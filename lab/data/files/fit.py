@@ -71,7 +71,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         raise MissionError(f"{path}: is no {NAME} file")
     points = _Points()
     for number, values in _messages(path, data, points):
-        points.take(number, values)
+        points.accept(number, values)
     kind = max(points.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
     if not len(kind.fixes.line):
         raise MissionError(f"{path}: {_without_positions(points, kind.fixes.count)}")
@@ -162,7 +162,7 @@ class _Points:
         self.planned = False
         self.broken = ""
 
-    def take(self, number: int, values: Mapping[str, Any]) -> None:
+    def accept(self, number: int, values: Mapping[str, Any]) -> None:
         """Take a message of a number."""
         if number == _RECORD:
             self.kinds[0].add(values)

@@ -149,11 +149,11 @@ class TlogFile:
                 if message is None:
                     log.broken += 1
                 else:
-                    log._take(message, *wanted[number], parameters)
+                    log._accept(message, *wanted[number], parameters)
             at = end
         return log
 
-    def _take(self, message: Any, name: str, fields: Sequence[str], parameters: Collection[str]) -> None:
+    def _accept(self, message: Any, name: str, fields: Sequence[str], parameters: Collection[str]) -> None:
         self._number += 1
         sender = (message.get_srcSystem(), message.get_srcComponent())
         boots, latest = self._boots.get(sender, (0, 0.0))

@@ -185,7 +185,7 @@ class ULogFile:
                 elif kind == _FLAGS:
                     resumes = self._flags(message)
                 else:
-                    self._take(kind, message)
+                    self._accept(kind, message)
                 at = following
                 continue
             sense = self._next(at + 1)
@@ -220,7 +220,7 @@ class ULogFile:
             offset for offset in struct.unpack("<3Q", message[16:_LEAST_FLAGS]) if message[8] and offset
         )
 
-    def _take(self, kind: int, message: bytes) -> None:
+    def _accept(self, kind: int, message: bytes) -> None:
         if kind == _FORMAT:
             name, colon, fields = message.decode("ascii", "replace").partition(":")
             if colon and len(self._formats) < _MAX_FIELDS:

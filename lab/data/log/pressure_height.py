@@ -52,7 +52,7 @@ class Heights:
         self.shift = np.nan
         """What is added to the heights by pressure [m]; NaN before a reading and a fix have come."""
 
-    def take(self, rows: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
+    def accept(self, rows: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
         """Return times [s] and heights by pressure [m] of the readings to use among some rows.
 
         Parameters

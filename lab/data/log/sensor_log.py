@@ -191,7 +191,7 @@ def repaired(
     dt, since = np.diff(time), _time_since_before(time, lost)
     rates = samples[1:] / since[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
-    stamps, usual = time, UsualInterval().take(dt)
+    stamps, usual = time, UsualInterval().accept(dt)
     wide = (dt > GAP_STEPS * usual) | (since < dt)
     time, rates, gaps, breaks = _without_gaps(name, time, rates, usual, wide, repairs)
     values = rates[1:] * np.diff(time)[:, None]

@@ -70,7 +70,7 @@ class StreamSpikes:
     """The search for spikes in one stream.
 
     >>> found = StreamSpikes()
-    >>> found.take(np.zeros((3, 6)))
+    >>> found.accept(np.zeros((3, 6)))
     array([False, False, False])
     """
 
@@ -78,7 +78,7 @@ class StreamSpikes:
         self._values = np.empty((0, 6))
         self._waiting = 0  # of them, at the end
 
-    def take(self, values: FloatArray) -> NDArray[np.bool_]:
+    def accept(self, values: FloatArray) -> NDArray[np.bool_]:
         """Return which of the waiting and the new samples, in their order, are spikes, as far as it is known.
 
         Parameters
@@ -147,7 +147,7 @@ class StreamSpikes:
 def stream_spikes(values: FloatArray) -> NDArray[np.bool_]:
     """Return which samples (n,) of a whole stream are spikes; `values` as of `StreamSpikes.take`."""
     found = StreamSpikes()
-    return np.concatenate((found.take(values), found.finish()))
+    return np.concatenate((found.accept(values), found.finish()))
 
 
 def _largest_but(count: int, values: FloatArray) -> float:

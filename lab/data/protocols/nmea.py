@@ -110,7 +110,7 @@ class Nmea(Framing):
             if now != self._epoch.now:
                 self._complete(rows)
                 self._epoch = _Epoch(now)
-        self._take(kind, said, cells)
+        self._accept(kind, said, cells)
         self._epoch.kinds.add(kind)
         self._epoch.end = end
         if self._usual and self._usual <= self._epoch.kinds:
@@ -126,7 +126,7 @@ class Nmea(Framing):
             self._add(rows)
             self._usual = frozenset(self._epoch.kinds)
 
-    def _take(self, kind: str, said: dict[str, bytes], cells: Sequence[bytes]) -> None:
+    def _accept(self, kind: str, said: dict[str, bytes], cells: Sequence[bytes]) -> None:
         epoch = self._epoch
         if "lat" in said:
             place = _angle(said["lat"], said["ns"], b"NS"), _angle(said["lon"], said["ew"], b"EW")

@@ -133,7 +133,7 @@ class TextLines:
             self.statistics.skipped += len(line)
             return
         if self._map is not None:
-            self._take(text, len(line), end)
+            self._accept(text, len(line), end)
             return
         if len(self._held) == _HELD:
             self.statistics.skipped += len(self._held[0][0])
@@ -149,7 +149,7 @@ class TextLines:
             return
         self._use(found)
         for text, end in self._held:
-            self._take(text, len(text), end)
+            self._accept(text, len(text), end)
         self._held.clear()
 
     def _use(self, columns: ColumnMap) -> None:
@@ -174,7 +174,7 @@ class TextLines:
         if unit in _WRAPS:
             self.wrap_period = _WRAPS[unit] * self._scales["time"]
 
-    def _take(self, text: str, size: int, end: int) -> None:
+    def _accept(self, text: str, size: int, end: int) -> None:
         found = self._pattern.fullmatch(text)
         if found is None:
             if _begins_with_number(text):
@@ -190,7 +190,7 @@ class TextLines:
         if "time" not in self._places:
             self._add(cells, NAN, end)
             return
-        accepted, refused = self._clock.take(float(cells[self._places["time"]]), (cells, end))
+        accepted, refused = self._clock.accept(float(cells[self._places["time"]]), (cells, end))
         self.statistics.refused += refused
         for counted, (one, place) in accepted:
             self._add(one, counted * self._scales["time"], place)
@@ -239,7 +239,7 @@ class _TimeCheck:
         self._jumps = False  # whether the clock itself jumps at every line
         self._steps: deque[float] = deque(maxlen=_REMEMBERED)
 
-    def take(self, value: float, line: _Line) -> tuple[list[tuple[float, _Line]], int]:
+    def accept(self, value: float, line: _Line) -> tuple[list[tuple[float, _Line]], int]:
         """Return the lines accepted now, with their times as counted on, and how many are refused."""
         last = self._last
         value += self._turns * (self._modulus or 0)

@@ -108,7 +108,7 @@ def regular(stamps: FloatArray, tick: float) -> FloatArray | None:
     (n,) array or None
         None where the stamps follow no even spacing, being off by half of it and by more than the resolution.
     """
-    time = spread(stamps, tick)
+    time = distribute_stamps(stamps, tick)
     if time[-1] <= time[0]:
         return None
     count = np.arange(len(time), dtype=np.float64) if time is not stamps else _counts(time, tick)
@@ -139,7 +139,7 @@ def _counts(time: FloatArray, tick: float) -> FloatArray | None:
     return count
 
 
-def spread(stamps: FloatArray, tick: float) -> FloatArray:
+def distribute_stamps(stamps: FloatArray, tick: float) -> FloatArray:
     """Return stamps with those that repeat spread evenly up to the next, or over one tick if that is later.
 
     Parameters

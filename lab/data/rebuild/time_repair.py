@@ -140,7 +140,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     method, times = AS_RECORDED, stamps
     calmed = 1.0
     if time_stamps == REPAIRED:
-        method, times, calmed = _best(raw, stamps, clock.spread(stamps, tick), tick)
+        method, times, calmed = _best(raw, stamps, clock.distribute_stamps(stamps, tick), tick)
     times = _of_the_same_length(times - times[0], stamps, tick)
     if np.diff(times).min() < _MIN_STEP:
         raise MissionError(

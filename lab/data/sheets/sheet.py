@@ -250,12 +250,14 @@ def _without_placeholders(
     name: str, headings: list[Heading], columns: list[FloatArray]
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Return columns with NaN where they say that a value is unknown, and a report of it."""
-    kept, told = [], []
+    kept, reported = [], []
     for heading, values in zip(headings, columns, strict=True):
         known, found = (values, "") if heading.quantity in _TIMES else without_placeholders(values)
         kept.append(known)
-        told += [f"{heading.text}: {found}"] if found else []
-    return kept, (f"{name} has numbers that stand for unknown values: {'; '.join(told)}.",) if told else ()
+        reported += [f"{heading.text}: {found}"] if found else []
+    return kept, (
+        f"{name} has numbers that stand for unknown values: {'; '.join(reported)}.",
+    ) if reported else ()
 
 
 def _in_two(places: list[int], headings: list[Heading]) -> tuple[list[int], list[Heading]]:

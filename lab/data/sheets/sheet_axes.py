@@ -107,7 +107,9 @@ def oriented(
     if given:
         log = build(_turned(samples, given))
         check_log(log)
-        return Oriented(_reported(log, f"Axes: {_words(given)}, as given."), (given[0], given[1], given[2]))
+        return Oriented(
+            _reported(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
+        )
     judged = shown or build
     passed, refused = _tried(samples, judged, phone)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
@@ -125,8 +127,8 @@ def oriented(
     log = replace(log, auxiliary=replace(log.auxiliary, forward_assumed=len(passed) > 1))
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
     doubtful = not signed and _passes(judged(_turned(reversed_, other)))
-    doubt = _OR_REVERSED.format(_words(other)) if doubtful else ""
-    return Oriented(_reported(log, f"Axes: {_words(axes)}: {why}{_tilt(samples)}.{doubt}"), axes)
+    doubt = _OR_REVERSED.format(_describe(other)) if doubtful else ""
+    return Oriented(_reported(log, f"Axes: {_describe(axes)}: {why}{_tilt(samples)}.{doubt}"), axes)
 
 
 def _passes(log: SensorLog) -> bool:
@@ -205,7 +207,7 @@ def _name(axis: FloatArray) -> str:
     return f"{'-' if axis[place] < 0 else ''}{NAMES[place]}"
 
 
-def _words(axes: Sequence[str]) -> str:
+def _describe(axes: Sequence[str]) -> str:
     return f"forward is {axes[0]}, right is {axes[1]}, down is {axes[2]} of the IMU"
 
 

@@ -18,7 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY, LEAP_SECONDS
 from lab.data.checks.log_check import is_explained
-from lab.data.clock.sheet_stamps import spread
+from lab.data.clock.sheet_stamps import distribute_stamps
 from lab.data.clock.stamps import (
     IS_AMBIGUOUS,
     date_and_clock,
@@ -123,7 +123,7 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool
     if not named:
         return clock
     others = sheet.all_of("longitude")[:1] if named[0][0].quantity == "latitude" else []
-    time, note = spread(clock.time, np.column_stack([values for _, values in (*named, *others)]))
+    time, note = distribute_stamps(clock.time, np.column_stack([values for _, values in (*named, *others)]))
     return clock._replace(time=time, note=note)
 
 

@@ -120,7 +120,7 @@ class Intake:
         if self._back >= BACK_ROWS:
             self.restart()
         rows = self._without_repeats(self._increasing(rows))
-        yield from self._timely(self._without_spikes(rows, self._spikes.take(_values(rows))))
+        yield from self._timely(self._without_spikes(rows, self._spikes.accept(_values(rows))))
 
     def _timely(self, rows: NDArray[np.void]) -> Iterator[Increments]:
         """Yield increments from the row before on, once the usual interval is known."""
@@ -218,7 +218,7 @@ class Intake:
         dt = np.diff(time)
         begins = not self._last.size
         self._last = rows[-1:]
-        usual = self._usual.take(dt)
+        usual = self._usual.accept(dt)
         wide = dt > GAP_STEPS * usual
         if self._dropped.size:
             wide |= np.diff(np.searchsorted(self._dropped, time)) > 0

@@ -86,7 +86,7 @@ def barometer_of(imu: NDArray[np.void], fixes: NDArray[np.void]) -> Series | Non
         As of `log_of`, without the rows that are left out.
     """
     heights = Heights()
-    time, height = heights.take(imu)
+    time, height = heights.accept(imu)
     if not time.size or not fixes.size:
         return None
     heights.begin_at(float(fixes["time"][0]), float(fixes["height"][0]), time, height)

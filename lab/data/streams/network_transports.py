@@ -85,15 +85,15 @@ class UdpListener:
         parts: list[bytes] = []
         try:
             self._socket.settimeout(longest)
-            self._take(parts)
+            self._accept(parts)
             self._socket.settimeout(0.0)
             while len(parts) < _MOST:
-                self._take(parts)
+                self._accept(parts)
         except (TimeoutError, BlockingIOError):
             pass
         return Chunk(time.monotonic(), b"".join(parts))
 
-    def _take(self, parts: list[bytes]) -> None:
+    def _accept(self, parts: list[bytes]) -> None:
         assert self._socket is not None
         data, sender = self._socket.recvfrom(_LARGEST)
         now = time.monotonic()

@@ -92,7 +92,7 @@ class RawWriter:
         self._put(MAGIC + json.dumps(known).encode() + b"\n")
         self._settle()
 
-    def take(self, chunk: Chunk) -> None:
+    def accept(self, chunk: Chunk) -> None:
         """Write bytes that arrived.
 
         Raises
@@ -151,9 +151,9 @@ class RawWriter:
 
     def _fail(self, error: OSError) -> None:
         self.close()
-        raise RecordingError(self._words(error)) from error
+        raise RecordingError(self._describe(error)) from error
 
-    def _words(self, error: OSError) -> str:
+    def _describe(self, error: OSError) -> str:
         return f"{self.path}: cannot be written any more: {error.strerror or error}; what was written stays"
 
     def close(self) -> None:
@@ -163,7 +163,7 @@ class RawWriter:
             try:
                 file.close()
             except OSError as error:  # the disk is full, for one
-                self.failure = self._words(error)
+                self.failure = self._describe(error)
 
 
 def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:

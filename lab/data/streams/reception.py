@@ -182,7 +182,7 @@ class Reception:
         if isinstance(number, int) and 0 <= number < 2**53:
             self.counted = number
 
-    def take(self, chunk: Chunk) -> tuple[Rows, Rows]:
+    def accept(self, chunk: Chunk) -> tuple[Rows, Rows]:
         """Return the timed samples and fixes of bytes that arrived.
 
         Raises

@@ -115,7 +115,7 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     for kind, chunk in records_of(path, **options):
         if kind == DATA:
             arrival = chunk.arrival
-            samples, fixes = reception.take(chunk)
+            samples, fixes = reception.accept(chunk)
         else:
             event = event_of(chunk.data)
             if NEW_AXES in event and "axes" not in options:

@@ -42,7 +42,7 @@ class SampleWatch:
         if frames != self._frames:
             self._frames, self._framed = frames, now
 
-    def lacks(self, now: float, reception: Reception, *, is_serial: bool) -> str:
+    def missing_reason(self, now: float, reception: Reception, *, is_serial: bool) -> str:
         """Return what is wrong with bytes that give no sample; empty while nothing is.
 
         Parameters

@@ -32,7 +32,7 @@ FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
 MEASURED = 2.0
 """Time over which rate, jitter and latency are measured [s]."""
 LEAST_SAMPLES = 3
-"""Fewest samples of which a delay and its spread are told."""
+"""Fewest samples of which a delay and its spread are reported."""
 MEASURED_FIXES = 10.0
 """Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
 _LOOKED_AT = 4096, 256
@@ -162,7 +162,7 @@ class Source:
             self._reception.axes = axes
             self._happened(f"The axes are {axes} now.")
             if self._writer is not None:
-                self._tell({NEW_AXES: str(axes)}, self._arrival)
+                self._report({NEW_AXES: str(axes)}, self._arrival)
 
     @property
     def end(self) -> Cursor:
@@ -232,7 +232,9 @@ class Source:
         remark = str(getattr(self._transport, "remark", ""))
         if silent > (SILENCE_OF_FIXES if end.fix and not end.imu else SILENCE):
             return STALE, f"Nothing has come for {silent:.1f} s. {remark}".rstrip()
-        if why := self._progress.lacks(now, self._reception, is_serial=self.address.startswith("serial:")):
+        if why := self._progress.missing_reason(
+            now, self._reception, is_serial=self.address.startswith("serial:")
+        ):
             return STALE, f"{why} {remark}".rstrip()
         if not sum(end) and self._reception.statistics.bytes:
             return STREAMING, self._reception.evidence or "Bytes come; no sample is complete yet."
@@ -367,13 +369,13 @@ class Source:
         while not self._ending.is_set():
             chunk = self._transport.read(WAKE)
             if chunk.data:
-                self._take(chunk)
+                self._accept(chunk)
 
-    def _take(self, chunk: Chunk) -> None:
+    def _accept(self, chunk: Chunk) -> None:
         with self._lock:
             self._record(chunk)
             self._heard, self._arrival = self._clock(), chunk.arrival
-            imu, fix = self._reception.take(chunk)
+            imu, fix = self._reception.accept(chunk)
             self._put(imu, fix)
             self._tell_of_the_clock()
             if len(imu) or len(fix):
@@ -386,7 +388,7 @@ class Source:
                 self._progress.without(self._heard, self._reception.statistics.frames)
 
     def _record(self, chunk: Chunk) -> None:
-        self._keep(lambda: self._writer.take(chunk) if self._writer else None)
+        self._keep(lambda: self._writer.accept(chunk) if self._writer else None)
 
     def _put(self, imu: Any, fix: Any) -> None:
         readings = self._reception.taken_readings()
@@ -404,7 +406,7 @@ class Source:
             self._warning = str(error)
             self._happened(str(error))
 
-    def _tell(self, event: Mapping[str, Any], now: float) -> None:
+    def _report(self, event: Mapping[str, Any], now: float) -> None:
         self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
 
     def _lose(self, error: OSError, *, opened: bool) -> None:
@@ -419,20 +421,20 @@ class Source:
                 self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
                 if self._writer is not None:
-                    self._tell({DEVICE_LOST: why}, self._arrival)
+                    self._report({DEVICE_LOST: why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."
-        self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", told=first)
+        self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", reported=first)
 
     def _tell_of_the_clock(self) -> None:
-        for event in self._reception.watch.told():
+        for event in self._reception.watch.new_events():
             self._happened(event.text)
 
     def _happened(self, text: str) -> None:
         self._events = (*self._events, Event(self._clock(), text))[-MOST_EVENTS:]
 
-    def _set(self, state: str, why: str, told: bool = True) -> None:
+    def _set(self, state: str, why: str, reported: bool = True) -> None:
         self._state, self._why = state, why
-        if told:
+        if reported:
             self._happened(why)
         with self._changed:
             self._changed.notify_all()

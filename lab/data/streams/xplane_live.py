@@ -194,7 +194,7 @@ class XPlaneRecorder:
             while not self._ended.is_set() and self.samples < MAX_SAMPLES:
                 try:
                     packet, sender = udp.recvfrom(MAX_PACKET)
-                    self._take(packet, sender[0], values)
+                    self._accept(packet, sender[0], values)
                 except TimeoutError:
                     pass
                 except OSError as error:
@@ -217,7 +217,7 @@ class XPlaneRecorder:
         except OSError as error:
             self._failure = self._failure or f"{self._where}: the network failed: {error}"
 
-    def _take(self, packet: bytes, sender: str, values: list[float]) -> None:
+    def _accept(self, packet: bytes, sender: str, values: list[float]) -> None:
         now = time.monotonic()
         if sender != self._address[0]:
             self._foreign += 1

@@ -240,9 +240,9 @@ class _Done:
                 self._collected.leave_out(seed, str(run))
             else:
                 self._collected.add(seed, run)
-            self._tell()
+            self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         count, wanted, now = len(self), len(self._seeds), time.monotonic()
         if self._progress is not None:
             rate = count / max(now - self._began, 1e-9)
@@ -299,7 +299,7 @@ def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAt
 
 def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatArray, int]:
     """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
-    if result.lacks("consistency"):
+    if result.missing_reason("consistency"):
         return np.full(at.size, np.nan), 0
     true = reference_of(result)
     x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
@@ -308,7 +308,7 @@ def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatAr
 
 def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
     """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
-    if result.lacks("consistency"):
+    if result.missing_reason("consistency"):
         return np.zeros(0), np.zeros(0), 0
     at = np.maximum(whole_seconds(result.time) - 1, 1)
     nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
@@ -319,13 +319,15 @@ def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArr
     """Return errors and their σ (m, 9) at samples (m,)."""
     wide = len(QUANTITIES)
     sigma = believed_sigma(result, at)[:, :wide]
-    return np.full((at.size, wide), np.nan) if result.lacks("errors") else _errors_at(result, at), sigma
+    return np.full((at.size, wide), np.nan) if result.missing_reason("errors") else _errors_at(
+        result, at
+    ), sigma
 
 
 def _sizes(result: Result) -> tuple[FloatArray, FloatArray]:
     """Return rms and largest size (9,) of the errors known along the path."""
     wide = len(QUANTITIES)
-    if result.lacks("errors"):
+    if result.missing_reason("errors"):
         return np.full(wide, np.nan), np.full(wide, np.nan)
     along = _errors_at(result, path_of(result.time, float(result.experiment.sensors.gps.period)))
     known = np.isfinite(along)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 250 bytes each."""
 WIDE = len(QUANTITIES)
-TOLD_EVERY = 0.1
+REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
 
 
@@ -81,14 +81,14 @@ def sweep(
     found: dict[tuple[int, int], Numbers] = {}
     threads = at_once(max(map(memory_of, points)), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
-    told = time.monotonic()
+    reported = time.monotonic()
     try:
         running = {pool.submit(one, *task): task for task in tasks}
         for future in as_completed(running):
             found[running.pop(future)] = future.result()
             now = time.monotonic()
-            if progress is not None and (now > told + TOLD_EVERY or not running):
-                told = now
+            if progress is not None and (now > reported + REPORT_EVERY or not running):
+                reported = now
                 progress(f"{len(found)} of {len(tasks)} runs", len(found) / len(tasks))
     finally:
         pool.shutdown(cancel_futures=True)
@@ -192,7 +192,7 @@ def measure(result: Result) -> FloatArray:
         sigma = nine(part.sigma)
         variances += np.sum(sigma**2, axis=0)
         samples += len(sigma)
-        if result.lacks("errors"):
+        if result.missing_reason("errors"):
             continue
         errors = np.abs(nine(part.errors))
         known = np.isfinite(errors)
@@ -202,7 +202,7 @@ def measure(result: Result) -> FloatArray:
     rms = np.sqrt(np.divide(squares, count, out=np.full(WIDE, np.nan), where=count > 0))
     largest[count == 0] = np.nan
     nis = result.innovations["nis"]
-    nees = None if result.lacks("consistency") else result.consistency["nees"]
+    nees = None if result.missing_reason("consistency") else result.consistency["nees"]
     tests = [
         number
         for test in (nees, nis)

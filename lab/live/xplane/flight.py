@@ -61,7 +61,7 @@ class XPlaneFlight:
         self.frames.begin_anew()
         self._curve = None
 
-    def take(self, packet: bytes, arrival: float) -> list[Sensed]:
+    def accept(self, packet: bytes, arrival: float) -> list[Sensed]:
         """Return what the sensors measure in the pieces that become known by a packet, since `epoch`.
 
         Parameters
@@ -76,7 +76,7 @@ class XPlaneFlight:
         BrokenFlightError
             If the flight does not go on; `begin_anew` begins the next one.
         """
-        frame = self.frames.take(packet, arrival)
+        frame = self.frames.accept(packet, arrival)
         return [] if frame is None else [self.measured(piece) for piece in self.pieces(frame, arrival)]
 
     def pieces(self, frame: Frame, arrival: float) -> list[FlownPiece]:

@@ -96,7 +96,7 @@ class XPlaneFrames:
         """Whether a position has come."""
         return self._came > -math.inf
 
-    def take(self, packet: bytes, arrival: float) -> Frame | None:
+    def accept(self, packet: bytes, arrival: float) -> Frame | None:
         """Return the frame that a packet completes, if it does.
 
         Parameters

@@ -155,7 +155,7 @@ class XPlaneTransport:
                 break
             wait = 0.0
             try:
-                found += [self._rows(one) for one in self._flight.take(packet, time.monotonic())]
+                found += [self._rows(one) for one in self._flight.accept(packet, time.monotonic())]
             except BrokenFlightError as why:
                 self._why, self._broke = str(why), (str(why), time.monotonic())
                 break

@@ -137,7 +137,7 @@ def transport(P: FloatArray, phi: Vector) -> None:
 
 
 @kernel
-def spread(
+def draw_sigma_points(
     state: FloatArray,
     P: FloatArray,
     order: NDArray[np.int64],

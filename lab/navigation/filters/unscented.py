@@ -32,7 +32,7 @@ from lab.navigation.filters.kalman import (
     USED,
 )
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule, Stretch
-from lab.navigation.filters.sigma_points import displace, gather, spread
+from lab.navigation.filters.sigma_points import displace, draw_sigma_points, gather
 from lab.navigation.filters.unscented_aids import observe_aid
 from lab.navigation.filters.unscented_filter import (
     UnscentedFilter,
@@ -193,7 +193,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: UnscentedFilter) -> None
 def _step(run: UnscentedFilter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     """Advance the navigator and its sigma points by one IMU sample."""
     if run.clock[1] < 0:
-        spread(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
+        draw_sigma_points(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
         run.clock[1] = 0.0
     step(run.state, dtheta, dvelocity, dt)
     if dtheta[0] * dtheta[0] + dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2] < MOST_TURN * MOST_TURN:

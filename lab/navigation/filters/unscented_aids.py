@@ -19,7 +19,7 @@ from lab.navigation.aids import HEADING, MAGNETIC, predict_aid
 from lab.navigation.filters.north_slaved import north_axes, north_variance
 from lab.navigation.filters.observation import seen_azimuth_variance
 from lab.navigation.filters.schedule import Schedule
-from lab.navigation.filters.sigma_points import SPREAD, WEIGHT, displace, spread, transport
+from lab.navigation.filters.sigma_points import SPREAD, WEIGHT, displace, draw_sigma_points, transport
 from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.lane_points import point_of
@@ -67,7 +67,7 @@ def observe_aid(
     if of_tilts == math.inf:
         return False
     z = predict_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
-    spread(state, P, run.order, run.root, x, run.points, run.places)
+    draw_sigma_points(state, P, run.order, run.root, x, run.points, run.places)
     mean, square = 0.0, 0.0
     for i in range(n):
         gain[i] = 0.0

@@ -83,7 +83,7 @@ def test_too_few_outages_choose_nothing(wrong):
     assert choose(again, result.experiment, turns[: FEWEST - 1], dropped) is None
 
 
-class Told:
+class FigureWording:
     """A run of five outages, whose errors and σ for each R are given."""
 
     def __init__(self) -> None:
@@ -102,7 +102,7 @@ class Told:
 
 def test_a_filter_that_is_too_sure_of_itself_in_some_outages_is_not_chosen_for_its_error():
     turns = [np.arange(50) // 10 == turn for turn in range(5)]
-    found = choose(Told(), ExperimentSettings(), turns, np.zeros(50, np.bool_))
+    found = choose(FigureWording(), ExperimentSettings(), turns, np.zeros(50, np.bool_))
     assert found is not None
     assert (found.r, found.q) == (0.1, 1.0)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lab.analysis.identification.likelihood import InnovationSeries, is_white
-from lab.analysis.identification.spread import spread
+from lab.analysis.identification.spread import describe_spread
 
 
 def drawn(values: np.ndarray) -> InnovationSeries:
@@ -19,14 +19,14 @@ def gaussian(seed: int, count: int = 400) -> np.ndarray:
 
 
 def test_gaussian_innovations_are_not_complained_of():
-    complaints = [text for seed in range(200) if (text := spread(drawn(gaussian(seed))))]
+    complaints = [text for seed in range(200) if (text := describe_spread(drawn(gaussian(seed))))]
     assert len(complaints) <= 2  # of a probability of 0.2 %
 
 
 def test_noise_that_changes_is_named():
     values = gaussian(1)
     values[200:] *= 0.5
-    text = spread(drawn(values))
+    text = describe_spread(drawn(values))
     assert text.startswith("The noise is not constant")
     assert "0.2" in text
 
@@ -35,14 +35,14 @@ def test_noise_that_changes_is_named():
 def test_heavy_tails_are_named(channel):
     values = gaussian(2)
     values[::100, channel] = 8.0
-    text = spread(drawn(values))
+    text = describe_spread(drawn(values))
     assert "far larger than the rest" in text
     assert ("position north", "velocity down")[channel == 5] in text
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1.3, "larger"), (0.7, "smaller")])
 def test_a_wrong_size_is_named(factor, word):
-    text = spread(drawn(factor * gaussian(3)))
+    text = describe_spread(drawn(factor * gaussian(3)))
     assert f"are {word} than the filter states" in text
     assert float(text.rstrip(".").split()[-1]) == pytest.approx(factor**2, rel=0.1)
 
@@ -50,8 +50,8 @@ def test_a_wrong_size_is_named(factor, word):
 def test_what_is_not_measured_says_nothing():
     values = gaussian(4)
     values[:, 3:] = np.nan
-    assert spread(drawn(values)) == ""
-    assert spread(drawn(np.full((40, 6), np.nan))) == ""
+    assert describe_spread(drawn(values)) == ""
+    assert describe_spread(drawn(np.full((40, 6), np.nan))) == ""
 
 
 def test_short_records_too_are_called_white_or_not():

@@ -161,7 +161,7 @@ def _texts(thing: NotebookCard) -> list[str]:
 
 def test_the_budget_is_withheld_and_says_why() -> None:
     result = experiment().run()
-    assert "hidden" in result.lacks("budget")
+    assert "hidden" in result.missing_reason("budget")
     with pytest.raises(ValueError, match="hidden"):
         _ = result.budget
 

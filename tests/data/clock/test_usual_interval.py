@@ -25,19 +25,19 @@ def test_pieces_change_nothing(seed, sizes):
     dt = np.random.default_rng(seed).lognormal(-4, 0.5, FIRST_INTERVALS + sum(sizes))
     usual, parts, start = UsualInterval(), [], 0
     for size in (FIRST_INTERVALS, *sizes):
-        parts.append(usual.take(dt[start : start + size]))
+        parts.append(usual.accept(dt[start : start + size]))
         start += size
     np.testing.assert_array_equal(np.concatenate(parts), by_definition(dt))
-    np.testing.assert_array_equal(UsualInterval().take(dt), by_definition(dt))
+    np.testing.assert_array_equal(UsualInterval().accept(dt), by_definition(dt))
 
 
 def test_a_new_rate_counts_after_half_of_the_intervals():
     dt = np.repeat((0.01, 0.05), 1024)
-    usual = UsualInterval().take(dt)
+    usual = UsualInterval().accept(dt)
     assert (usual[: 1024 + INTERVALS // 2] == 0.01).all()
     assert (usual[1024 + INTERVALS // 2 + BLOCK :] == 0.05).all()
 
 
 def test_few_intervals():
-    assert UsualInterval().take(np.array([1.0, 3.0, 2.0])).tolist() == [2.0] * 3
-    assert UsualInterval().take(np.empty(0)).size == 0
+    assert UsualInterval().accept(np.array([1.0, 3.0, 2.0])).tolist() == [2.0] * 3
+    assert UsualInterval().accept(np.empty(0)).size == 0

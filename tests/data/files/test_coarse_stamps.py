@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from foreign_tables import table
 
-from lab.data.clock.sheet_stamps import smooth, spread
+from lab.data.clock.sheet_stamps import distribute_stamps, smooth
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 
@@ -18,7 +18,7 @@ PLACE = "time,latitude,longitude,altitude,vel_n [m/s],vel_e [m/s]"
 @pytest.mark.parametrize("step", [0.01, 0.1, 1.0])
 def test_truncated_stamps_are_spread(rate, step):
     true = 1000.3 + np.arange(0, 20, 1 / rate)
-    time, note = spread(np.floor(true / step) * step, np.arange(true.size)[:, None])
+    time, note = distribute_stamps(np.floor(true / step) * step, np.arange(true.size)[:, None])
     assert np.abs(time - true).max() < 1.1 / rate
     assert np.diff(time).min() > 0.5 * step / np.ceil(step * rate + 1)
     assert "truncated" in note
@@ -29,7 +29,7 @@ def test_batches_are_spread_before_their_stamp_and_gaps_stay(size):
     true = np.arange(50 * size) * 0.01
     true[30 * size :] += 7.0
     stamps = np.repeat(true[size - 1 :: size], size)
-    time, note = spread(stamps, np.arange(true.size)[:, None])
+    time, note = distribute_stamps(stamps, np.arange(true.size)[:, None])
     np.testing.assert_allclose(time, true, atol=1e-9)
     assert "batch" in note
 
@@ -37,9 +37,9 @@ def test_batches_are_spread_before_their_stamp_and_gaps_stay(size):
 def test_rows_of_other_sensors_and_rows_that_are_written_twice_are_no_batch():
     true = np.repeat(np.arange(100) * 0.1, 2)
     key = np.repeat(np.arange(100.0), 2)
-    assert spread(true, key[:, None])[1] == ""
+    assert distribute_stamps(true, key[:, None])[1] == ""
     key[1::2] = np.nan
-    assert spread(true, key[:, None])[1] == ""
+    assert distribute_stamps(true, key[:, None])[1] == ""
 
 
 def test_a_moving_average_takes_the_jitter():

@@ -37,7 +37,7 @@ def test_spikes_are_found_in_any_pieces(seed):
     rng, found, parts, at = np.random.default_rng(seed), StreamSpikes(), [], 0
     while at < len(values):
         size = int(rng.integers(1, 60))
-        parts.append(found.take(values[at : at + size]))
+        parts.append(found.accept(values[at : at + size]))
         at += size
     np.testing.assert_array_equal(np.concatenate((*parts, found.finish())), hit)
 
@@ -46,7 +46,7 @@ def test_samples_wait_only_at_jumps_and_shortly():
     values, hit = spiked(shaken(3000), 0.002)
     found, decided, waiting = StreamSpikes(), 0, []
     for row in values:
-        decided += found.take(row[None]).size
+        decided += found.accept(row[None]).size
         waiting.append(len(waiting) + 1 - decided)
     assert max(waiting) == MOST_WAITING
     near = np.convolve(hit, np.ones(20), "same") > 0
@@ -55,10 +55,10 @@ def test_samples_wait_only_at_jumps_and_shortly():
 
 def test_a_jump_that_lasts_waits_for_four_samples():
     found = StreamSpikes()
-    found.take(np.zeros((100, 6)))
+    found.accept(np.zeros((100, 6)))
     turned = np.zeros((20, 6))
     turned[:, 2] = 30.0
-    sizes = [found.take(row[None]).size for row in turned]
+    sizes = [found.accept(row[None]).size for row in turned]
     assert sizes[:6] == [0, 0, 0, 0, 1, 1]
     assert sum(sizes) == len(turned)
     assert not found.finish().size

@@ -241,7 +241,7 @@ def test_a_receiver_at_one_hertz_is_not_stale_between_fixes() -> None:
     source._state = STREAMING
     for k, fix in enumerate(fixes(5)):
         now[0] = float(k)
-        source._take(Chunk(100.0 + k, encoder.encode(np.empty(0, motion(1).dtype), fix[None])))
+        source._accept(Chunk(100.0 + k, encoder.encode(np.empty(0, motion(1).dtype), fix[None])))
     assert source.end.fix > 2
     now[0] += 0.9
     assert source.status.state == STREAMING

@@ -42,7 +42,7 @@ def stream(device: str, times: np.ndarray, many: int = 1, silence: float = 0.0) 
 
 def received(device: str, chunks: list[Chunk]) -> tuple[Reception, np.ndarray]:
     reception = Reception(device)
-    parts = [reception.take(chunk)[0] for chunk in chunks]
+    parts = [reception.accept(chunk)[0] for chunk in chunks]
     return reception, np.concatenate([*parts, reception.lose(chunks[-1].arrival)[0]])
 
 

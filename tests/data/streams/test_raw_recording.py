@@ -24,7 +24,7 @@ CHUNKS = [Chunk(100.0 + 0.01 * k, bytes([k % 256]) * (k % 40 + 1)) for k in rang
 def written(path: Path) -> Path:
     writer = RawWriter(path, {"protocol": "text", "axes": "x,y,z"})
     for chunk in CHUNKS:
-        writer.take(chunk)
+        writer.accept(chunk)
     writer.tell(CHUNKS[-1].arrival, {"lost": "unplugged"})
     writer.close()
     return path
@@ -83,7 +83,7 @@ now = begin = time.monotonic()
 writer = RawWriter(sys.argv[1], {}, clock=lambda: now)  # of a computer that is never busy in between
 while True:
     now = time.monotonic()
-    writer.take(Chunk(now, b"%d " % int(1000 * (now - begin))))
+    writer.accept(Chunk(now, b"%d " % int(1000 * (now - begin))))
     print(int(1000 * (now - begin)), flush=True)
     time.sleep(0.005)
 """
@@ -120,7 +120,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
 def test_a_full_disk_is_told_and_what_was_written_stays(tmp_path: Path) -> None:
     writer = RawWriter(tmp_path / "full.inslab", {})
     for chunk in CHUNKS[:200]:
-        writer.take(chunk)
+        writer.accept(chunk)
     writer._settle()
     # From here on the disk is full.
     full = os.open("/dev/full", os.O_WRONLY)
@@ -129,10 +129,10 @@ def test_a_full_disk_is_told_and_what_was_written_stays(tmp_path: Path) -> None:
     os.close(full)
     with pytest.raises(RecordingError, match=r"No space left.*what was written stays"):
         for chunk in CHUNKS[200:]:
-            writer.take(Chunk(chunk.arrival, chunk.data * 100))
+            writer.accept(Chunk(chunk.arrival, chunk.data * 100))
     assert [chunk for _, chunk in records(tmp_path / "full.inslab")] == CHUNKS[:200]
     with pytest.raises(RecordingError, match="has ended"):
-        writer.take(CHUNKS[0])
+        writer.accept(CHUNKS[0])
 
 
 def test_little_space_warns_first_and_ends_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,11 +141,11 @@ def test_little_space_warns_first_and_ends_in_time(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=free))
     now = 0.0
     writer = RawWriter(tmp_path / "warned.inslab", {}, clock=lambda: now)
-    writer.take(CHUNKS[0])
+    writer.accept(CHUNKS[0])
     assert "1 MiB are left" in writer.warning
     free, now = raw_recording.SPARE - 2**20, 2.0
     with pytest.raises(RecordingError, match="199 MiB are free on the disk, so the recording is ended"):
-        writer.take(Chunk(CHUNKS[0].arrival, b"x"))
+        writer.accept(Chunk(CHUNKS[0].arrival, b"x"))
     assert [chunk.data for _, chunk in records(tmp_path / "warned.inslab")] == [CHUNKS[0].data, b"x"]
 
 
@@ -154,7 +154,7 @@ def test_a_recording_has_an_upper_bound(tmp_path: Path, monkeypatch: pytest.Monk
     writer = RawWriter(tmp_path / "long.inslab", {})
     with pytest.raises(RecordingError, match="is ended; accepted are recordings up to"):
         for chunk in CHUNKS:
-            writer.take(chunk)
+            writer.accept(chunk)
     assert (tmp_path / "long.inslab").stat().st_size <= 2000 + 13 + 41
 
 

@@ -43,7 +43,7 @@ def recording(path: Path, flight: SimulatedFlight, device: str) -> Path:
         data += encoder.encode(imu[:0], flight.fix[fixes:due]) if due > fixes else b""
         data += encoder.encode_readings(flight.reading[readings:come]) if come > readings else b""
         fixes, readings = due, come
-        writer.take(Chunk(5000.0 + now + float(rng.exponential(2e-3)), data))
+        writer.accept(Chunk(5000.0 + now + float(rng.exponential(2e-3)), data))
     writer.close()
     return path
 

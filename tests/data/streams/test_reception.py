@@ -37,7 +37,7 @@ def chunks(device: str, imu: np.ndarray, fix: np.ndarray | None = None, many: in
 
 
 def received(reception: Reception, stream: list[Chunk]) -> tuple[np.ndarray, np.ndarray]:
-    parts = [reception.take(chunk) for chunk in stream]
+    parts = [reception.accept(chunk) for chunk in stream]
     parts.append(reception.lose(stream[-1].arrival))
     return np.concatenate([imu for imu, _ in parts]), np.concatenate([fix for _, fix in parts])
 
@@ -212,9 +212,9 @@ def test_the_axes_may_change_while_it_streams() -> None:
     sent = motion(400)
     stream = chunks("vectornav", sent)
     reception = Reception("vectornav")
-    before = [reception.take(chunk)[0] for chunk in stream[:200]]
+    before = [reception.accept(chunk)[0] for chunk in stream[:200]]
     reception.axes = AxisMap.of("y,x,-z")
-    after = [reception.take(chunk)[0] for chunk in stream[200:]]
+    after = [reception.accept(chunk)[0] for chunk in stream[200:]]
     imu = np.concatenate(before + after)
     assert np.allclose(imu["force"][:200], sent["force"][:200], atol=1e-3)
     assert np.allclose(imu["force"][200:, 0], sent["force"][200:, 1], atol=1e-3)
@@ -270,7 +270,7 @@ def test_whatever_the_times_are_those_of_the_host_increase(
     arrival, found = HOST, []
     for wait, _ in parts:
         arrival += wait
-        found.append(reception.take(Chunk(arrival, b"x"))[0])
+        found.append(reception.accept(Chunk(arrival, b"x"))[0])
     imu = np.concatenate(found)
     assert np.isfinite(imu["time"]).all()
     assert (np.diff(imu["time"]) > 0).all()
@@ -282,7 +282,7 @@ def test_a_counter_that_stands_still_is_none() -> None:
     sent["time"], sent["count"] = np.nan, 7
     reception = Reception("text")
     reception._decoder = Told([row[None] for row in sent])
-    imu = np.concatenate([reception.take(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
+    imu = np.concatenate([reception.accept(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
     assert reception.timing == "by the number of samples at 100 Hz, measured"
     assert len(imu) == len(sent)
 
@@ -291,7 +291,7 @@ def test_noise_says_that_nothing_is_recognised() -> None:
     rng = np.random.default_rng(3)
     reception = Reception()
     for k in range(200):
-        imu, fix = reception.take(Chunk(HOST + 0.05 * k, rng.bytes(1000)))
+        imu, fix = reception.accept(Chunk(HOST + 0.05 * k, rng.bytes(1000)))
         assert not len(imu) + len(fix)
     assert "Nothing is recognised" in reception.evidence
     assert reception.statistics.bytes == 200_000
@@ -312,7 +312,7 @@ def test_single_triads_of_a_real_receiver_become_samples() -> None:
     step = 400
     reception = Reception("ublox")
     parts = [
-        reception.take(Chunk(HOST + 0.02 * k, data[k * step : (k + 1) * step]))
+        reception.accept(Chunk(HOST + 0.02 * k, data[k * step : (k + 1) * step]))
         for k in range(len(data) // step)
     ]
     imu = np.concatenate([one for one, _ in parts])
@@ -326,7 +326,7 @@ def test_pieces_do_not_matter_to_the_values(size: int) -> None:
     data = b"".join(one.data for one in chunks("vectornav", motion(300), fixes(3)))
     reception = Reception("vectornav")
     parts = [
-        reception.take(Chunk(HOST + begin * 1e-4, data[begin : begin + size]))
+        reception.accept(Chunk(HOST + begin * 1e-4, data[begin : begin + size]))
         for begin in range(0, len(data), size)
     ]
     imu = np.concatenate([one for one, _ in parts])

@@ -85,7 +85,7 @@ def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
     pieces = []
     for time, *both in sent():  # the curve is that of the first flight: it depends on no seed
         for k, packet in enumerate(both):
-            frame = flights[0].frames.take(packet, ARRIVAL + time + 1e-4 * k)
+            frame = flights[0].frames.accept(packet, ARRIVAL + time + 1e-4 * k)
             if frame is not None:
                 pieces += flights[0].pieces(frame, ARRIVAL)
     for flight, navigator, reception in zip(flights, navigators, receptions, strict=True):
@@ -94,7 +94,7 @@ def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
             found = rows(flight, [flight.measured(piece)])
             if len(found.imu):
                 latest = flight.epoch + float(found.imu["time"][-1])
-                navigator.feed(*reception.take(Chunk(latest, encoder.encode(found.imu, found.fix))))
+                navigator.feed(*reception.accept(Chunk(latest, encoder.encode(found.imu, found.fix))))
         navigator.finish()
         assert reception.loss.missing == 0
         _, told = navigator.since(HistoryCursor())
@@ -113,8 +113,8 @@ def turning(seconds: float, sensors: SensorSuite, seed: int = 1):
     found = []
     for frame in Turning().frames(STEP * np.arange(seconds / STEP)):
         position, clock = packets(frame)
-        found += flight.take(clock, ARRIVAL + frame.time)
-        found += flight.take(position, ARRIVAL + frame.time + 1e-4)
+        found += flight.accept(clock, ARRIVAL + frame.time)
+        found += flight.accept(position, ARRIVAL + frame.time + 1e-4)
     return rows(flight, found), flight
 
 
@@ -146,7 +146,7 @@ def test_samples_follow_each_other_and_their_clock_needs_no_correction() -> None
             found.fix["time"] < part["time"][-1] + 0.5 / RATE
         )
         data = encoder.encode(part, found.fix[inside])
-        imu, fix = reception.take(Chunk(flight.epoch + float(part["time"][-1]), data))
+        imu, fix = reception.accept(Chunk(flight.epoch + float(part["time"][-1]), data))
         timed.append(imu["time"])
         fixes.append(fix["time"])
     assert np.abs(np.concatenate(timed) - flight.epoch - found.imu["time"]).max() < 1e-8
@@ -172,7 +172,7 @@ def test_a_jump_begins_another_flight_behind_a_gap_that_is_not_filled() -> None:
         position, clock = packets(frame._replace(position=frame.position + shift))
         for packet in (clock, position):
             try:
-                imu.append(rows(flight, flight.take(packet, ARRIVAL + frame.time)).imu)
+                imu.append(rows(flight, flight.accept(packet, ARRIVAL + frame.time)).imu)
             except BrokenFlightError as why:
                 assert k == 500
                 assert "the aircraft was moved by 63.7 km" in str(why)
@@ -201,14 +201,14 @@ def test_the_navigator_aligns_again_after_a_jump() -> None:
         row[13:21] = struct.pack("<d", struct.unpack("<d", row[13:21])[0] + shift)  # the latitude
         for packet in (clock, bytes(row)):
             try:
-                found = rows(flight, flight.take(packet, ARRIVAL + time))
+                found = rows(flight, flight.accept(packet, ARRIVAL + time))
             except BrokenFlightError:
                 reception.lose(ARRIVAL)
                 flight.begin_anew()
                 continue
             if len(found.imu):
                 latest = flight.epoch + float(found.imu["time"][-1])
-                navigator.feed(*reception.take(Chunk(latest, encoder.encode(found.imu, found.fix))))
+                navigator.feed(*reception.accept(Chunk(latest, encoder.encode(found.imu, found.fix))))
     assert "so the navigator aligned again" in " ".join(navigator.state.remarks)
 
 

@@ -34,7 +34,7 @@ class Wire:
 
     def send(self, *packets: bytes, wait: float = STEP) -> list[Frame]:
         """Send the packets of one frame, 0.2 ms apart, and wait; return the frames that they make."""
-        found = [self.frames.take(packet, self.now + 2e-4 * k) for k, packet in enumerate(packets)]
+        found = [self.frames.accept(packet, self.now + 2e-4 * k) for k, packet in enumerate(packets)]
         self.now += wait
         return [one for one in found if one is not None]
 
