@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from lab.base.old_names import OLD_NAMES
+from lab.experiment.experiment import Experiment
 
 ROOT = Path(__file__).parent.parent
 IMPORTS = (Path(__file__).parent / "saved" / "imports.txt").read_text("utf-8").splitlines()
@@ -67,3 +68,8 @@ def test_an_old_notebook_runs(path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr
     assert " now" in ran.stderr
+
+
+def test_a_result_answers_to_the_old_name_of_missing_reason() -> None:
+    result = Experiment().run()
+    assert result.lacks("errors") == result.missing_reason("errors") == ""

@@ -266,6 +266,10 @@ class Run(ABC):
             Name of a dataset, or ``"summary"``, ``"coverage"``, ``"budget"``.
         """
 
+    def lacks(self, name: str) -> str:
+        """Return `missing_reason`; a notebook of an earlier version calls it so."""
+        return self.missing_reason(name)
+
     def known_truth(self, name: str) -> Truth:
         """Return the truth, or the reference of a log, to compute the data `name`.
 

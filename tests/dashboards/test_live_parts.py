@@ -84,7 +84,7 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     assert station.source.axes == AxisMap()
     rows = station.source.last(3.0).imu
     rows["force"] = rows["force"][:, [2, 1, 0]] * (-1, 1, 1)  # as if the nose were up
-    part.check.accept("nose up", rows)
+    part.check.take("nose up", rows)
     part._report()
     assert not part._use.disabled
     assert "forward" in part._picture.object

@@ -142,7 +142,7 @@ class AxesPart(PartOfWatched):
             return
         rows = source.last(TURN_TIME if name in TURNS else LAST).imu
         try:
-            self.check.accept(name, in_device_axes(rows, source.axes))
+            self.check.take(name, in_device_axes(rows, source.axes))
         except AxisCheckError as error:
             self._notice.say(str(error))
             return

@@ -126,7 +126,7 @@ class AxisCheck:
         self.turns: dict[str, AxisObservation] = {}
         self.still: dict[str, StaticInterval] = {}
 
-    def accept(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
+    def take(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
         """Take a position or a turn; one of the same name is replaced.
 
         Parameters

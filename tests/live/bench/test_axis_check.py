@@ -67,7 +67,7 @@ def checked(mounted: AxisMap, names: tuple[str, ...]) -> AxisCheck:
         rng = np.random.default_rng(seed)
         tilt = rng.normal(size=3)
         tilt *= np.radians(12) / np.linalg.norm(tilt)
-        check.accept(name, of_device(turn(name) if name in TURNS else still(name, tilt, seed=seed), mounted))
+        check.take(name, of_device(turn(name) if name in TURNS else still(name, tilt, seed=seed), mounted))
     return check
 
 
@@ -108,7 +108,7 @@ def test_the_sentence_of_six_positions_shows_each_sigma_and_minus_signs() -> Non
         rows = still(name)
         mean = rows["force"].mean(axis=0)
         rows["force"] = mean + 0.01 * (rows["force"] - mean)  # a σ of 10 µm/s², of a quiet sensor
-        check.accept(name, rows)
+        check.take(name, rows)
     found = check.result(GRAVITY, 1e-5)
     text = f"{found.sentence} {found.accelerometer} {check.still['level'].gyro_sentence}"
     sigmas = [float(number) for number in re.findall(r"± ([\d.]+)", text)]
@@ -128,7 +128,7 @@ def test_sigmas_of_six_positions_are_right() -> None:
     for seed in range(60):
         check = AxisCheck()
         for k, name in enumerate(POSITIONS):
-            check.accept(name, still(name, seed=10 * seed + k))
+            check.take(name, still(name, seed=10 * seed + k))
         found = check.result(GRAVITY, 0.0).accelerometer
         assert found is not None
         errors.append(
@@ -148,7 +148,7 @@ def test_the_gyro_zero_has_the_earths_rate_in_its_sigma() -> None:
 def refused(check: AxisCheck, name: str, rows: NDArray[np.void]) -> str:
     before = dict(check.positions), dict(check.turns), dict(check.still)
     with pytest.raises(AxisCheckError) as error:
-        check.accept(name, rows)
+        check.take(name, rows)
     assert (check.positions, check.turns, check.still) == before
     return str(error.value)
 
@@ -168,7 +168,7 @@ def test_a_still_stretch_before_a_jolt_is_found() -> None:
     rows["force"][-60:] += 3 * np.sin(2 * np.pi * 5 * rows["time"][-60:, None])  # as a press of a button
     rows["rate"][-60:] += 0.2
     check = AxisCheck()
-    assert check.accept("level", rows).shown == (0, 0, -1)
+    assert check.take("level", rows).shown == (0, 0, -1)
 
 
 def test_a_position_that_was_just_left_is_not_taken_for_the_new_one() -> None:
@@ -178,20 +178,20 @@ def test_a_position_that_was_just_left_is_not_taken_for_the_new_one() -> None:
     assert "was turned" in refused(check, "nose up", rows)
     rows = np.concatenate((still("level"), still("nose up")))
     rows["time"] = np.arange(len(rows)) / HZ
-    assert check.accept("nose up", rows).shown == (1, 0, 0)  # the last one
+    assert check.take("nose up", rows).shown == (1, 0, 0)  # the last one
 
 
 def test_what_is_not_vertical_is_refused() -> None:
     check = AxisCheck()
     assert "tilted by 30°" in refused(check, "level", still("level", np.radians((0, 30.0, 0))))
-    check.accept("level", still("level", np.radians((0, 15.0, 0))))
+    check.take("level", still("level", np.radians((0, 15.0, 0))))
 
 
 def test_positions_alike_are_refused() -> None:
     check = AxisCheck()
-    check.accept("level", still("level"))
+    check.take("level", still("level"))
     assert "alike" in refused(check, "nose up", still("level"))
-    check.accept("level", still("level", seed=2))  # again is allowed
+    check.take("level", still("level", seed=2))  # again is allowed
 
 
 def test_wrong_units_are_refused() -> None:
@@ -221,7 +221,7 @@ def taken(names: tuple[str, ...], field: str, axis: int) -> AxisCheck:
         rows = turn(name) if name in TURNS else still(name)
         for one in ("rate", "force") if field == "both" else (field,):
             rows = mirrored(rows, one, axis)
-        check.accept(name, rows)
+        check.take(name, rows)
     return check
 
 
@@ -251,17 +251,17 @@ def test_swapped_gyros_disagree() -> None:
     for name in (*THREE, "turn right", "turn nose up"):
         rows = turn(name) if name in TURNS else still(name)
         rows["rate"] = rows["rate"][:, [1, 2, 0]]
-        check.accept(name, rows)
+        check.take(name, rows)
     with pytest.raises(AxisCheckError, match="Gyros and accelerometers disagree"):
         check.result()
 
 
 def test_contradictions_are_told() -> None:
     check = AxisCheck()
-    check.accept("level", still("level"))
-    check.accept("upside down", still("nose up"))
+    check.take("level", still("level"))
+    check.take("upside down", still("nose up"))
     assert "perpendicular" in check.missing
-    check.accept("right side down", still("right side down"))
+    check.take("right side down", still("right side down"))
     with pytest.raises(AxisCheckError, match="positions contradict"):
         check.result()
     check.forget()
@@ -270,6 +270,6 @@ def test_contradictions_are_told() -> None:
 
 def test_one_position_is_too_few() -> None:
     check = AxisCheck()
-    check.accept("level", still("level"))
+    check.take("level", still("level"))
     with pytest.raises(AxisCheckError, match="One more position"):
         check.result()
