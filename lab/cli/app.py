@@ -76,7 +76,7 @@ class AllCommands(Commands):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command by its name, imported now."""
         if cmd_name in COMMANDS and cmd_name not in self.commands:
-            if not ctx.resilient_parsing:
+            if ctx and not ctx.resilient_parsing:
                 say_starting()
             self.commands[cmd_name] = _imported(cmd_name)
         return super().get_command(ctx, cmd_name)

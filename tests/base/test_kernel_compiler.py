@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba.core.codegen import JITCodeLibrary
@@ -18,6 +21,8 @@ from lab.navigation.kernels.compilation import (
     loop_kernel,
     passing_loop_kernel,
 )
+
+ROOT = Path(__file__).parents[2]
 
 
 @inline_kernel
@@ -99,3 +104,12 @@ def test_what_a_kernel_allocates_is_freed() -> None:
 def test_a_kernel_that_allocates_must_say_so() -> None:
     with pytest.raises(TypingError, match="Only accept returning of array passed into the function"):
         calls_forgetful(np.zeros(2))
+
+
+def test_the_page_on_compiling_names_what_is_not_public() -> None:
+    page = (ROOT / "docs" / "compiling.md").read_text("utf-8")
+    for path in (ROOT / "lab").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("numba.core"):
+                for name in node.names:
+                    assert f"`{name.name}`" in page, f"{path}: {name.name}"

@@ -2,6 +2,5 @@
 
 In: the pattern of an error model and the options of a filter. Out: one compiled function that navigates a
 flight. Read `generation` (how the text of a kernel is written), `driver` (the loop over samples and fixes)
-and `lanes` (eight runs abreast). What a new release of Numba may break stands in `lab.base.compiling`;
-nothing else of the lab asks for it.
+and `lanes` (eight runs abreast). `docs/compiling.md` says what a new release of Numba may break.
 """
