@@ -151,7 +151,7 @@ class HomeworkPart:
 
     def _run(self, make: Callable[[], Experiment]) -> None:
         try:
-            self._session.take(make())
+            self._session.accept(make())
         except SettingError as error:
             self._view.say(str(error))
         else:
