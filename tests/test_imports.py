@@ -19,6 +19,7 @@ HARMLESS = {
     "register_cards",  # the displays of the package's own classes, in a notebook
     "register_completion",
     "setflags",  # of an array of the module
+    "vars().update",  # of a class: its parameters, made from a table
 }
 
 

@@ -181,7 +181,7 @@ def _use_fix(
     z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
     D = vertical_directions(state, kalman.P, in_body=model.in_body)
     held = _update(kalman, z, H @ model.map(state), R, D, may_hold=schedule.hold_heading)
-    kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, in_body=model.in_body)
+    kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, D)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
     if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:

@@ -151,7 +151,7 @@ def shows_heading(P: FloatArray, H: FloatArray, S: FloatArray, D: FloatArray) ->
     return bool(variance[0] > UNKNOWN or (counts & (response**2 > limit)).any())
 
 
-def vertical_bias_noise(state: FloatArray, P: FloatArray, *, in_body: bool) -> FloatArray:
+def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> FloatArray:
     """Return the process noise (n, n) that raises the variance of the vertical accelerometer bias.
 
     The square of the tilt adds to this bias (`vertical_bias`).
@@ -162,15 +162,13 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, *, in_body: bool) -> F
         The navigator.
     P : (n, n) array
         Covariance after an update.
-    in_body
-        Whether the attitude error is resolved in b.
+    D : (2, n) array
+        From `vertical_directions`.
     """
     force = _three(state, strapdown.PREVIOUS_DVELOCITY)
     down = np.zeros(P.shape[0])
     down[ACCEL_BIAS] = -force / (np.linalg.norm(force) or 1.0)
-    attitude = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True)
-    own = down[ACCEL_BIAS] if in_body else attitude.apply(down[ACCEL_BIAS])
-    across = np.eye(3) - np.outer(own, own)
+    across = np.eye(3) - np.outer(D[0, ATT], D[0, ATT])
     Sigma = across @ P[ATT, ATT] @ across
     before = down @ P @ down
     least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)

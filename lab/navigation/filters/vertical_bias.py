@@ -7,8 +7,8 @@ attitude or its circle, is taken for a bias along that line. After a quarter of 
 banked circle, σ of this bias would be below that.
 
 So σ of the bias along the apparent vertical does not fall below the second moment of ½ g φ². The variance
-that is missing is process noise of this bias. Of a tilt φ across it with the covariance Σ, the moment is
-¼ g² ((tr Σ)² + 2 tr Σ²).
+that is missing is process noise of this bias. Of a tilt φ about level axes with the covariance Σ, the moment
+is ¼ g² ((tr Σ)² + 2 tr Σ²). A heading error tilts the apparent vertical only while the vehicle accelerates.
 """
 
 from __future__ import annotations
@@ -31,14 +31,12 @@ _TILT, _BIAS = NAV - 3, NAV + 3  # of the attitude, and of the accelerometer bia
 
 
 @inline_kernel
-def apparent_vertical(state: FloatArray) -> tuple[Vector, Vector]:
-    """Return where a plumb hangs, in the navigation frame and in b: against the specific force; 0 without."""
+def apparent_down(state: FloatArray) -> Vector:
+    """Return where a plumb hangs in b, against the specific force of the last step; 0 in free fall."""
     x, y, z = get(state, strapdown.PREVIOUS_DVELOCITY)
     size = math.sqrt(x * x + y * y + z * z)
     per = -1 / size if size > 0 else 0.0
-    down, at = (x * per, y * per, z * per), strapdown.Q_NB
-    C_nb = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
-    return strapdown.rotate(C_nb, down), down
+    return x * per, y * per, z * per
 
 
 @kernel
@@ -50,9 +48,9 @@ def raise_vertical_bias(P: FloatArray, own: Vector, down: Vector) -> None:
     P : (n, ≥ n) array
         Covariance.
     own
-        The apparent vertical in the coordinates of the filter's attitude error.
+        The vertical in the coordinates of the filter's attitude error.
     down
-        The apparent vertical in b, from `apparent_vertical`.
+        The apparent vertical in b, from `apparent_down`.
     """
     trace, squares, heading, with_heading, variance = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(3):
