@@ -68,7 +68,7 @@ def numbers_in(value: Any) -> list[np.ndarray]:
 def assert_same(abreast: RunAtFixes, single: RunAtFixes) -> None:
     """Assert that two runs agree within rounding, all evidence included."""
     assert abreast.evidence is not None
-    assert isinstance(abreast.evidence.told, Kept)
+    assert isinstance(abreast.evidence.assumed, Kept)
     left, right = (numbers_in(run._replace(seconds=0.0)) for run in (abreast, single))
     assert len(left) == len(right) > 50
     for one, other in zip(left, right, strict=True):
