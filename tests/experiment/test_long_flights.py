@@ -322,7 +322,7 @@ def test_a_plot_of_a_long_flight_holds_no_history(everything_is_long: None) -> N
 
 STEPS: dict[str, tuple[Callable[[Result], object], int]] = {
     # Bytes per sample: found, and with whole histories at once.
-    "summary": (lambda result: tables.summary(result), 27),  # 23, 31
+    "summary": (tables.summary, 27),  # 23, 31
     "evidence": (lambda result: evidence_of(result, result.filtered, explain=False), 175),  # 62, 393
     "true bias": (lambda result: result.true_bias, 60),  # 48, 96
     "manoeuvres": (lambda result: observability.manoeuvres(result.flown), 40),  # 30, 56
