@@ -165,11 +165,11 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
     D : (2, n) array
         From `vertical_directions`.
     """
-    force = _three(state, strapdown.PREVIOUS_DVELOCITY)
-    down = np.zeros(P.shape[0])
-    down[ACCEL_BIAS] = -force / (np.linalg.norm(force) or 1.0)
     across = np.eye(3) - np.outer(D[0, ATT], D[0, ATT])
     Sigma = across @ P[ATT, ATT] @ across
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    down = np.zeros(P.shape[0])
+    down[ACCEL_BIAS] = C_nb[2]
     before = down @ P @ down
     least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)
     return np.outer(down, down) * (max(least - before, 0.0) if before > 0 else 0.0)

@@ -62,27 +62,3 @@ def test_a_bias_that_is_known_worse_than_that_keeps_its_variance() -> None:
     before = P.copy()
     raise_vertical_bias(P, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
     np.testing.assert_array_equal(P, before)
-
-
-@pytest.mark.proof
-def test_in_a_banked_circle_the_bias_across_the_bank_hides_no_vertical_bias(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    t = np.arange(0.0, 3600.5, 0.5)
-    rate, speed = 2 * np.pi / 400.0, 60.0
-    course, radius = rate * t, speed / rate
-    bank = np.full_like(t, np.arctan(speed * rate / STANDARD_GRAVITY))
-    euler = np.column_stack((bank, 0 * t, np.angle(np.exp(1j * course))))
-    latitude = np.radians(45.0) + radius * np.sin(course) / 6.367e6
-    longitude = radius * (1 - np.cos(course)) / (6.389e6 * np.cos(np.radians(45.0)))
-    velocity_n = np.column_stack((speed * np.cos(course), speed * np.sin(course), 0 * t))
-    path = tmp_path_factory.mktemp("circle") / "circle.csv"
-    write_flight_csv(path, Recording(t, latitude, longitude, 0 * t + 300.0, velocity_n, euler))
-    means = []
-    for seed in range(1001, 1009):
-        experiment = Experiment(mission=str(path), seed=seed)
-        experiment.trajectory.imu_rate = 20.0
-        found = experiment.run().evidence.means
-        figure = Figure(NEES, "accelerometer bias")
-        means.append(found.means.values[0, found.figures.index(figure)])
-    assert 0.4 < np.mean(means) < 1.5

@@ -45,7 +45,7 @@ from lab.navigation.filters.kalman import (
 )
 from lab.navigation.filters.north_slaved import fix_axes, frame_rate, north_axes, north_variance
 from lab.navigation.filters.schedule import Schedule
-from lab.navigation.filters.vertical_bias import apparent_down, raise_vertical_bias
+from lab.navigation.filters.vertical_bias import raise_vertical_bias
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.kernels.generation import Kernel
@@ -241,7 +241,8 @@ def keeps_heading(
 @kernel
 def bound_vertical_bias(state: FloatArray, P: FloatArray) -> None:
     """Keep σ of the vertical accelerometer bias above what the square of the tilt adds to it."""
-    raise_vertical_bias(P, own_attitude(state, (0.0, 0.0, 1.0)), apparent_down(state))
+    vertical = (0.0, 0.0, 1.0)
+    raise_vertical_bias(P, own_attitude(state, vertical), in_body(state, vertical))
 
 
 @kernel

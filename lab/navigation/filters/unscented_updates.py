@@ -44,7 +44,7 @@ from lab.navigation.filters.unscented_filter import (
     SCALE,
     UnscentedFilter,
 )
-from lab.navigation.filters.vertical_bias import apparent_down, raise_vertical_bias
+from lab.navigation.filters.vertical_bias import raise_vertical_bias
 from lab.navigation.kernels.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.lever_arm import predict_antenna
@@ -181,7 +181,8 @@ def update_by_fix(run: UnscentedFilter, nu: FloatArray, may_hold: bool, held: Fl
         remove_directions(x, D)
         for i in range(3):
             held[i] = D[1, NAV + i]
-    raise_vertical_bias(P, (0.0, 0.0, 1.0), apparent_down(run.state))
+    vertical = (0.0, 0.0, 1.0)
+    raise_vertical_bias(P, vertical, in_body(run.state, vertical))
     displace(run.state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
 
