@@ -21,6 +21,7 @@ from dashboards.serve_command import free_port
 from dashboards.session import Session
 from lab.data.streams.source_status import LOST, STREAMING
 from lab.data.streams.transport import TransportError
+from lab.live.live_state import WAITING
 from lab.live.owner import Visitor
 from lab.live.station import Station
 from lab.live.stations import Stations
@@ -210,6 +211,7 @@ def test_unplugging_is_shown(opened: Callable[[], Opened], monkeypatch: pytest.M
     one = opened()
     station = one.connect()
     assert one.page._unplug.visible
+    one.until(lambda: station.state.phase != WAITING)  # the navigator starts later than the source
     device = station.source.device
     assert device is not None
     device.unplug()
