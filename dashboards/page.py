@@ -45,6 +45,7 @@ from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
+from dashboards.verdict_chip import VerdictChip
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -135,6 +136,7 @@ class SimulatorPage:
             margin=0,
             stylesheets=[FRAME],
         )
+        self._chip = VerdictChip(self.session, document, self._main)
         self._listen()
 
     def _listen(self) -> None:
@@ -231,7 +233,7 @@ class SimulatorPage:
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
-            header=[self._progress.view],
+            header=[self._chip.view, self._progress.view],
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
@@ -278,6 +280,7 @@ class SimulatorPage:
         """End the session."""
         self._closed = True
         self._class.close()
+        self._chip.close()
         self.session.close()
         self._time_bar.stop()
         if self._files is not None:

@@ -78,6 +78,7 @@ class Session(param.Parameterized):
         self._on_settings: list[Callable[[], None]] = []
         self._on_rest: list[Callable[[], None]] = []
         self._on_library: list[Callable[[], None]] = []
+        self._on_run: list[Callable[[], None]] = []
         self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: tuple[Experiment, Outcome] | None = None
@@ -103,6 +104,15 @@ class Session(param.Parameterized):
     def on_library(self, callback: Callable[[], None]) -> None:
         """Register a callback for missions that this session added, renamed or deleted."""
         self._on_library.append(callback)
+
+    def on_run(self, callback: Callable[[], None]) -> None:
+        """Register a callback for each run that begins: the shown result is then that of older settings."""
+        self._on_run.append(callback)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a run is under way, or its outcome waits to be shown."""
+        return self._runs.busy or self._arrived is not None
 
     def library_changed(self, chosen: str | None = None) -> None:
         """Report that the missions have changed, and choose another one if it is named."""
@@ -135,6 +145,8 @@ class Session(param.Parameterized):
 
     def _submit(self, wanted: Wanted) -> None:
         self._newest = wanted.experiment
+        for callback in self._on_run:
+            callback()
         self._runs.submit(wanted)
         if not self._watching:
             self._watching = True
@@ -196,6 +208,7 @@ class Session(param.Parameterized):
         self._on_settings.clear()
         self._on_rest.clear()
         self._on_library.clear()
+        self._on_run.clear()
 
     def _run(self, wanted: Wanted, progress: Progress) -> Outcome:
         return run(wanted.experiment, progress, self.prepare, wanted.ready)
