@@ -152,8 +152,8 @@ pn.Column(noise, pn.bind(with_gyro_noise, noise.param.value_throttled))
 #
 # Until here the filter knew the true statistics of its sensors. In practice nobody does. `r_scale` multiplies
 # the GPS noise that the filter *assumes*, while the receiver stays as it is. An **innovation** is the
-# difference between the filter's prediction and a fix. The innovations reveal the lie: 95 % of them should
-# lie inside ±2σ, and none should predict the next.
+# difference between the filter's prediction and a fix. The innovations reveal the lie: 99.7 % of them should
+# lie inside ±3σ, and none should predict the next.
 
 # %%
 belief = pn.widgets.DiscreteSlider(label="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)

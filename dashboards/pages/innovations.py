@@ -24,7 +24,7 @@ class _Grid:
 
 
 class Innovations(Page):
-    """Innovations with ±2σ, their autocorrelation, and the innovations of the measurements besides GPS."""
+    """Innovations with ±3σ, their autocorrelation, and the innovations of the measurements besides GPS."""
 
     title = "Innovations"
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import ref
 
 import numpy as np
@@ -25,7 +24,7 @@ from lab.run.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, times_of_aid
-from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, TimePlot
+from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Inside, TimePlot
 
 if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
@@ -157,6 +156,13 @@ class Columns:
             self._parcel.data = {"all": np.concatenate([columns[name] for name in self._names])}
 
 
+class _Thinned(NamedTuple):
+    """What the figures of a result show in a window of time."""
+
+    columns: dict[Clock, dict[str, FloatArray]]
+    inside: dict[str, Inside]  # by the name of the plot
+
+
 class TimeFigures:
     """Figures over the shared time axis, with one data source for each clock.
 
@@ -186,9 +192,7 @@ class TimeFigures:
         self._buckets = buckets
         self._in_place = in_place
         self._sources: dict[Clock, Columns] = {}
-        self._ready: (
-            tuple[ref[Result | Ensemble], tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
-        ) = None
+        self._ready: tuple[ref[Result | Ensemble], tuple[float, float], _Thinned] | None = None
         for clock in CLOCKS:
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
@@ -208,31 +212,54 @@ class TimeFigures:
         prepared = ready is not None and ready[0]() is result and ready[1] == window
         drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
         for clock, source in self._sources.items():
-            source.show(drawn[clock])
+            source.show(drawn.columns[clock])
         for plot, fig in zip(self.plots, self.figures, strict=True):
-            series = {name: drawn[clock][name] for clock in drawn for name in _columns(plot, clock)}
+            series = {
+                name: columns[name]
+                for clock, columns in drawn.columns.items()
+                for name in _columns(plot, clock)
+            }
+            if plot.band is not None:
+                assert isinstance(fig.title, Title)
+                fig.title.text = plot.judged_heading(drawn.inside[plot.name])
             set_ordinate(fig, *limits(list(series.values()), plot.scale))
             self._show_known(plot, fig, result)
             if plot.scale == "logarithmic":
                 self._name_zeros(plot, fig, series)
 
-    def _thinned(
-        self, result: Result | Ensemble, window: tuple[float, float]
-    ) -> dict[Clock, dict[str, FloatArray]]:
-        """Return the columns of each source in a window of time."""
+    def _thinned(self, result: Result | Ensemble, window: tuple[float, float]) -> _Thinned:
+        """Return the columns of each source in a window of time, and how its samples lie in the bands."""
         thinned: dict[Clock, dict[str, FloatArray]] = {}
+        inside = {plot.name: Inside() for plot in self.plots}
+
+        def counted(clock: Clock, names: Sequence[str], values: Sequence[FloatArray], seen: slice) -> None:
+            columns = {name: one[seen] for name, one in zip(names, values, strict=True)}
+            for plot in self.plots:
+                if plot.clock == clock:
+                    inside[plot.name] += plot.inside(columns)
+
         for clock in self._sources:
-            names = [name for plot in self.plots for name in _columns(plot, clock)]
+            names = list(dict.fromkeys(name for plot in self.plots for name in _columns(plot, clock)))
             times = _times(result, clock)
             if clock == "time" and getattr(result, "is_long", False):
                 assert isinstance(result, Run)
-                read = partial(self._part, result)
+
+                def read(
+                    first: int, last: int, run: Any = result, clock: Clock = clock, names: list[str] = names
+                ) -> list[FloatArray]:
+                    values = self._part(run, first, last)
+                    counted(clock, names, values, slice(None))
+                    return values
+
                 time, values = envelope_in_parts(times, read, window, self._buckets, AT_ONCE)
             else:
-                time, values = envelope(times, self._series(result, clock), window, self._buckets)
-            named = zip(("time", *dict.fromkeys(names)), (time, *values), strict=True)
+                whole = self._series(result, clock)
+                seen = slice(*np.searchsorted(times, window + np.array((0.0, 1e-9))).tolist())
+                counted(clock, names, whole, seen)
+                time, values = envelope(times, whole, window, self._buckets)
+            named = zip(("time", *names), (time, *values), strict=True)
             thinned[clock] = {name: series.astype(np.float32) for name, series in named}
-        return thinned
+        return _Thinned(thinned, inside)
 
     def _series(self, result: Result | Ensemble, clock: Clock) -> list[FloatArray]:
         """Return all columns at a clock, besides the time."""

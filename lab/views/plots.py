@@ -142,7 +142,7 @@ def sensor_errors(result: Result) -> hv.Layout:
 
 
 def innovations(result: Result) -> hv.Layout:
-    """Return position and velocity innovations with ±2σ, and below them their autocorrelation."""
+    """Return position and velocity innovations with ±3σ, and below them their autocorrelation."""
     use_bokeh()
     plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]

@@ -208,7 +208,7 @@ def aid_plots(kinds: tuple[int, ...]) -> tuple[TimePlot, ...]:
                 title=f"{NAMES[kind][0].upper()}{NAMES[kind][1:]} innovation",
                 unit=SHOWN[kind][0],
                 curves=(innovation,),
-                band=Band(f"innovation_{name}_band", 2, colour, _aid("sigma", kind)),
+                band=Band(f"innovation_{name}_band", 3, colour, _aid("sigma", kind)),
                 clock=AID_CLOCKS[kind],
             )
         )
@@ -279,7 +279,7 @@ def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
             ),
             band=Band(
                 f"innovation_{variable}_{axis}_band",
-                2,
+                3,
                 colour,
                 _component("innovations", f"{variable}_sigma", index),
             ),
@@ -342,7 +342,7 @@ def _normalised(variable: str) -> TimePlot:
         Curve(f"normalised_{variable}_{axis}", axis, colour, reader(index), style="points")
         for index, (axis, colour) in enumerate(zip(EAST_NORTH_UP, AXIS_COLOURS, strict=True))
     )
-    band = Band(f"normalised_{variable}_band", 2, TRUTH, unit)
+    band = Band(f"normalised_{variable}_band", 3, TRUTH, unit)
     return TimePlot(
         f"normalised_{variable}",
         f"{variable.capitalize()} innovations",

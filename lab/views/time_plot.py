@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,26 @@ class Interval(Band):
         return "95 %"
 
 
+class Inside(NamedTuple):
+    """How many values of a stretch of time lie in the band of a plot.
+
+    Attributes
+    ----------
+    number, inside : int
+        Numbers of known values, and of those inside the band.
+    squares : float
+        Sum of the squares of these values; zero where they are no errors.
+    """
+
+    number: int = 0
+    inside: int = 0
+    squares: float = 0.0
+
+    def __add__(self, other: Any) -> Inside:
+        """Return the numbers of two stretches together."""
+        return Inside(*(one + more for one, more in zip(self, other, strict=True)))
+
+
 @dataclass(frozen=True)
 class TimePlot:
     """Curves of one unit over time.
@@ -135,3 +155,38 @@ class TimePlot:
     def heading(self) -> str:
         """Title and unit, as printed above the plot."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    def inside(self, columns: Mapping[str, FloatArray]) -> Inside:
+        """Return how some samples lie in the band.
+
+        Of a band about an estimate, it is the truth that should lie inside.
+
+        Parameters
+        ----------
+        columns
+            Samples (n,) of the curves and of both edges of the band, by the names of their columns.
+        """
+        if self.band is None:
+            return Inside()
+        is_about_estimate = self.band.centre is not None and not isinstance(self.band, Interval)
+        curves = self.curves[1:] if is_about_estimate else self.curves
+        low, high = columns[self.band.low], columns[self.band.high]
+        found = Inside()
+        for values in (columns[curve.name] for curve in curves):
+            known = np.isfinite(values) & np.isfinite(low)
+            within = np.count_nonzero((low <= values) & (values <= high) & known)
+            squares = np.sum(values**2, where=known, dtype=np.float64) if self.band.centre is None else 0.0
+            found += Inside(np.count_nonzero(known), within, float(squares))
+        return found
+
+    def judged_heading(self, inside: Inside) -> str:
+        """Return title and unit with the rms of the errors, and the share inside the band."""
+        if self.band is None or not inside.number:
+            return self.heading
+        rms = f" · rms {np.sqrt(inside.squares / inside.number):.3g}" if self.band.centre is None else ""
+        share = 100 * inside.inside / inside.number
+        shown = f"{share:.1f}" if share < 100 else "100"
+        if isinstance(self.band, Interval):
+            return f"{self.heading} · {shown} % in the {self.band.label} band"
+        truth = "truth " if self.band.centre is not None else ""
+        return f"{self.heading}{rms} · {truth}{shown} % in {self.band.label}"

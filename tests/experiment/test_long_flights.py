@@ -300,7 +300,7 @@ def _drawn(result: Result, plots: tuple[TimePlot, ...]) -> dict[str, np.ndarray]
     grid = TimeFigures(plots, TimeAxis())
     drawn = {}
     for window in ((0.0, 205.0), (50.0, 120.0), (60.0, 61.0)):
-        for clock, columns in grid._thinned(result, window).items():
+        for clock, columns in grid._thinned(result, window).columns.items():
             drawn |= {f"{clock} {name} {window}": values for name, values in columns.items()}
     return drawn
 

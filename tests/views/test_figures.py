@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from bokeh.models import ColumnDataSource
@@ -14,7 +16,17 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.figures import TimeAxis, TimeFigures, decade_ticks, set_ordinate, time_figure
-from lab.views.quantities import BLUE, COVARIANCE, ENSEMBLE_CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, LAGS
+from lab.views.quantities import (
+    BLUE,
+    CONSISTENCY,
+    COVARIANCE,
+    ENSEMBLE_CONSISTENCY,
+    ERRORS,
+    HEIGHT,
+    INNOVATIONS,
+    LAGS,
+    SENSOR_ERRORS,
+)
 from lab.views.time_plot import Curve, TimePlot
 from lab.views.track import TrackFigure
 
@@ -179,3 +191,49 @@ def test_ticks_of_a_logarithmic_axis_do_not_crowd(axis: TimeAxis) -> None:
         ticks = np.log10(fig.yaxis[0].ticker.ticks) / np.log10(high / low)
         assert 3 <= ticks.size <= 10
         assert np.diff(ticks).min() > 0.07
+
+
+def test_titles_have_the_rms_and_the_share_inside_the_band(result: Result, axis: TimeAxis) -> None:
+    """As the tables of the whole flight have them, which are computed elsewhere."""
+    figures = TimeFigures(ERRORS, axis)
+    figures.show(result)
+    summary = result.summary.set_index("quantity")["rms"]
+    for fig, error in zip(figures.figures, summary, strict=True):
+        heading, rms, inside = fig.title.text.split(" · ")
+        assert heading.endswith("]")
+        assert float(rms.removeprefix("rms ")) == pytest.approx(error, rel=0.01)
+        assert float(inside.removesuffix(" % in ±3σ")) <= 100
+    low, high = 20.0, 60.0
+    axis.range.update(start=low, end=high)
+    figures.show(result)
+    seen = (result.time >= low) & (result.time <= high)
+    for fig, name in zip(figures.figures[:3], ("east", "north", "up"), strict=True):
+        error = result.errors["position"].sel(axis=name).values[seen]
+        sigma = result.sigma["position"].sel(axis=name).values[seen]
+        share = 100 * np.mean(np.abs(error) <= 3 * sigma)
+        shown = f"rms {np.sqrt(np.mean(error**2)):.3g} · {share:.1f}".replace("100.0", "100")
+        assert fig.title.text.endswith(f"{shown} % in ±3σ")
+
+
+def test_the_share_of_a_long_flight_is_that_of_its_parts(result: Result, axis: TimeAxis) -> None:
+    whole, parts = (TimeFigures(SENSOR_ERRORS, axis) for _ in range(2))
+    thinned = whole._thinned(result, axis.window)
+    long = dataclasses.replace(result)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(result), "is_long", True)
+        again = parts._thinned(long, axis.window)
+    assert again.inside == thinned.inside
+    (one, *_) = (plot.judged_heading(again.inside[plot.name]) for plot in parts.plots)
+    assert one.startswith("Gyro bias, x [°/s] · truth ")
+
+
+def test_nees_and_nis_have_the_share_in_their_interval(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(CONSISTENCY, axis)
+    figures.show(result)
+    nees, nis, *innovations = (fig.title.text for fig in figures.figures)
+    nis_values = result.innovations["nis"].values
+    low, high = chi2.interval(0.95, 6)
+    share = 100 * np.mean((nis_values >= low) & (nis_values <= high))
+    assert nis.endswith(f"{share:.1f} % in the 95 % band")
+    assert "rms" not in nees
+    assert all(" · rms " in title for title in innovations)
