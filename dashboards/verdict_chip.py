@@ -41,6 +41,7 @@ _CHIP: dict[str, Any] = {
     "padding": "2px 12px !important",
     "lineHeight": "1.6",
     "border": "1px solid transparent",
+    "transition": "none",  # a fading colour is that of an older verdict
 }
 _GREY = {"backgroundColor": "transparent", "color": "#ffffff", "borderColor": "rgba(255, 255, 255, 0.45)"}
 _DRESS: dict[bool | None, dict[str, str]] = {

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
 
+THIN = "\u2009"
+"""Thin space: three of these plots stand side by side, and a title has the width of one."""
+
 FloatArray = NDArray[np.floating]
 Reader = Callable[[Any], FloatArray]
 """Returns samples (n,) of a result or of an ensemble."""
@@ -183,10 +186,14 @@ class TimePlot:
         """Return title and unit with the rms of the errors, and the share inside the band."""
         if self.band is None or not inside.number:
             return self.heading
-        rms = f" · rms {np.sqrt(inside.squares / inside.number):.3g}" if self.band.centre is None else ""
         share = 100 * inside.inside / inside.number
-        shown = f"{share:.1f}" if share < 100 else "100"
+        shown = f"{share:.1f}" if 99 <= share < 100 else f"{share:.0f}"
+        parts = [self.heading]
         if isinstance(self.band, Interval):
-            return f"{self.heading} · {shown} % in the {self.band.label} band"
-        truth = "truth " if self.band.centre is not None else ""
-        return f"{self.heading}{rms} · {truth}{shown} % in {self.band.label}"
+            parts.append(f"{shown}{THIN}% in the {self.band.label} band")
+        elif self.band.centre is None:
+            size = np.sqrt(inside.squares / inside.number)
+            parts += [f"rms {size:.2g}", f"{shown}{THIN}% in {self.band.label}"]
+        else:
+            parts.append(f"truth {shown}{THIN}% in {self.band.label}")
+        return f"{THIN}·{THIN}".join(parts)
