@@ -16,12 +16,14 @@ from param.parameterized import edit_constant
 from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Address, Files, query
+from dashboards.holding import Holding
 from dashboards.notice import Notice
 from dashboards.openings import Openings
 from dashboards.page_template import PAGE
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
+from dashboards.pages.compare import Compare
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
@@ -29,7 +31,6 @@ from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
-from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
@@ -76,7 +77,7 @@ PAGES: tuple[type[Page], ...] = (
     Height,
     View3D,
     Budget,
-    Summary,
+    Compare,
     Live,
     Lessons,
 )
@@ -137,6 +138,7 @@ class SimulatorPage:
             stylesheets=[FRAME],
         )
         self._chip = VerdictChip(self.session, document, self._main)
+        self._holding = Holding(self.session)
         self._listen()
 
     def _listen(self) -> None:
@@ -149,6 +151,7 @@ class SimulatorPage:
         self.session.solved = self._class.solved
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
+        self.session.param.watch(lambda _event: self._show_held(), "held")
         self._tabs.param.watch(lambda _event: self._turn(), "active")
         for edge in ("start", "end"):
             self.axis.range.on_change(edge, self._zoomed)
@@ -233,7 +236,7 @@ class SimulatorPage:
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
-            header=[self._chip.view, self._progress.view],
+            header=[self._chip.view, self._progress.view, self._holding.button],
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
@@ -299,8 +302,13 @@ class SimulatorPage:
             page = PAGES[index].of(self.axis, self.session)
             page.dress(self._dark)
             page.draw_again = partial(self._show_again, page)
+            page.held = self._held
             self._pages[index] = page
         return self._pages[index]
+
+    def _held(self) -> list[Result]:
+        """Return the held results besides the shown one."""
+        return [one.result for one in self.session.held if one.result is not self.session.result]
 
     def _acted(self) -> None:
         """Note that settings or the step of a lesson were changed, by a person or for a class."""
@@ -318,6 +326,15 @@ class SimulatorPage:
         """Draw the selected page, unless its first plots must wait for their turn."""
         if self._show not in self._steps:
             self._show()
+
+    def _show_held(self) -> None:
+        """Draw the held results on the page that is open, and on the others once they are opened."""
+        with together(self._document):
+            if self._holding.bar not in self._main.objects:
+                self._main.insert(self._main.objects.index(self._stage), self._holding.bar)
+            for page in self._pages.values():
+                page.forget()
+            self._show_if_begun()
 
     def _show_again(self, page: Page) -> None:
         page.forget()

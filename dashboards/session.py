@@ -34,6 +34,25 @@ class Wanted(NamedTuple):
     ready: Result | None = None
 
 
+MOST_HELD = 4
+"""Most results that a page holds: more curves beside each other are not told apart."""
+
+
+class Held(NamedTuple):
+    """A result that is held, to be compared with others.
+
+    Attributes
+    ----------
+    name : str
+        What differs in its settings, in words.
+    result : Result
+        The result.
+    """
+
+    name: str
+    result: Result
+
+
 class Session(param.Parameterized):
     """Settings of one page, computed in the background; the last good result stays until the next.
 
@@ -61,6 +80,7 @@ class Session(param.Parameterized):
         "", doc="Description of the current computation, if it takes long enough to be shown."
     )
     fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
+    held: tuple[Held, ...] = param.Tuple((), length=None, doc="The results that are held, the oldest first.")
 
     def __init__(self, document: Document) -> None:
         super().__init__()
@@ -204,7 +224,7 @@ class Session(param.Parameterized):
         self._runs.close()
         self._arrived = None
         with param.parameterized.discard_events(self):
-            self.result = None
+            self.result, self.held = None, ()
         self._on_settings.clear()
         self._on_rest.clear()
         self._on_library.clear()

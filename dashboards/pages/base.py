@@ -34,6 +34,8 @@ class Page(ABC):
     ----------
     draw_again : callable
         Redraws the page after a choice on it. The code that shows the page sets it; before, it does nothing.
+    held : callable
+        Returns the results that are drawn beside the shown one; set likewise.
     """
 
     title: str
@@ -41,6 +43,7 @@ class Page(ABC):
 
     def __init__(self, axis: TimeAxis) -> None:
         self.axis = axis
+        self.held: Callable[[], Sequence[Result]] = tuple
         self.draw_again: Callable[[], None] = lambda: None
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()

@@ -140,7 +140,7 @@ class Consistency(ComputedPage):
             self._work.cancel()
             self._wanted = self._content = None
         self.say(_what_is_judged(result))
-        self._one.show(result)
+        self._one.show(result, self.held())
         self._lay_out(self._plots_of_one)
         if not can_be_tried(result.verdict, result.algorithm) and not may_suggest(result):
             self._write(result, result.verdict)

@@ -53,7 +53,7 @@ class Innovations(Page):
         """Draw a result."""
         self._shown = kinds_of(result)
         grid = self._grid(self._shown)
-        grid.fixes.show(result)
+        grid.fixes.show(result, self.held())
         grid.lags.show(result)
         if grid.aids:
             grid.aids.show(result)

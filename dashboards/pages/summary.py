@@ -6,9 +6,6 @@ from collections.abc import Hashable
 from html import escape
 from typing import Any
 
-import panel as pn
-
-from dashboards.pages.base import Page
 from dashboards.seen_names import as_seen
 from lab.experiment.result import Result
 
@@ -28,28 +25,6 @@ tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
 p { opacity: .75; margin: 0 0 12px; }
 ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; padding-left: 20px; opacity: .85; }
 """
-
-
-class Summary(Page):
-    """Root mean square, largest error, and 95 % quantile of all errors."""
-
-    title = "Summary"
-    depends_on_window = False
-
-    def make(self) -> pn.viewable.Viewable:
-        """Return an empty table."""
-        self._table = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(16, 16), stylesheets=[TABLE_STYLE]
-        )
-        return self._table
-
-    def prepare(self, result: Result) -> None:
-        """Compute the summary of the result."""
-        _ = result.whiteness if result.missing_reason("summary") else result.summary
-
-    def draw(self, result: Result) -> None:
-        """Fill the table."""
-        self._table.object = summary_html(result)
 
 
 def summary_html(result: Result) -> str:

@@ -68,7 +68,7 @@ class TimePlots(Page):
         self._shown = self.wanted(result)
         made, self.view = self._grid(self._shown)
         for figures in made:
-            figures.show(result)
+            figures.show(result, self.held())
 
 
 class Errors(TimePlots):

@@ -23,8 +23,8 @@ from bokeh.plotting import figure
 from lab.run.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
-from lab.views.quantities import CURSOR, times_of_aid
-from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Inside, TimePlot
+from lab.views.quantities import CURSOR, HELD, times_of_aid
+from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Inside, Interval, TimePlot
 
 if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
@@ -198,6 +198,7 @@ class TimeFigures:
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
         self._legends: dict[str, LegendItem] = {}
+        self._layers: list[_Layer] = []
         self.figures = [self._draw(plot) for plot in self.plots]
 
     def prepare(self, result: Result | Ensemble) -> None:
@@ -205,9 +206,19 @@ class TimeFigures:
         window = self.axis.window
         self._ready = (ref(result), window, self._thinned(result, window))
 
-    def show(self, result: Result | Ensemble) -> None:
-        """Draw a result, or the averages of an ensemble, in the visible stretch of time."""
+    def show(self, result: Result | Ensemble, held: Sequence[Result] = ()) -> None:
+        """Draw a result, or the averages of an ensemble, in the visible stretch of time.
+
+        Parameters
+        ----------
+        result
+            What is drawn.
+        held
+            Results drawn beside it, as thin curves with the outlines of their bands: at most as many as there
+            are colours in `HELD`.
+        """
         window, ready = self.axis.window, self._ready
+        beside = self._draw_held(held, window)
         self._ready = None
         prepared = ready is not None and ready[0]() is result and ready[1] == window
         drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
@@ -222,13 +233,32 @@ class TimeFigures:
             if plot.band is not None:
                 assert isinstance(fig.title, Title)
                 fig.title.text = plot.judged_heading(drawn.inside[plot.name])
-            set_ordinate(fig, *limits(list(series.values()), plot.scale))
+            extent = [*series.values(), *beside.get(plot.name, ())]
+            set_ordinate(fig, *limits(extent, plot.scale))
             self._show_known(plot, fig, result)
             if plot.scale == "logarithmic":
                 self._name_zeros(plot, fig, series)
 
-    def _thinned(self, result: Result | Ensemble, window: tuple[float, float]) -> _Thinned:
-        """Return the columns of each source in a window of time, and how its samples lie in the bands."""
+    def _draw_held(self, held: Sequence[Result], window: tuple[float, float]) -> dict[str, list[FloatArray]]:
+        """Draw held results in a window of time; return their curves and bands by the name of the plot."""
+        found: dict[str, list[FloatArray]] = {}
+        for slot in range(max(len(held), len(self._layers))):
+            if slot == len(self._layers):
+                self._layers.append(_Layer(self.plots, self.figures, slot))
+            layer = self._layers[slot]
+            result = held[slot] if slot < len(held) else None
+            if result is not None and not layer.shows(result, window):
+                layer.show(result, window, self._thinned(result, window, layer.clocks).columns)
+            elif result is None:
+                layer.hide()
+            for plot, series in layer.extent(self.plots).items():
+                found.setdefault(plot, []).extend(series)
+        return found
+
+    def _thinned(
+        self, result: Result | Ensemble, window: tuple[float, float], clocks: Sequence[Clock] | None = None
+    ) -> _Thinned:
+        """Return the columns of some clocks in a window of time, and how the samples lie in the bands."""
         thinned: dict[Clock, dict[str, FloatArray]] = {}
         inside = {plot.name: Inside() for plot in self.plots}
 
@@ -238,7 +268,7 @@ class TimeFigures:
                 if plot.clock == clock:
                     inside[plot.name] += plot.inside(columns)
 
-        for clock in self._sources:
+        for clock in self._sources if clocks is None else clocks:
             names = list(dict.fromkeys(name for plot in self.plots for name in _columns(plot, clock)))
             times = _times(result, clock)
             if clock == "time" and getattr(result, "is_long", False):
@@ -314,6 +344,83 @@ class TimeFigures:
             drawn = (*plot.curves, *([plot.fixes] if plot.fixes else []))
             self._legends |= {curve.name: items[curve.label] for curve in drawn}
         return fig
+
+
+class _Layer:
+    """A held result in some figures: thin curves, and the outlines of their bands.
+
+    What is the same in all results, as the truth and the fixes, is not drawn again; nor are the measurements
+    of other sensors, which another result need not have.
+    """
+
+    def __init__(self, plots: Sequence[TimePlot], figures: Sequence[figure], slot: int) -> None:
+        self.clocks = tuple(
+            clock
+            for clock in CLOCKS
+            if clock not in AID_CLOCKS and any(plot.clock == clock for plot in plots)
+        )
+        self._sources: dict[Clock, Columns] = {}
+        for clock in self.clocks:
+            names = dict.fromkeys(name for plot in plots for name in _columns(plot, clock))
+            self._sources[clock] = Columns(("time", *names), f"held {slot} {clock}:{plots[0].name}")
+        self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
+        self._columns: dict[Clock, dict[str, FloatArray]] = {}
+        self._glyphs: list[GlyphRenderer[Any]] = []
+        for plot, fig in zip(plots, figures, strict=True):
+            if plot.clock in self._sources:
+                self._add(plot, fig, self._sources[plot.clock].source, HELD[slot])
+
+    def _add(self, plot: TimePlot, fig: figure, source: ColumnDataSource, colour: str) -> None:
+        for curve in _own_curves(plot):
+            if curve.style == "points":
+                points = Scatter(x="time", y=curve.name, size=3, fill_color=colour, line_color=None)
+                self._glyphs.append(fig.add_glyph(source, points))
+            else:
+                line = Line(x="time", y=curve.name, line_color=colour, line_width=1.0)
+                self._glyphs.append(fig.add_glyph(source, line))
+        if plot.band is not None and not isinstance(plot.band, Interval):
+            for edge in (plot.band.low, plot.band.high):
+                line = Line(x="time", y=edge, line_color=colour, line_width=0.8, line_dash="dashed")
+                self._glyphs.append(fig.add_glyph(source, line))
+
+    def shows(self, result: Result, window: tuple[float, float]) -> bool:
+        """Return whether a result is drawn already in a window of time."""
+        return self._drawn is not None and (self._drawn[0]() is result and self._drawn[1] == window)
+
+    def show(
+        self, result: Result, window: tuple[float, float], columns: dict[Clock, dict[str, FloatArray]]
+    ) -> None:
+        """Draw the columns of a result in a window of time."""
+        self._drawn, self._columns = (ref(result), window), columns
+        for clock, source in self._sources.items():
+            source.show(columns[clock])
+        self._set_visible(True)
+
+    def hide(self) -> None:
+        """Draw nothing."""
+        self._drawn, self._columns = None, {}
+        self._set_visible(False)
+
+    def _set_visible(self, visible: bool) -> None:
+        for glyph in self._glyphs:
+            if glyph.visible != visible:
+                glyph.visible = visible
+
+    def extent(self, plots: Sequence[TimePlot]) -> dict[str, list[FloatArray]]:
+        """Return what is drawn, by the name of the plot."""
+        found: dict[str, list[FloatArray]] = {}
+        for plot in plots:
+            columns = self._columns.get(plot.clock, {})
+            names = [curve.name for curve in _own_curves(plot)]
+            if plot.band is not None:
+                names += [plot.band.low, plot.band.high]
+            found[plot.name] = [columns[name] for name in names if name in columns]
+        return found
+
+
+def _own_curves(plot: TimePlot) -> tuple[Curve, ...]:
+    """Return the curves that differ from result to result on one flight: not the truth."""
+    return tuple(curve for curve in plot.curves if curve.style != "dashed")
 
 
 def hide(fig: figure, hidden: bool, *, in_place: bool) -> None:

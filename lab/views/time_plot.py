@@ -187,7 +187,7 @@ class TimePlot:
         if self.band is None or not inside.number:
             return self.heading
         share = 100 * inside.inside / inside.number
-        shown = f"{share:.1f}" if 99 <= share < 100 else f"{share:.0f}"
+        shown = f"{share:.1f}" if 99.5 <= share < 100 else f"{share:.0f}"
         parts = [self.heading]
         if isinstance(self.band, Interval):
             parts.append(f"{shown}{THIN}% in the {self.band.label} band")

@@ -1,0 +1,126 @@
+"""Holding: a button that holds the shown result, and a bar of the held ones, to compare them with others."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+from urllib.parse import parse_qsl
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.mission_titles import mission_titles
+from dashboards.query import query
+from dashboards.session import MOST_HELD, Held, Session
+from dashboards.style import TOOLTIP
+from lab.base.parameters.setting_error import SettingError
+from lab.experiment.experiment import Experiment
+from lab.missions import missions
+from lab.views.quantities import HELD as COLOURS
+
+LETTERS = "ABCD"
+AS_DELIVERED = "default settings"
+LONGEST = 14
+"""Longest value in the name of a result [characters]."""
+NAMED = 2
+"""Most settings in the name of a result."""
+
+
+class Holding:
+    """A button to hold the shown result, and the held results beside each other.
+
+    Each held result is named by its settings. A press on its name brings these settings back.
+
+    Parameters
+    ----------
+    session
+        The session whose results are held.
+
+    Attributes
+    ----------
+    button : viewable
+        The button, for the header.
+    bar : viewable
+        The held results; it is visible while there are any.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.button = pmui.Button(
+            label="Hold",
+            description="Hold this result, and compare it with the next ones (key H)",
+            size="small",
+            variant="outlined",
+            margin=(8, 4),
+            stylesheets=[TOOLTIP],
+            sx={"color": "#ffffff", "borderColor": "rgba(255, 255, 255, 0.45)", "textTransform": "none"},
+        )
+        self.button.on_click(lambda _event: self.hold())
+        self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")
+        session.param.watch(lambda _event: self._list(), "held")
+
+    def hold(self) -> None:
+        """Hold the shown result."""
+        result, held = self._session.result, self._session.held
+        if result is None or any(one.result is result for one in held):
+            return
+        if result.is_long:
+            self._session.problem = (
+                "A result of so long a flight cannot be held, because two of them take too much memory. "
+                "A lower IMU rate makes it smaller."
+            )
+        elif len(held) == MOST_HELD:
+            self._session.problem = f"{MOST_HELD} results are held. Remove one of them first."
+        else:
+            self._session.held = (*held, Held(name_of(result.experiment), result))
+
+    def _list(self) -> None:
+        held = self._session.held
+        self.bar[:] = [part for slot, one in enumerate(held) for part in self._entry(slot, one)]
+        self.bar.visible = bool(held)
+
+    def _entry(self, slot: int, held: Held) -> list[pn.viewable.Viewable]:
+        common: dict[str, Any] = {"size": "small", "margin": (2, 2), "stylesheets": [TOOLTIP]}
+        back = pmui.Button(
+            label=f"{LETTERS[slot]} · {held.name}",
+            description="Bring these settings back",
+            variant="outlined",
+            sx={"textTransform": "none", "borderColor": COLOURS[slot], "borderWidth": "2px"},
+            **common,
+        )
+        back.on_click(lambda _event: self._bring_back(held))
+        away = pmui.IconButton(icon="close", description=f"Remove {LETTERS[slot]}", **common)
+        away.on_click(lambda _event: self._remove(held))
+        return [back, away]
+
+    def _bring_back(self, held: Held) -> None:
+        experiment = held.result.experiment
+        if experiment.hidden != self._session.experiment.hidden:
+            self._session.problem = "This result belongs to another lesson, whose settings are hidden."
+            return
+        try:
+            self._session.accept(experiment.copy(), held.result)
+        except SettingError as error:
+            self._session.problem = str(error)
+
+    def _remove(self, held: Held) -> None:
+        self._session.held = tuple(one for one in self._session.held if one is not held)
+
+
+def name_of(experiment: Experiment) -> str:
+    """Return what differs from the defaults in some settings, in a few words.
+
+    >>> name_of(Experiment().update({"navigator": {"q_scale": 0.1}}))
+    'Q scale 0.1'
+    """
+    changed = parse_qsl(query(experiment))
+    words = [_words(experiment, path, value) for path, value in changed[:NAMED]]
+    more = [f"{len(changed) - NAMED} more"] if len(changed) > NAMED else []
+    return ", ".join(words + more) or AS_DELIVERED
+
+
+def _words(experiment: Experiment, path: str, value: str) -> str:
+    if path == "mission":
+        return {name: title for title, name in mission_titles(missions()).items()}.get(value, value)
+    label = experiment.declaration(path).label if "." in path else path.capitalize()
+    return f"{label} {value}" if len(value) <= LONGEST else f"{label} changed"
