@@ -107,7 +107,7 @@ class CardChooser:
     def _load(self, name: str) -> None:
         trial = self._session.experiment.copy()
         card(name, assumed=bool(self._switch.value)).load(trial)
-        self._session.accept(trial)
+        self._session.accept(trial, called=f"Sensors: {name}")
 
 
 def _by_grade() -> dict[str, list[str]]:

@@ -1,58 +1,30 @@
-"""Exchange: settings and results to and from files, and settings to and from the address of the page."""
+"""Exchange: settings and results to and from files."""
 
 from __future__ import annotations
 
 import asyncio
 import io
-import json
-import re
 import tempfile
-import time
 import zipfile
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
 import panel_material_ui as pmui
 from bokeh.document import Document
 
-from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.sending import soon
 from dashboards.session import Session
-from dashboards.teaching.class_link import FIELD
 from dashboards.titled import Card
 from dashboards.upload import Upload
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.export import gpx, kml, tracks_of
-
-MOST_FIELDS = 200
-"""Most settings an address may hold; there are fewer than 100."""
-
-MOST_PROBLEMS = 10
-"""Most wrong settings of an address that are reported; the rest is ignored, because each message takes
-time."""
-
-HOMEWORK = "homework"
-"""What names a homework of the server in an address."""
-
-THEME = "theme"
-"""What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
-
-SOON, PERIOD = 50, 500
-"""Time until a change is in the address, so that a reload keeps it, and the same while a setting changes all
-the time, as with a slider [ms]."""
-AT_ONCE, OF_LATE = 8, 10.0
-"""Most updates within a time [s] before they become rare: more changes are those of a slider, and a browser
-accepts a hundred entries in its history in 30 s."""
 
 
 class Download(pmui.FileDownload):
@@ -162,7 +134,7 @@ class Files:
             self._session.problem = outcome.problem
             return
         try:
-            self._session.accept(outcome.result)
+            self._session.accept(outcome.result, called="Settings file")
         except SettingError as error:
             self._session.problem = str(error)
 
@@ -183,128 +155,6 @@ def experiment_of(content: bytes) -> Experiment:
         raise SettingError("The settings file is not text; accepted are TOML files in UTF-8.") from error
     except TomlError as error:
         raise SettingError(f"The settings file: {error}.") from error
-
-
-class Address:
-    """Keeps the settings that differ from the defaults in the address of the page."""
-
-    def __init__(self, session: Session, document: Document) -> None:
-        self._session = session
-        self._document = document
-        self._location = pn.state.location
-        self._waits = False  # for the next update
-        self._updates: deque[float] = deque(maxlen=AT_ONCE)
-        """When the last updates were [s]."""
-        self._code, self._keeps_settings = "", True
-        self._theme = ""
-        session.param.watch(lambda _event: self.update(), "result")
-
-    @property
-    def query(self) -> str:
-        """The query of the address."""
-        return self._location.search.removeprefix("?") if self._location is not None else ""
-
-    @property
-    def href(self) -> str:
-        """The address, as the browser has it; empty without a browser."""
-        return str(self._location.href) if self._location is not None else ""
-
-    def keep_class(self, code: str, keeps_settings: bool) -> None:
-        """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
-        if (code, keeps_settings) != (self._code, self._keeps_settings):
-            self._code, self._keeps_settings = code, keeps_settings
-            self.update()
-
-    def read(self) -> None:
-        """Apply the settings in the address; report those that are not accepted."""
-        theme = re.search(rf"(?:^|&){THEME}=(dark|default)(?:&|$)", self.query)
-        self._theme = theme[1] if theme else ""
-        name, rest = homework_of_query(self.query)
-        trial, problems = experiment_of_query(rest)
-        if name:
-            self._session.homework = shelf().find(name)
-            if self._session.homework is None:
-                problems.append(f"There is no homework {name[:40]!r} on this server. Ask your teacher.")
-            else:
-                trial = self._session.homework.taking(trial)
-                self._session.go("Lessons", None)
-        try:
-            self._session.accept(trial)
-        except SettingError as error:
-            problems.append(str(error))
-            self._session.compute()
-        self._session.problem = "\n\n".join(problems)
-
-    def update(self) -> None:
-        """Write the settings into the address, soon."""
-        if not self._waits:
-            self._waits = True
-            of_late = [one for one in self._updates if time.monotonic() - one < OF_LATE]
-            due = SOON if len(of_late) < AT_ONCE else PERIOD
-            self._document.add_timeout_callback(self._write, due)
-
-    def _write(self) -> None:
-        self._waits = False
-        self._updates.append(time.monotonic())
-        settings = query(self._session.experiment) if self._keeps_settings else ""
-        homework = self._session.homework
-        is_on = homework is not None and self._session.experiment.hidden == homework.scenario.key
-        others = {
-            FIELD: self._code,
-            HOMEWORK: homework.name if homework is not None and is_on else "",
-            THEME: self._theme,
-        }
-        named = urlencode({name: value for name, value in others.items() if value})
-        text = "&".join(part for part in (named, settings) if part)
-        search = f"?{text}" if text else ""
-        if self._location is not None and self._location.search != search:
-            self._location.search = search
-
-
-def homework_of_query(query: str) -> tuple[str, str]:
-    """Return the name of a homework in an address query, empty without one, and the rest of the query."""
-    parts = query.split("&")
-    names = [part.partition("=")[2] for part in parts if part.startswith(f"{HOMEWORK}=")]
-    return (names[-1] if names else ""), "&".join(
-        part for part in parts if not part.startswith(f"{HOMEWORK}=")
-    )
-
-
-def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
-    """Return the experiment of an address query, and messages about settings that were not accepted.
-
-    The code of a class and the theme are no settings; see `dashboards.teaching.class_link` and `THEME`.
-    """
-    trial, problems = Experiment(), list[str]()
-    try:
-        fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
-    except ValueError:
-        return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
-    # Other forms come last, because they depend on the other settings.
-    for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
-        if path in (FIELD, THEME):
-            continue
-        try:
-            trial.set_text(path, text)
-        except SettingError as error:
-            problems.append(str(error))
-        if len(problems) == MOST_PROBLEMS:
-            problems.append("The rest of the address is ignored.")
-            break
-    return trial, problems
-
-
-def query(experiment: Experiment) -> str:
-    """Return the settings that differ from the defaults, as the query of an address."""
-    default = Experiment()
-    changed = []
-    for path, owner, name in experiment.leaves():
-        value = getattr(owner, name)
-        if value != default.get(path):
-            if not isinstance(owner.param[name], MatrixOrNone) and isinstance(value, tuple):
-                value = value[0] if len(set(value)) == 1 else value
-            changed.append((path, value if isinstance(value, str) else json.dumps(value)))
-    return urlencode(changed, safe="[], ")
 
 
 def netcdf(result: Result) -> bytes:

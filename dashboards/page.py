@@ -13,9 +13,11 @@ from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
+from dashboards.address import Address, Shown
 from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
-from dashboards.exchange import Address, Files, query
+from dashboards.exchange import Files
+from dashboards.history import State
 from dashboards.holding import Holding
 from dashboards.notice import Notice
 from dashboards.openings import Openings
@@ -34,6 +36,7 @@ from dashboards.pages.models import Models
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
+from dashboards.query import View, experiment_of_query, query, with_settings_of
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -51,6 +54,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
+from lab.missions import missions
 from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
 
@@ -82,6 +86,10 @@ PAGES: tuple[type[Page], ...] = (
     Lessons,
 )
 
+_TITLES = tuple(page.title for page in PAGES)
+_FIRST = PAGES.index(Errors)
+_LESSONS = PAGES.index(Lessons)
+
 
 class SimulatorPage:
     """One open page: creates its session, and ends it when the browser disconnects."""
@@ -106,7 +114,6 @@ class SimulatorPage:
         self._openings = Openings.of(document)
         self._closed = False
         self._visible: Page | None = None
-        self._address = Address(self.session, document)
         self._progress = ProgressText(self.session)
         self._reason = Notice(margin=(16, 20))
         self._failure = Notice()
@@ -114,16 +121,20 @@ class SimulatorPage:
         self._reminder: Notice | None = None
         self._reminded = ""
         self._waiting_time: float | None = None
+        self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
         self._tabs = Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
-            active=PAGES.index(Errors),
+            active=_FIRST,
             sizing_mode="stretch_width",
             height=48,
             margin=0,
             styles={"flex": "0 0 48px"},
             sx={"& .MuiTab-root": _TAB},
+        )
+        self._address = Address(
+            self.session, document, Shown(_TITLES, self._shown_view, self._place, self._restore)
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self._class = ClassBar(self._desk())
@@ -163,6 +174,9 @@ class SimulatorPage:
         then its plots and its settings, so that no other session waits for all of it.
         """
         self._steps += [self._show, self._add_settings, self._add_files]
+        view = self._address.view
+        self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
+        self._open(view.tab)
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
@@ -176,10 +190,14 @@ class SimulatorPage:
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
+        if self.session.homework is not None:
+            self._made(_LESSONS)  # it reminds of the homework on all pages
+            self._open(view.tab or Lessons.title)
         has_own = self.session.homework is not None or query(self.session.experiment) != ""
         self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
         if self._class.problem:
             self.session.problem = "\n\n".join(filter(None, (self._class.problem, self.session.problem)))
+        self._address.begin()
 
     def _desk(self) -> Desk:
         return Desk(
@@ -188,7 +206,7 @@ class SimulatorPage:
             page=lambda: PAGES[self._tabs.active].title,
             time=lambda: self.axis.time,
             place=self._place,
-            show=self._show_moment,
+            show=self._show_of_class,
             keep=self._address.keep_class,
             href=lambda: self._address.href,
             enlarge=self._enlarge,
@@ -198,25 +216,61 @@ class SimulatorPage:
         return self._browser.visitor(self._class.code, teaches=self._class.teaches)
 
     def _place(self) -> Place | None:
-        lessons = self._pages.get(PAGES.index(Lessons))
+        lessons = self._pages.get(_LESSONS)
         return lessons.place if isinstance(lessons, Lessons) else None
 
+    def _shown_view(self) -> View:
+        """Return what the page shows of its result, or will show once it is there."""
+        time = self.axis.time if self._waiting_time is None else self._waiting_time
+        start, end = self.axis.window
+        zoom = None if start <= 0 and end >= self.axis.duration else (start, end)
+        tab = "" if self._tabs.active == _FIRST else _TITLES[self._tabs.active]
+        return View(tab, time, self._waiting_zoom or zoom, self.session.runs)
+
+    def _show_of_class(self, moment: Moment) -> None:
+        """Show what another page of the class shows."""
+        with self._address.of_a_class():
+            self._show_moment(moment)
+
+    def _restore(self, state: State) -> None:
+        """Show a state of the history; time, visible stretch and number of runs stay."""
+        experiment, _ = experiment_of_query(state.settings)
+        mission, gone = experiment.mission, experiment.mission not in missions()
+        if gone:
+            experiment.mission = self.session.experiment.mission
+        lessons = self._go_to_step(state.place)
+        begun = lessons.hiding(state.hidden) if lessons is not None and state.hidden else None
+        if begun is not None:
+            experiment = with_settings_of(begun, experiment)
+        self._show_moment(
+            Moment(experiment, state.tab or _TITLES[_FIRST], self._shown_view().time, state.place)
+        )
+        if gone:
+            self.session.problem = f"The mission {mission!r} is not there any more. All else is restored."
+
+    def _go_to_step(self, place: Place | None) -> Lessons | None:
+        """Show a step of a lesson on the page Lessons, or no lesson; return the page if there is one."""
+        if place is None and _LESSONS not in self._pages:
+            return None
+        lessons = self._made(_LESSONS)
+        assert isinstance(lessons, Lessons)
+        lessons.go(place)
+        return lessons
+
     def _show_moment(self, moment: Moment) -> None:
-        """Show what another page of the class shows: settings, step of a lesson, tab and time."""
-        at, experiment = PAGES.index(Lessons), moment.experiment
+        """Show what a page shows: settings, step of a lesson, tab and time."""
+        experiment = moment.experiment
         with together(self._document):
-            if moment.place is not None or at in self._pages:
-                lessons = self._made(at)
-                assert isinstance(lessons, Lessons)
-                lessons.go(moment.place)
-            if self._place() is None and experiment.hidden:  # its lesson is not there any more
+            lessons = self._go_to_step(moment.place)
+            hides = lessons is not None and lessons.hiding(experiment.hidden) is not None
+            if experiment.hidden and not hides:  # its lesson is not there any more
                 experiment = Experiment().update(experiment.to_dict())
             if moment.experiment is not self._taken:
                 if not moment.has_settings_of(self.session.experiment):
                     self._accept(experiment.copy(), moment)
                 self._taken = moment.experiment
-            self._tabs.active = [page.title for page in PAGES].index(moment.page)
-            if moment.time != self.axis.time:
+            self._open(moment.page)
+            if moment.time != self._shown_view().time:
                 self._time_bar.go(moment.time)
 
     def _accept(self, experiment: Experiment, moment: Moment) -> None:
@@ -236,7 +290,7 @@ class SimulatorPage:
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
-            header=[self._chip.view, self._progress.view, self._holding.button],
+            header=[self._chip.view, self._progress.view, self._address.bar, self._holding.button],
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
@@ -282,10 +336,10 @@ class SimulatorPage:
     def close(self) -> None:
         """End the session."""
         self._closed = True
+        self._time_bar.stop()
         self._class.close()
         self._chip.close()
         self.session.close()
-        self._time_bar.stop()
         if self._files is not None:
             self._files.close()
         for page in self._pages.values():
@@ -313,13 +367,14 @@ class SimulatorPage:
     def _acted(self) -> None:
         """Note that settings or the step of a lesson were changed, by a person or for a class."""
         self._taken = None
-        self._address.update()
+        self._address.moved()
         self._class.acted()
 
     def _turn(self) -> None:
         """Show the page of a tab that was opened, by a person or for a class."""
         with together(self._document):  # what a page sends as it appears must not overtake the page
             self._show_if_begun()
+        self._address.moved()
         self._class.acted()
 
     def _show_if_begun(self) -> None:
@@ -403,6 +458,9 @@ class SimulatorPage:
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
+        if self._waiting_zoom is not None:
+            self.axis.show(*self._waiting_zoom)
+            self._waiting_zoom = None
         if self._waiting_time is not None:
             self._time_bar.go(self._waiting_time)
             self._waiting_time = None
@@ -423,9 +481,13 @@ class SimulatorPage:
 
     def _go_to(self, title: str, time: float | None) -> None:
         """Open a page, and move the cursor to a time."""
-        self._tabs.active = [page.title for page in PAGES].index(title)
+        self._open(title)
         if time is not None:
             self._time_bar.go(time - self._epoch)
+
+    def _open(self, title: str) -> None:
+        """Open a tab; without a title, the one with which a page opens."""
+        self._tabs.active = _TITLES.index(title) if title else _FIRST
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""
@@ -443,6 +505,8 @@ class SimulatorPage:
             self._reminder.say(words, "info")
 
     def _follow(self, time: float) -> None:
+        if not self._time_bar.plays:
+            self._address.update()
         page = self._pages.get(self._tabs.active)
         if page is not None and self._stage.objects == [page.view]:
             with self._failures_shown():
@@ -452,6 +516,7 @@ class SimulatorPage:
         self._message.say(as_seen(event.new))
 
     def _zoomed(self, _attr: str, _old: object, _new: object) -> None:
+        self._address.update()
         if not self._zooming:
             self._zooming = True
             self._document.add_timeout_callback(self._draw_window, ZOOM_DEBOUNCE)

@@ -34,6 +34,16 @@ def html_as_seen(html: str) -> str:
     return _CODE.sub(lambda found: _field(found[1]) or found[0], html)
 
 
+def seen_name(path: str) -> str:
+    """Return group and label of the field of a setting; the label alone where it is in no group.
+
+    >>> seen_name("navigator.r_scale"), seen_name("seed")
+    ('Navigator and filter: R scale', 'Seed')
+    """
+    named = _fields().get(path)
+    return named.strip("“”") if named else str(Experiment().declaration(path).label)
+
+
 def _field(path: str) -> str:
     """Return the element that names the field of a setting; empty where the page has none."""
     named = _fields().get(path)

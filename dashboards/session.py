@@ -23,6 +23,9 @@ from lab.missions import missions, names_in_words
 PATIENCE = 500
 """Time after which the page shows the progress of a run [ms]."""
 
+RUNS = (1, 10, 30, 100, 300, 1000)
+"""Numbers of runs that a page can judge together."""
+
 REST = 1000
 """Quiet time before the settings count as settled [ms]; a change on ten pages takes less."""
 
@@ -53,6 +56,21 @@ class Held(NamedTuple):
     result: Result
 
 
+class Glide(NamedTuple):
+    """A motion of a slider: all changes of it are one.
+
+    Attributes
+    ----------
+    path : str
+        Path of the setting.
+    number : int
+        How many times the slider was taken until now.
+    """
+
+    path: str
+    number: int
+
+
 class Session(param.Parameterized):
     """Settings of one page, computed in the background; the last good result stays until the next.
 
@@ -68,6 +86,9 @@ class Session(param.Parameterized):
         Shows a sentence above all pages; none if it is empty.
     acted
         Called when a person, or a lesson, has changed settings or the step of a lesson.
+    record
+        Called with each change of settings: its name, empty if they name it themselves, and the motion of a
+        slider of which it is a part, or None.
     visitor
         Returns whose page it is.
     solved
@@ -81,6 +102,7 @@ class Session(param.Parameterized):
     )
     fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
     held: tuple[Held, ...] = param.Tuple((), length=None, doc="The results that are held, the oldest first.")
+    runs: int = param.Selector(default=1, objects=RUNS, doc="Number of runs that are judged together.")
 
     def __init__(self, document: Document) -> None:
         super().__init__()
@@ -91,6 +113,7 @@ class Session(param.Parameterized):
         self.go: Callable[[str, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
         self.acted: Callable[[], None] = lambda: None
+        self.record: Callable[[str, Glide | None], None] = lambda _called, _glide: None
         self.visitor: Callable[[], Visitor] = Visitor
         self.solved: Callable[[tuple[str, str], int], None] = lambda _lesson, _step: None
         self._runs = LatestWins(self._run, self._deliver)
@@ -172,8 +195,16 @@ class Session(param.Parameterized):
             self._watching = True
             self._document.add_timeout_callback(self._watch, PATIENCE)
 
-    def change(self, path: str, value: Any) -> bool:
-        """Change one setting and compute; return whether it was accepted."""
+    def change(self, path: str, value: Any, glide: Glide | None = None) -> bool:
+        """Change one setting and compute; return whether it was accepted.
+
+        Parameters
+        ----------
+        path, value
+            The setting and its new value.
+        glide
+            The motion of a slider of which the change is a part.
+        """
         try:
             if path == "mission":
                 _check_mission(value)
@@ -183,6 +214,7 @@ class Session(param.Parameterized):
             self.problem = str(error)
             return False
         self.problem = ""
+        self.record("", glide)
         self.acted()
         self.compute()
         self._changed = time.monotonic()
@@ -191,7 +223,7 @@ class Session(param.Parameterized):
             self._document.add_timeout_callback(self._rest, REST)
         return True
 
-    def accept(self, experiment: Experiment, ready: Result | None = None) -> None:
+    def accept(self, experiment: Experiment, ready: Result | None = None, *, called: str = "") -> None:
         """Take over all settings of an experiment, and run them.
 
         Parameters
@@ -200,6 +232,8 @@ class Session(param.Parameterized):
             The settings.
         ready
             Their result, if another page has it: it is shown in place of another run. Results do not change.
+        called
+            Name of the change in the history; by default, the settings that differ name it.
 
         Raises
         ------
@@ -211,6 +245,7 @@ class Session(param.Parameterized):
         self.problem = ""
         for callback in self._on_settings:
             callback()
+        self.record(called, None)
         self.acted()
         if ready is None or self._closed:
             self.compute()

@@ -15,11 +15,12 @@ from dashboards.covariance_field import CovarianceField
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
-from dashboards.session import Session
+from dashboards.session import Glide, Session
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
+from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_run import has_effect
@@ -38,6 +39,14 @@ SECTIONS = {
     "trajectory": ("Trajectory", False),
 }
 """Title of each group of settings, and whether it is initially open."""
+
+RESETS = {
+    "Everything": "",
+    "All sensors": "sensors.",
+    **{title: f"{path}." for path, (title, _) in SECTIONS.items()},
+}
+"""What can be set to its defaults, and how the paths of its settings begin; everything includes what is
+hidden."""
 
 COMMON = frozenset(
     {
@@ -145,7 +154,8 @@ class SettingsPanel:
 
     def _change(self, path: str) -> Any:
         def change(value: Any) -> bool:
-            accepted = self._session.change(path, value)
+            motion = self._fields[path].motion if path in self._fields else None
+            accepted = self._session.change(path, value, Glide(path, motion) if motion else None)
             if path == "mission":
                 self._suit()
             if path.startswith("sensors."):
@@ -172,19 +182,28 @@ class SettingsPanel:
         self._seed.show(self._session.experiment.seed)
 
     def _cards_row(self) -> pn.viewable.Viewable:
-        reset = pmui.Button(
+        reset = pmui.MenuButton(
             label="Reset",
-            icon="restart_alt",
+            items=[{"label": title} for title in RESETS],
             size="small",
             variant="outlined",
             margin=(12, 0, 8, 8),
+            description="Reset settings to what they were at first. The arrow at the top brings them back.",
             sx={"padding": "3px 5px"},
+            stylesheets=[TOOLTIP],
         )
-        reset.on_click(lambda _event: self._reset())
+        reset.on_click(lambda chosen: self._reset(str(chosen["label"])))
         return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")
 
-    def _reset(self) -> None:
-        self._session.accept(Experiment(mission=self._session.experiment.mission))
+    def _reset(self, title: str) -> None:
+        """Set a group of settings, or all but the mission, to their defaults."""
+        experiment = Experiment(mission=self._session.experiment.mission)
+        if RESETS[title]:
+            plain, experiment = experiment, self._session.experiment.copy()
+            for path, owner, name in plain.leaves():
+                if path.startswith(RESETS[title]) and may_change(experiment, path):
+                    experiment.set(path, getattr(owner, name))
+        self._session.accept(experiment, called=f"Reset: {title}")
 
     def _sections(self) -> list[pn.viewable.Viewable]:
         return [self._section(path, title, is_open) for path, (title, is_open) in SECTIONS.items()]
@@ -267,6 +286,15 @@ class SettingsPanel:
         for path in (*self._forms, *self._forms.values()):
             if path in self._fields:
                 self._fields[path].show(self._session.experiment.get(path))
+
+
+def may_change(experiment: Experiment, path: str) -> bool:
+    """Return whether a person may change a setting, which a homework may fix."""
+    try:
+        experiment.check_change(path)
+    except SettingError:
+        return False
+    return True
 
 
 def matched_variances(experiment: Experiment, name: str) -> list[float]:

@@ -94,6 +94,11 @@ class TimeBar:
         )
         self.span()
 
+    @property
+    def plays(self) -> bool:
+        """Whether the cursor moves by itself."""
+        return self._playing is not None
+
     def span(self) -> None:
         """Make the slider end with the flight."""
         self._slider.param.update(end=self._axis.duration, value=self._axis.time)
@@ -116,6 +121,7 @@ class TimeBar:
             self._document.remove_periodic_callback(self._playing)
             self._playing = None
             self._play.value = False
+            self._follow(self._axis.time)
 
     def _advance(self) -> None:
         time = min(self._axis.time + self._speed.value * FRAME / 1000, self._axis.duration)

@@ -48,10 +48,16 @@ class Field(param.Parameterized):
         The parameter of the setting.
     change
         Called with a new value; returns whether it was accepted. If not, the field shows the old value again.
+
+    Attributes
+    ----------
+    motion : int or None
+        While a slider requests a change: how many times it was taken until now. None otherwise.
     """
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__()
+        self.motion: int | None = None
         self.declaration = declaration
         self._change = change
         self._value: Any = declaration.default
@@ -92,6 +98,7 @@ class NumberField(Field):
         super().__init__(declaration, change)
         self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
         self._scale = Scale(declaration)
+        self._motions, self._in_motion = 0, False
         self._slider = self._make_slider(_label(declaration), declaration.doc)
         self._slider.param.watch(lambda event: self._moved(None, event.new), "value")
         self._box = pmui.TextInput(
@@ -128,7 +135,7 @@ class NumberField(Field):
         return self._column
 
     def _make_slider(self, label: str, doc: str | None = None) -> Slider:
-        return Slider(
+        slider = Slider(
             label=label,
             description=doc,
             show_value=False,
@@ -142,6 +149,9 @@ class NumberField(Field):
             step=self._scale.step,
             value=self._scale.start,
         )
+        # The last step and the release may arrive together: the step comes first.
+        slider.param.watch(lambda _event: self._released(), "value_throttled", precedence=1)
+        return slider
 
     def _render(self, value: Any) -> None:
         components = value if self._axes else (value,)
@@ -159,6 +169,9 @@ class NumberField(Field):
         if self._showing:
             return
         number = self._scale.value(position)
+        if not self._in_motion:
+            self._motions, self._in_motion = self._motions + 1, True
+        self.motion = self._motions
         if not self._axes:
             self._ask(number)
         elif axis is None:
@@ -167,6 +180,10 @@ class NumberField(Field):
             components = list(self._value)
             components[axis] = number
             self._ask(tuple(components))
+        self.motion = None
+
+    def _released(self) -> None:
+        self._in_motion = False
 
     def _typed(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new == shown(self._value):

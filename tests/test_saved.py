@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 from flights import circle
 
-from dashboards.exchange import experiment_of_query
+from dashboards.query import experiment_of_query
 from lab import Experiment, mission
 
 SAVED = Path(__file__).with_name("saved")

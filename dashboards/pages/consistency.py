@@ -16,7 +16,7 @@ from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
-from dashboards.session import Session
+from dashboards.session import RUNS, Session
 from dashboards.style import WRAP
 from lab.analysis.verdicts.finding import Change, Finding, Suggestion
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
@@ -54,8 +54,6 @@ th:first-child, td:first-child { text-align: left; padding-left: 4px; }
 td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 """
 
-RUNS = (1, 10, 30, 100, 300, 1000)
-"""Numbers of runs to choose from."""
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""
 ALMOST_ALL = 95.0
@@ -87,7 +85,7 @@ class Consistency(ComputedPage):
         self._choice = pmui.Select(
             label="Runs",
             options={f"{runs:,} seeds" if runs > 1 else "1 seed": runs for runs in RUNS},
-            value=1,
+            value=1 if self._session is None else self._session.runs,
             size="small",
             width=140,
             margin=(10, 8),
@@ -245,6 +243,8 @@ class Consistency(ComputedPage):
 
     def _chosen(self) -> None:
         """Judge the newest result again."""
+        if self._session is not None:
+            self._session.runs = self.runs
         self._wanted = self._content = None
         self.draw_again()
 

@@ -115,6 +115,12 @@ class TimeAxis:
         strip.visible = bool(self.outages.data["start"])
         self._strips.append(strip)
 
+    def show(self, start: float, end: float) -> None:
+        """Show a stretch of time [s], as far as it is in the flight."""
+        end = min(end, self.duration)
+        if start < end:
+            self.range.update(start=start, end=end)
+
     def whole(self) -> None:
         """Show the whole flight."""
         self.range.update(start=0.0, end=self.duration)

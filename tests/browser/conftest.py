@@ -90,6 +90,12 @@ def eventually(page: Page, what: Callable[[], bool]) -> None:
         page.wait_for_timeout(LOOK)
 
 
+def reset(page: Page) -> None:
+    """Bring all settings but the mission back to what they are at first."""
+    page.get_by_role("button", name="Reset").click()
+    page.get_by_role("menuitem", name="Everything", exact=True).click()
+
+
 def remember(page: Page, name: str, expression: str) -> None:
     """Keep the value of an expression in JavaScript as `window.NAME`, and send nothing of it to the test.
 
@@ -210,7 +216,8 @@ class Keeper:
         if mission.inner_text() != "Montréal":
             mission.click()
             page.get_by_role("menuitem", name="Montréal", exact=True).click()
-        page.get_by_role("button", name="Reset").click()
+        reset(page)
+        page.get_by_role("slider", name="Time").press("Home")
         page.get_by_role("button", name="Whole flight", exact=True).click()
         wait_for(page, f"location.search === '' && {CURVE} === window.asOpened")
         wait_for(page, IDLE)

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from lab.sensors.cards import CLASSIC, cards
+from tests.browser.conftest import reset
 
 pytestmark = pytest.mark.browser
 
@@ -46,7 +47,7 @@ def test_all_cards_are_offered_and_one_is_loaded_changed_and_loaded_anew(open_pa
     choose(page, "STIM300")
     expect(noise(page)).to_have_value("0.0025")
     expect(chooser(page)).to_have_text("STIM300")
-    page.get_by_role("button", name="Reset").click()
+    reset(page)
     expect(chooser(page)).to_have_text(CLASSIC)
 
 

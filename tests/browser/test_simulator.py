@@ -12,7 +12,7 @@ import netCDF4
 import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END, remember, wait_for, watched
+from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END, remember, reset, wait_for, watched
 from tests.browser.test_page_walk import FIRST, TITLES
 
 pytestmark = pytest.mark.browser
@@ -144,7 +144,7 @@ def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -
         page.get_by_text("Settings", exact=True).click()
     assert "noise_density" in download.value.path().read_text(encoding="utf-8")
     assert download.value.suggested_filename == "los_angeles_1.toml"
-    page.get_by_role("button", name="Reset").click()
+    reset(page)
     expect(noise(page)[1]).to_have_value("0.05")
 
 

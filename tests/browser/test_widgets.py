@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.covariance_field import CovarianceField
-from dashboards.exchange import query
+from dashboards.query import query
 from dashboards.settings_panel import matched_variances
 from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
 from lab.base.parameters.setting_error import SettingError

@@ -12,8 +12,9 @@ from lessons_walk import click, page
 from walking import Walk, walking
 
 from dashboards import classroom
-from dashboards.exchange import Address, homework_of_query
+from dashboards.address import Address
 from dashboards.pages.lessons.homework_part import IS_OFF
+from dashboards.query import homework_of_query
 from lab.classroom.homework.hand_in import open_hand_in
 from lab.classroom.homework.homework_file import Keyed, homework_text, make_homework, write_key
 from lab.experiment.experiment import Experiment
@@ -150,10 +151,7 @@ def test_the_address_opens_the_homework_with_the_settings_of_the_student(keyed: 
     with pytest.MonkeyPatch.context() as patch, walking(patch) as walk:
         address, session = walk.page._address, walk.page.session
 
-        class Location:
-            search = f"?{query}"
-
-        address._location = Location()
+        address.search = f"?{query}"
         address.read()
         walk.settle()
         assert walk.title == "Lessons"
@@ -161,8 +159,8 @@ def test_the_address_opens_the_homework_with_the_settings_of_the_student(keyed: 
         assert session.experiment.hidden == keyed.homework.scenario.key
         assert (session.experiment.navigator.r_scale, session.experiment.navigator.q_scale) == (4.0, 1.0)
         address._write()
-        assert Location.search != address._location.search
-        assert address._location.search.startswith(f"?homework={name}&")
-        address._location.search = "?homework=none"
+        assert address.search != f"?{query}"
+        assert address.search.startswith(f"?homework={name}&")
+        address.search = "?homework=none"
         Address.read(address)
         assert "no homework 'none'" in session.problem

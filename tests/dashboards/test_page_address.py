@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from walking import walking
 
-from dashboards.exchange import AT_ONCE, PERIOD, SOON
+from dashboards.address import AT_ONCE, PERIOD, SOON
 
 
 class Document:
@@ -25,10 +25,7 @@ def test_a_change_is_in_the_address_before_its_result_and_many_changes_are_few_u
     with pytest.MonkeyPatch.context() as patch, walking(patch) as walk:
         address, session = walk.page._address, walk.page.session
 
-        class Location:
-            search = ""
-
-        address._location, address._document = Location(), Document()
+        address._document = Document()
         address._write()
         address._updates.clear()
         session.change("sensors.gyro.noise_density", 0.2)
@@ -36,12 +33,12 @@ def test_a_change_is_in_the_address_before_its_result_and_many_changes_are_few_u
         session.change("sensors.gyro.noise_density", 0.3)
         assert address._document.due == [SOON]
         address._write()
-        assert "sensors.gyro.noise_density=0.3" in address._location.search
+        assert "sensors.gyro.noise_density=0.3" in address.search
         session.change("sensors.gyro.noise_density", 0.4)
         session.change("sensors.gyro.noise_density", 0.5)
         assert address._document.due == [SOON, SOON]  # a second change soon after the first is kept too
         address._write()
-        assert "sensors.gyro.noise_density=0.5" in address._location.search
+        assert "sensors.gyro.noise_density=0.5" in address.search
         for k in range(2 * AT_ONCE):  # a slider that is moved
             session.change("sensors.gyro.noise_density", 0.6 + k / 100)
             address._write()

@@ -20,8 +20,9 @@ from panel.io.state import set_curdoc
 from processor_time import takes_less_than
 
 from dashboards import exchange
-from dashboards.exchange import Files, experiment_of, experiment_of_query, query
+from dashboards.exchange import Files, experiment_of
 from dashboards.headers import sockets
+from dashboards.query import experiment_of_query, query
 from dashboards.session import Session
 from dashboards.upstream.page_address import address_parts
 from lab import Experiment, SettingError

@@ -143,15 +143,15 @@ class HomeworkPart:
 
     def _begin(self) -> None:
         if self.open is not None:
-            self._run(self.open.experiment)
+            self._run(self.open.experiment, self.open.title)
 
     def _take(self) -> None:
         if self.open is not None:
-            self._run(partial(self.open.taking, self._session.experiment))
+            self._run(partial(self.open.taking, self._session.experiment), self.open.title)
 
-    def _run(self, make: Callable[[], Experiment]) -> None:
+    def _run(self, make: Callable[[], Experiment], title: str) -> None:
         try:
-            self._session.accept(make())
+            self._session.accept(make(), called=title)
         except SettingError as error:
             self._view.say(str(error))
         else:

@@ -20,6 +20,8 @@ from dashboards.style import WHOLE
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.homework.hidden_experiment import HiddenExperiment
 from lab.classroom.lessons.lesson import Answer, Lesson, Step
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -129,6 +131,15 @@ class Lessons(Page):
         self._lesson = lesson
         self._lay_out()
 
+    def hiding(self, hidden: str) -> Experiment | None:
+        """Return a new experiment of the open lesson or homework; None if it does not hide this."""
+        if self._lesson is not None and self._lesson.fault and FAULTS[self._lesson.fault].title == hidden:
+            return FaultyExperiment(FAULTS[self._lesson.fault])
+        homework = self._homework.open
+        if homework is not None and homework.scenario.key == hidden:
+            return HiddenExperiment(homework.scenario)
+        return None
+
     def _refresh(self) -> None:
         """Show what has changed in the files."""
         self._catalogue.refresh()
@@ -202,7 +213,8 @@ class Lessons(Page):
     def _turn_off(self) -> None:
         """Turn off whatever is hidden."""
         if self._session.experiment.hidden:
-            self._accept(Experiment().update(self._session.experiment.to_dict()))
+            plain = Experiment().update(self._session.experiment.to_dict())
+            self._session.accept(plain, called="What was hidden is off")
 
     def _turn(self, by: int) -> None:
         if self._lesson is not None and self._number + by == len(self._lesson.steps):
@@ -228,12 +240,10 @@ class Lessons(Page):
         if self._lesson is None:
             return
         try:
-            self._accept(self._lesson.experiment(self._lesson.steps[self._number]))
+            experiment = self._lesson.experiment(self._lesson.steps[self._number])
+            self._session.accept(experiment, called=f"{self._lesson.title}, step {self._number + 1}")
         except SettingError as error:
             self._step.warn(str(error))
-
-    def _accept(self, experiment: Experiment) -> None:
-        self._session.accept(experiment)
 
     def _look(self) -> None:
         if self._lesson is not None:

@@ -11,7 +11,8 @@ import netCDF4
 import numpy as np
 import pytest
 
-from dashboards.exchange import gpx_file, kml_file, query, zipped_csv
+from dashboards.exchange import gpx_file, kml_file, zipped_csv
+from dashboards.query import query
 from lab.base.notebook_card import NotebookCard
 from lab.base.parameters.setting_error import SettingError
 from lab.classroom.gallery.faults import FAULTS

@@ -1,0 +1,226 @@
+"""Address: the address of a page and the history of its browser: both follow what the page shows."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+from urllib.parse import urlencode
+
+import panel as pn
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+
+from dashboards.classroom import shelf
+from dashboards.history import History, State
+from dashboards.history_bar import HistoryBar
+from dashboards.query import (
+    HOMEWORK,
+    THEME,
+    View,
+    experiment_of_query,
+    homework_of_query,
+    query,
+    query_of_view,
+    view_of_query,
+)
+from dashboards.session import Glide, Session
+from dashboards.teaching.class_link import FIELD
+from dashboards.teaching.moment import Place
+from lab.base.parameters.setting_error import SettingError
+
+SOON, PERIOD = 50, 500
+"""Time until a change is in the address, so that a reload keeps it, and the same while a setting changes all
+the time, as with a slider [ms]."""
+AT_ONCE, OF_LATE = 8, 10.0
+"""Most updates within a time [s] before they become rare: more changes are those of a slider, and a browser
+accepts a hundred entries in its history in 30 s."""
+OF_A_CLASS = Glide("class", 0)
+"""All that a page takes over from a class is one change."""
+
+
+class Shown(NamedTuple):
+    """Ways to what a page shows.
+
+    Attributes
+    ----------
+    tabs : collection of str
+        Titles of the tabs.
+    view : callable
+        Returns what the page shows of its result.
+    place : callable
+        Returns the open step of a lesson; None without one.
+    restore : callable
+        Makes the page show a state of its history.
+    """
+
+    tabs: Collection[str]
+    view: Callable[[], View]
+    place: Callable[[], Place | None]
+    restore: Callable[[State], None]
+
+
+class Address:
+    """Keeps the settings and the view of a page in its address, and its changes in a history.
+
+    Parameters
+    ----------
+    session
+        The session, whose changes of settings are recorded.
+    document
+        Its document.
+    shown
+        What the page shows.
+
+    Attributes
+    ----------
+    bar : HistoryBar
+        The buttons Undo and Redo, to place on the page.
+    search : str
+        The query in the address, with its question mark; empty without one.
+    """
+
+    def __init__(self, session: Session, document: Document, shown: Shown) -> None:
+        self._session = session
+        self._document = document
+        self._shown = shown
+        self._location = pn.state.location
+        self.search = str(self._location.search) if self._location is not None else ""
+        self.bar = HistoryBar(self._act, margin=0, width=76, height=36)
+        self._history = History(self._state())
+        self._waits = False  # for the next update
+        self._walking = False
+        self._of_a_class: Glide | None = None
+        self._updates: deque[float] = deque(maxlen=AT_ONCE)
+        """When the last updates were [s]."""
+        self._code, self._keeps_settings = "", True
+        self._theme = ""
+        session.record = self._record
+        session.param.watch(lambda _event: self.update(), ["result", "runs"])
+        # A browser ignores changes that arrive before the requested document.
+        document.on_event(DocumentReady, lambda _event: self.update())
+
+    @property
+    def query(self) -> str:
+        """The query of the address."""
+        return self.search.removeprefix("?")
+
+    @property
+    def href(self) -> str:
+        """The address with which the page was opened; empty without a browser."""
+        return str(self._location.href) if self._location is not None else ""
+
+    @property
+    def view(self) -> View:
+        """What the page shows according to its address."""
+        return view_of_query(self.query, self._shown.tabs)[0]
+
+    def keep_class(self, code: str, keeps_settings: bool) -> None:
+        """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
+        if (code, keeps_settings) != (self._code, self._keeps_settings):
+            self._code, self._keeps_settings = code, keeps_settings
+            self.update()
+
+    def read(self) -> None:
+        """Apply the settings in the address; report those that are not accepted."""
+        theme = re.search(rf"(?:^|&){THEME}=(dark|default)(?:&|$)", self.query)
+        self._theme = theme[1] if theme else ""
+        name, rest = homework_of_query(self.query)
+        trial, problems = experiment_of_query(rest)
+        problems += view_of_query(rest, self._shown.tabs)[1]
+        if name:
+            self._session.homework = shelf().find(name)
+            if self._session.homework is None:
+                problems.append(f"There is no homework {name[:40]!r} on this server. Ask your teacher.")
+            else:
+                trial = self._session.homework.taking(trial)
+                self._session.go("Lessons", None)
+        try:
+            self._session.accept(trial)
+        except SettingError as error:
+            problems.append(str(error))
+            self._session.compute()
+        self._session.problem = "\n\n".join(problems)
+
+    def begin(self) -> None:
+        """Begin the history with what the page shows."""
+        self._history = History(self._state())
+        self.update()
+
+    @contextmanager
+    def of_a_class(self) -> Iterator[None]:
+        """Record what is changed inside as taken over from a class."""
+        before, self._of_a_class = self._of_a_class, OF_A_CLASS
+        try:
+            yield
+        finally:
+            self._of_a_class = before
+
+    def moved(self) -> None:
+        """Take notice of another tab, or another step of a lesson, which is no change of the experiment."""
+        place, tab = self._shown.place(), self._shown.view().tab
+        self._history.amend(self._history.present._replace(tab=tab, place=place))
+        self.update()
+
+    def update(self) -> None:
+        """Write what the page shows into the address, soon."""
+        if not self._waits:
+            self._waits = True
+            of_late = [one for one in self._updates if time.monotonic() - one < OF_LATE]
+            due = SOON if len(of_late) < AT_ONCE else PERIOD
+            self._document.add_timeout_callback(self._write, due)
+
+    def _state(self) -> State:
+        experiment = self._session.experiment
+        return State(query(experiment), experiment.hidden, self._shown.view().tab, self._shown.place())
+
+    def _record(self, called: str, glide: Glide | None) -> None:
+        """Note a change of settings in the history."""
+        if not self._walking:
+            self._history.record(self._state(), called, glide or self._of_a_class)
+
+    def _act(self, what: str, position: int) -> None:
+        """Do what a person asked for; an entry of the browser's history is named by its number."""
+        steps = {"undo": self._history.position - 1, "redo": self._history.position + 1, "visit": position}
+        state = self._history.visit(steps.get(what, self._history.position))
+        if state is not None:
+            self._walking = True
+            try:
+                self._shown.restore(state)
+            finally:
+                self._walking = False
+            self._history.amend(self._state())
+        self.update()
+
+    def _write(self) -> None:
+        self._waits = False
+        self._updates.append(time.monotonic())
+        history = self._history
+        self.search = self._search(history.present)
+        self.bar.shown = {
+            "pushed": [[number, self._search(made)] for number, made in history.take_new()],
+            "position": history.position,
+            "search": self.search,
+            "oldest": history.oldest,
+            "undone": history.undone,
+            "redone": history.redone,
+            "count": self.bar.shown["count"] + 1,
+        }
+
+    def _search(self, state: State) -> str:
+        """Return the query of a state in an address, with its question mark."""
+        view = query_of_view(self._shown.view()._replace(tab=state.tab))
+        homework = self._session.homework
+        is_on = homework is not None and state.hidden == homework.scenario.key
+        others = {
+            FIELD: self._code,
+            HOMEWORK: homework.name if homework is not None and is_on else "",
+            THEME: self._theme,
+        }
+        named = urlencode({name: value for name, value in others.items() if value})
+        parts = (named, state.settings, view) if self._keeps_settings else (named,)
+        text = "&".join(part for part in parts if part)
+        return f"?{text}" if text else ""

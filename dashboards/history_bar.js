@@ -1,0 +1,110 @@
+// Buttons and keys for undo and redo, and the browser's history, which follows that of the page: each entry has the
+// number of a state. What came before this opening of the page is opened again by its address.
+
+const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
+const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-1.88 5.12-1.88 3.54 0 6.55 2.31 7.6 5.5"
+  + "l2.37-.78C21.08 11.03 17.15 8 12.5 8z"
+const REDO = "M18.4 10.6C16.55 8.99 14.15 8 11.5 8c-4.65 0-8.58 3.03-9.96 7.22L3.9 16c1.05-3.19 4.05-5.5 7.6-5.5 1.95 0"
+  + " 3.73.72 5.12 1.88L13 16h9V7l-3.6 3.6z"
+
+const WAIT = 1000  // longest time that a browser takes to go to another entry [ms]
+
+const opening = String(Math.random())
+let here = 0  // number of the present entry
+let goal = null  // number of the entry to which the browser is on its way
+let seen = 0  // number of the last message of the server
+let timer = 0
+let waiting = []  // entries to add
+let model = null
+
+const url = (search) => window.location.pathname + search + window.location.hash
+const ask = (what, position) => { model.asked = {what, position, count: (model.asked.count || 0) + 1} }
+
+function put(position, search) {
+  here = position
+  window.history.replaceState({opening, position}, "", url(search))
+}
+
+function follow() {
+  if (goal !== null) return
+  for (const [position, search] of waiting) {
+    here = position
+    window.history.pushState({opening, position}, "", url(search))
+  }
+  waiting = []
+  const {position, search} = model.shown
+  if (position === here) {
+    put(position, search)
+  } else {
+    goal = position
+    timer = setTimeout(arrive, WAIT)
+    window.history.go(position - here)
+  }
+}
+
+// Where the entry does not exist, the present one takes its place.
+function arrive() {
+  clearTimeout(timer)
+  here = goal
+  goal = null
+  follow()
+}
+
+window.addEventListener("popstate", ({state}) => {
+  if (model === null) return
+  if (state === null) {  // another fragment
+    window.history.replaceState({opening, position: here}, "")
+  } else if (goal !== null) {
+    arrive()
+  } else if (state.opening !== opening || state.position < model.shown.oldest) {
+    window.location.reload()
+  } else {
+    here = state.position
+    ask("visit", here)
+  }
+})
+
+window.addEventListener("keydown", (event) => {
+  const [at] = event.composedPath()
+  const typing = at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
+  if (model === null || typing || event.altKey || !(event.ctrlKey || event.metaKey)) return
+  if (event.key.toLowerCase() !== "z") return
+  event.preventDefault()
+  ask(event.shiftKey ? "redo" : "undo", 0)
+})
+
+function made(what, path) {
+  const button = document.createElement("button")
+  button.type = "button"
+  button.innerHTML = `<svg viewBox="0 0 24 24" aria-hidden="true"><path d="${path}"/></svg>`
+  button.addEventListener("click", () => ask(what, 0))
+  return button
+}
+
+function name(button, word, change, keys) {
+  button.disabled = !change
+  button.setAttribute("aria-label", change ? `${word}: ${change}` : word)
+  button.title = change ? `${word}: ${change} (${keys})` : `Nothing to ${word.toLowerCase()}`
+}
+
+export function render(props) {
+  model = props.model
+  const undo = made("undo", UNDO)
+  const redo = made("redo", REDO)
+  const row = document.createElement("div")
+  row.append(undo, redo)
+
+  const show = () => {
+    const {pushed, undone, redone, count} = model.shown
+    name(undo, "Undo", undone, "Ctrl+Z")
+    name(redo, "Redo", redone, "Ctrl+Shift+Z")
+    if (count === seen) return
+    seen = count
+    waiting.push(...pushed)
+    follow()
+  }
+  model.on("shown", show)
+  if (seen === 0) put(0, window.location.search)
+  show()
+  return row
+}
