@@ -51,6 +51,7 @@ from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
 from dashboards.verdict_chip import VerdictChip
 from lab.base.parameters.setting_error import SettingError
+from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
@@ -487,7 +488,7 @@ class SimulatorPage:
 
     def _open(self, title: str) -> None:
         """Open a tab; without a title, the one with which a page opens."""
-        self._tabs.active = _TITLES.index(title) if title else _FIRST
+        self._tabs.active = _TITLES.index(RENAMED.get(title, title)) if title else _FIRST
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""

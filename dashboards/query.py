@@ -13,6 +13,7 @@ from urllib.parse import parse_qsl, urlencode
 from dashboards.session import RUNS
 from dashboards.teaching.class_link import FIELD
 from lab.base.parameters.setting_error import SettingError
+from lab.classroom.lessons.lesson import RENAMED
 from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.experiment.experiment import Experiment
 
@@ -103,7 +104,7 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
     except ValueError:  # `experiment_of_query` reports it
         return View(), []
     readers: dict[str, tuple[Callable[[str], Any], str]] = {
-        "tab": (lambda text: text if text in tabs else None, f"one of {', '.join(tabs)}"),
+        "tab": (lambda text: found if (found := RENAMED.get(text, text)) in tabs else None, f"one of {', '.join(tabs)}"),
         "time": (_time_of, "a time in seconds, such as 12.5"),
         "zoom": (_span_of, "two times in seconds, such as 60-75"),
         "runs": ({str(runs): runs for runs in RUNS}.get, f"one of {', '.join(map(str, RUNS))}"),

@@ -101,7 +101,7 @@ class Session(param.Parameterized):
         "", doc="Description of the current computation, if it takes long enough to be shown."
     )
     fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
-    held: tuple[Held, ...] = param.Tuple((), length=None, doc="The results that are held, the oldest first.")
+    held: tuple[Held, ...] = param.Parameter((), doc="The results that are held, the oldest first.")
     runs: int = param.Selector(default=1, objects=RUNS, doc="Number of runs that are judged together.")
 
     def __init__(self, document: Document) -> None:

@@ -37,7 +37,7 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     wait_for(page, f"{source}?.data.time?.length > 20")
     page.get_by_role("tab", name="Budget").click()
     page.get_by_text("and the error budget needs them").wait_for()
-    page.get_by_role("tab", name="Summary").click()
+    page.get_by_role("tab", name="Compare").click()
     page.get_by_text("There is no reference").wait_for()
     page.get_by_text("Levelled in motion").wait_for()
 

@@ -30,7 +30,7 @@ FIRST = {
 WORDS = {
     "Missions": ("Over the Pacific",),
     "Models": ("invariant",),
-    "Summary": ("position east error", "95 %"),
+    "Compare": ("position east error", "95 %"),
     "Consistency": ("Judged by 1 run",),
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),

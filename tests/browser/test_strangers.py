@@ -169,7 +169,7 @@ def test_every_tab_shows_its_own_plots_and_what_a_mission_and_a_file_say_is_text
 ) -> None:
     page = opened(strange, f"{server}/?mission=mine&navigator.states=21")
     walk(page)
-    page.get_by_role("tab", name="Summary", exact=True).click()
+    page.get_by_role("tab", name="Compare", exact=True).click()
     expect(page.get_by_text("stranger-title").first).to_be_visible()
     page.get_by_role("tab", name="Missions", exact=True).click()
     card = page.locator("article[data-name='mine']")

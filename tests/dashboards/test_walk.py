@@ -116,7 +116,7 @@ def test_every_card(walk: Walk, name: str) -> None:
     flown.update({"sensors": settings})
     assert walk.run(flown).problem == ""
     assert (
-        visit(walk, ("Covariance", "Sensor errors", "Innovations", "Consistency", "Allan", "Summary")) == {}
+        visit(walk, ("Covariance", "Sensor errors", "Innovations", "Consistency", "Allan", "Compare")) == {}
     )
     for sensor in ("gyro", "accelerometer"):
         errs = any(np.any(settings.get(sensor, {}).get(term, 0.0)) for term in SCALE)

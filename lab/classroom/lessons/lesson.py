@@ -31,10 +31,12 @@ PAGES = (
     "Height",
     "3-D",
     "Budget",
-    "Summary",
+    "Compare",
     "Live",
 )
 """Titles of the pages that a step may show."""
+RENAMED = {"Summary": "Compare"}
+"""Titles of older lessons, and the pages that took their place."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."
 NO_NUMBER = "The answer is a number without its unit, such as 0.5."

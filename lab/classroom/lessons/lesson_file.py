@@ -20,7 +20,7 @@ from lab.classroom.lessons.fields import (
     text_of,
     try_settings,
 )
-from lab.classroom.lessons.lesson import PAGES, Lesson, Step
+from lab.classroom.lessons.lesson import PAGES, RENAMED, Lesson, Step
 from lab.experiment.experiment import Experiment
 
 LARGEST = 100_000
@@ -144,6 +144,7 @@ def _step(table: Mapping[str, Any], trial: Experiment, where: str) -> Step:
 
 def _page(table: Mapping[str, Any], where: str) -> str:
     page = text_of(table, "page", where, LONGEST["title"], needed=False)
+    page = RENAMED.get(page, page)
     if page and page not in PAGES:
         raise LessonError(f"{where}page = {page!r}: accepted is one of {', '.join(PAGES)}")
     return page

@@ -1,0 +1,121 @@
+"""Held results: in all plots and on the page Compare, until they are removed; a press brings them back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from panel.io.state import set_curdoc
+from walking import Walk, walking
+
+from dashboards.holding import AS_DELIVERED, name_of
+from dashboards.session import MOST_HELD
+from lab.classroom.lessons.lesson_file import read_lesson
+from lab.experiment.experiment import Experiment
+
+
+@pytest.fixture
+def walk() -> Iterator[Walk]:
+    """Return an open page with a result."""
+    with pytest.MonkeyPatch.context() as patch, walking(patch) as opened:
+        run(opened, 1.0)
+        yield opened
+
+
+def run(walk: Walk, q_scale: float) -> None:
+    made = Experiment(mission="los_angeles")
+    made.set("trajectory.imu_rate", 50.0)
+    made.set("navigator.q_scale", q_scale)
+    walk.page.session.experiment = made.copy()
+    assert walk.run(made).problem == ""
+
+
+def hold(walk: Walk) -> None:
+    with set_curdoc(walk._document):
+        walk.page._holding.hold()
+    walk.settle()
+
+
+def layers(walk: Walk) -> list[bool]:
+    """Return which held results the plots of the open page draw."""
+    ((figures,), _) = walk.shown._grids[walk.shown._shown]
+    return [any(glyph.visible for glyph in layer._glyphs) for layer in figures._layers]
+
+
+def test_a_result_is_named_by_what_differs() -> None:
+    made = Experiment()
+    assert name_of(made) == AS_DELIVERED
+    made.set("navigator.q_scale", 0.1)
+    assert name_of(made) == "Q scale 0.1"
+    made.set("seed", 7)
+    assert set(name_of(made).split(", ")) == {"Q scale 0.1", "Seed 7"}
+    made.set("navigator.r_scale", 2.0)
+    assert name_of(made).endswith(", 1 more")
+    hidden = Experiment(mission="<b>")
+    assert name_of(hidden) == "<b>"
+
+
+def test_a_held_result_stays_in_the_plots_and_is_compared(walk: Walk) -> None:
+    held = walk.page.session.result
+    hold(walk)
+    hold(walk)
+    assert [one.result for one in walk.page.session.held] == [held]  # once
+    assert layers(walk) in ([], [False])  # it is the shown one
+    run(walk, 0.1)
+    assert layers(walk) == [True]
+    walk.open("Compare")
+    text = walk.text()
+    assert "A · Montréal" not in text
+    assert "A · " in text
+    assert "Now" in text
+    assert walk.page.session.result.verdict.headline in text
+    assert held.verdict.headline in text
+    walk.open("Innovations")
+    assert not walk.complaints()
+    (entry, away) = walk.page._holding.bar.objects
+    assert entry.label.startswith("A · ")
+    with set_curdoc(walk._document):
+        walk.page._holding._remove(walk.page.session.held[0])
+    walk.open("Errors")
+    assert layers(walk) == [False]
+    assert not walk.page._holding.bar.visible
+
+
+def test_a_press_on_its_name_brings_the_settings_back(walk: Walk) -> None:
+    held = walk.page.session.result
+    hold(walk)
+    run(walk, 0.1)
+    with set_curdoc(walk._document):
+        walk.page._holding._bring_back(walk.page.session.held[0])
+    assert walk.page.session.experiment.to_dict() == held.experiment.to_dict()
+
+
+def test_no_more_are_held_than_can_be_told_apart(walk: Walk) -> None:
+    for k in range(MOST_HELD + 1):
+        run(walk, 1.0 + k)
+        hold(walk)
+    assert len(walk.page.session.held) == MOST_HELD
+    assert "Remove one" in walk.page.session.problem
+    walk.open("Compare")
+    assert all(f"{letter} · " in walk.text() for letter in "ABCD")
+
+
+def test_what_a_lesson_hides_is_not_brought_into_another_experiment(walk: Walk) -> None:
+    hold(walk)
+    secret = type("Hidden", (Experiment,), {"hidden": "another lesson"})
+    before = walk.page.session.experiment
+    walk.page.session.experiment = secret()
+    walk.page._holding._bring_back(walk.page.session.held[0])
+    assert "another lesson" in walk.page.session.problem
+    walk.page.session.experiment = before
+
+
+def test_an_older_lesson_that_names_the_summary_opens_the_comparison(walk: Walk, tmp_path: Path) -> None:
+    walk.page._go_to("Summary", None)
+    assert walk.title == "Compare"
+    old = tmp_path / "old.toml"
+    shipped = files("lab.classroom.lessons") / "shipped" / "01-first-look.toml"
+    old.write_text(shipped.read_text().replace('page = "Compare"', 'page = "Summary"'))
+    assert "Compare" in {step.page for step in read_lesson(old).steps}
