@@ -89,7 +89,7 @@ class Address:
         self._shown = shown
         self._location = pn.state.location
         self.search = str(self._location.search) if self._location is not None else ""
-        self.bar = HistoryBar(self._act, margin=0, width=76, height=36)
+        self.bar = HistoryBar(self._act, margin=(6, 0), width=76, height=36)
         self._history = History(self._state())
         self._waits = False  # for the next update
         self._walking = False

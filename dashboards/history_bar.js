@@ -67,10 +67,15 @@ window.addEventListener("popstate", ({state}) => {
 window.addEventListener("keydown", (event) => {
   const [at] = event.composedPath()
   const typing = at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
-  if (model === null || typing || event.altKey || !(event.ctrlKey || event.metaKey)) return
-  if (event.key.toLowerCase() !== "z") return
-  event.preventDefault()
-  ask(event.shiftKey ? "redo" : "undo", 0)
+  if (model === null || typing || event.altKey || event.repeat) return
+  const key = event.key.toLowerCase()
+  if (event.ctrlKey || event.metaKey) {
+    if (key !== "z") return
+    event.preventDefault()
+    ask(event.shiftKey ? "redo" : "undo", 0)
+  } else if (key === "h") {
+    ask("hold", 0)
+  }
 })
 
 function made(what, path) {

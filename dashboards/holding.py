@@ -8,6 +8,7 @@ from urllib.parse import parse_qsl
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.history_bar import HistoryBar
 from dashboards.mission_titles import mission_titles
 from dashboards.query import query
 from dashboards.session import MOST_HELD, Held, Session
@@ -34,6 +35,8 @@ class Holding:
     ----------
     session
         The session whose results are held.
+    keys
+        What hears the keys of the page.
 
     Attributes
     ----------
@@ -43,16 +46,16 @@ class Holding:
         The held results; it is visible while there are any.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, keys: HistoryBar) -> None:
         self._session = session
-        self.button = pmui.Button(
-            label="Hold",
-            description="Hold this result, and compare it with the next ones (key H)",
+        keys.param.watch(lambda event: self.hold() if event.new.get("what") == "hold" else None, "asked")
+        self.button = pmui.IconButton(
+            icon="push_pin",
+            description="Hold this result, to compare it with the next ones (H)",
             size="small",
-            variant="outlined",
-            margin=(8, 4),
+            margin=(6, 0),
             stylesheets=[TOOLTIP],
-            sx={"color": "#ffffff", "borderColor": "rgba(255, 255, 255, 0.45)", "textTransform": "none"},
+            sx={"color": "#ffffff"},
         )
         self.button.on_click(lambda _event: self.hold())
         self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")

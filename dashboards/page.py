@@ -150,7 +150,7 @@ class SimulatorPage:
             stylesheets=[FRAME],
         )
         self._chip = VerdictChip(self.session, document, self._main)
-        self._holding = Holding(self.session)
+        self._holding = Holding(self.session, self._address.bar)
         self._listen()
 
     def _listen(self) -> None:

@@ -104,7 +104,10 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
     except ValueError:  # `experiment_of_query` reports it
         return View(), []
     readers: dict[str, tuple[Callable[[str], Any], str]] = {
-        "tab": (lambda text: found if (found := RENAMED.get(text, text)) in tabs else None, f"one of {', '.join(tabs)}"),
+        "tab": (
+            lambda text: found if (found := RENAMED.get(text, text)) in tabs else None,
+            f"one of {', '.join(tabs)}",
+        ),
         "time": (_time_of, "a time in seconds, such as 12.5"),
         "zoom": (_span_of, "two times in seconds, such as 60-75"),
         "runs": ({str(runs): runs for runs in RUNS}.get, f"one of {', '.join(map(str, RUNS))}"),

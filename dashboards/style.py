@@ -56,7 +56,8 @@ DRESS: dict[str, Any] = {
     "& .MuiAppBar-root": {"backgroundColor": "#16324f", "backgroundImage": "none", "boxShadow": "none"},
     "& .MuiAppBar-root .MuiIconButton-root": {"color": "#ffffff"},
     "& .MuiToolbar-root": {"minHeight": "48px !important"},
-    "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem"},
+    "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
+    "@media (max-width: 480px)": {"& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"}},
 }
 """A flat, dark header."""
 

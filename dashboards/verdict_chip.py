@@ -36,7 +36,7 @@ _CHIP: dict[str, Any] = {
     "overflow": "hidden",
     "textOverflow": "ellipsis",
     "display": "block",
-    "maxWidth": "min(420px, 38vw)",
+    "maxWidth": "min(420px, 36vw)",
     "borderRadius": "14px",
     "padding": "2px 12px !important",
     "lineHeight": "1.6",
@@ -98,7 +98,7 @@ class VerdictChip:
             size="small",
             variant="contained",
             disable_elevation=True,
-            margin=(8, 8),
+            margin=(10, 8),
             css_classes=["verdict-chip"],
         )
         self._dress(struck=False)

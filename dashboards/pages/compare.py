@@ -14,9 +14,12 @@ from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 from lab.views.run_comparison import comparison_html, figures_of
 
-_STYLE = ".change { opacity: .7; font-size: 12px; }"
+_STYLE = """
+.change { opacity: .7; font-size: 12px; }
+@media (max-width: 600px) { td:not(.words):first-child { white-space: normal; } }
+"""
 _HINT = (
-    "<p>Press <b>Hold</b> (H) to keep this result. Then change a setting or the sensors: both results stand "
+    "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results stand "
     "here side by side, and the held one stays in all plots.</p>"
 )
 

@@ -250,11 +250,12 @@ class TimeFigures:
         found: dict[str, list[FloatArray]] = {}
         for slot in range(max(len(held), len(self._layers))):
             if slot == len(self._layers):
-                self._layers.append(_Layer(self.plots, self.figures, slot))
+                self._layers.append(_Layer(self.plots, slot))
             layer = self._layers[slot]
             result = held[slot] if slot < len(held) else None
             if result is not None and not layer.shows(result, window):
                 layer.show(result, window, self._thinned(result, window, layer.clocks).columns)
+                layer.add_to(self.plots, self.figures)
             elif result is None:
                 layer.hide()
             for plot, series in layer.extent(self.plots).items():
@@ -337,6 +338,9 @@ class TimeFigures:
     def _draw(self, plot: TimePlot) -> figure:
         source = self._sources[plot.clock].source
         fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic")
+        if plot.band is not None:  # its title says more
+            assert isinstance(fig.title, Title)
+            fig.title.text_font_size = "12px"
         if plot.band is not None:
             draw_band(fig, plot.band, source)
         glyphs = {}
@@ -359,7 +363,8 @@ class _Layer:
     of other sensors, which another result need not have.
     """
 
-    def __init__(self, plots: Sequence[TimePlot], figures: Sequence[figure], slot: int) -> None:
+    def __init__(self, plots: Sequence[TimePlot], slot: int) -> None:
+        self._colour = HELD[slot]
         self.clocks = tuple(
             clock
             for clock in CLOCKS
@@ -372,9 +377,17 @@ class _Layer:
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self._columns: dict[Clock, dict[str, FloatArray]] = {}
         self._glyphs: list[GlyphRenderer[Any]] = []
+
+    def add_to(self, plots: Sequence[TimePlot], figures: Sequence[figure]) -> None:
+        """Add the curves to the figures, once there is something to draw.
+
+        A browser does not draw the first curve of a source that gets its first data with its curves.
+        """
+        if self._glyphs:
+            return
         for plot, fig in zip(plots, figures, strict=True):
             if plot.clock in self._sources:
-                self._add(plot, fig, self._sources[plot.clock].source, HELD[slot])
+                self._add(plot, fig, self._sources[plot.clock].source, self._colour)
 
     def _add(self, plot: TimePlot, fig: figure, source: ColumnDataSource, colour: str) -> None:
         for curve in _own_curves(plot):

@@ -193,7 +193,7 @@ class TimePlot:
             parts.append(f"{shown}{THIN}% in the {self.band.label} band")
         elif self.band.centre is None:
             size = np.sqrt(inside.squares / inside.number)
-            parts += [f"rms {size:.2g}", f"{shown}{THIN}% in {self.band.label}"]
+            parts += [f"rms {size:.2g}", f"{shown}{THIN}% in {self.band.label.removeprefix('±')}"]
         else:
-            parts.append(f"truth {shown}{THIN}% in {self.band.label}")
+            parts.append(f"truth {shown}{THIN}% in {self.band.label.removeprefix('±')}")
         return f"{THIN}·{THIN}".join(parts)

@@ -202,7 +202,7 @@ def test_titles_have_the_rms_and_the_share_inside_the_band(result: Result, axis:
         heading, rms, inside = fig.title.text.split(f"{THIN}·{THIN}")
         assert heading.endswith("]")
         assert float(rms.removeprefix("rms ")) == pytest.approx(error, rel=0.05)
-        assert float(inside.removesuffix(f"{THIN}% in ±3σ")) <= 100
+        assert float(inside.removesuffix(f"{THIN}% in 3σ")) <= 100
     low, high = 20.0, 60.0
     axis.range.update(start=low, end=high)
     figures.show(result)
