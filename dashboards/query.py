@@ -13,8 +13,8 @@ from urllib.parse import parse_qsl, urlencode
 from dashboards.session import RUNS
 from dashboards.teaching.class_link import FIELD
 from lab.base.parameters.setting_error import SettingError
-from lab.classroom.lessons.lesson import RENAMED
 from lab.base.parameters.setting_kinds import MatrixOrNone
+from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 
 MOST_FIELDS = 200

@@ -19,8 +19,8 @@ _STYLE = """
 @media (max-width: 600px) { td:not(.words):first-child { white-space: normal; } }
 """
 _HINT = (
-    "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results stand "
-    "here side by side, and the held one stays in all plots.</p>"
+    "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results "
+    "stand here side by side, and the held one stays in all plots.</p>"
 )
 
 

@@ -74,7 +74,7 @@ def test_a_held_result_stays_in_the_plots_and_is_compared(walk: Walk) -> None:
     assert held.verdict.headline in text
     walk.open("Innovations")
     assert not walk.complaints()
-    (entry, away) = walk.page._holding.bar.objects
+    entry, _away = walk.page._holding.bar.objects
     assert entry.label.startswith("A · ")
     with set_curdoc(walk._document):
         walk.page._holding._remove(walk.page.session.held[0])
