@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +71,6 @@ class Station:
         self.verdict = ""
         self.recorded = ""
         self.owner = Owner()
-        self._claimed: set[Path] = set()
         self.sensors, self.settings = sensors, navigator
         self._navigator: LiveNavigator | None = LiveNavigator(sensors, navigator)
         self._state = self._navigator.state
@@ -97,13 +95,6 @@ class Station:
     def state(self) -> LiveState:
         """What the navigator knew after the last samples."""
         return self._state
-
-    def claim(self, recording: Path) -> bool:
-        """Return whether nobody else makes a mission of a recording; the first who asks does."""
-        with self._growing_lock:
-            first = recording not in self._claimed
-            self._claimed.add(recording)
-        return first
 
     def history(self, cursor: HistoryCursor) -> tuple[HistoryCursor, LiveHistory] | None:
         """Return the next cursor, and what the navigator showed since one; None while it computes.

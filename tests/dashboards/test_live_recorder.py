@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,6 +11,7 @@ from typing import Any, BinaryIO
 import pytest
 
 import dashboards.pages.live.live as live_module
+import dashboards.pages.live.recorder as recorder_module
 from dashboards import devices, visitors
 from dashboards.devices import allow_devices
 from dashboards.pages.live.recorder import Recorder
@@ -22,7 +24,7 @@ from lab.live.station import Station
 from lab.missions import mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.log_mission import LogMission
-from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
+from tests.dashboards.test_live_page import PATIENCE, Opened, wait_until_nothing_is_left
 
 ADDRESS = "simulated:rest?device=vectornav&hz=50&rest=240"
 
@@ -243,6 +245,42 @@ def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Op
     station.source.close()
     one.until(lambda: "in the library" in said(one))
     assert not records(one)
+
+
+def test_a_recording_in_work_is_offered_to_nobody(
+    opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The source ends while one page stands still, and another one is open beside it."""
+    monkeypatch.setattr(unfinished, "RUNS", 0.0)
+    may_go_on = threading.Event()
+    add_log = recorder_module.add_log
+    monkeypatch.setattr(
+        recorder_module, "add_log", lambda *args, **how: may_go_on.wait(PATIENCE) and add_log(*args, **how)
+    )
+    one, other = opened(), opened()
+    station = recording(one)
+    one.page._stop_or_go()  # no tick comes any more
+    path = recorder(one)._path
+    station.source.close()
+    one.page._look()
+    assert not records(one)
+    try:
+        for page in (one, other):
+            offer = recorder(page).offer
+            offer.refresh()
+            assert not offer.view.visible
+            for clicks, answer in (
+                ((offer._discard, offer._discard), "a mission is made of it"),
+                ((offer._finish,), "another page"),
+            ):
+                offer._choice.options, offer._choice.value = {"late": path}, path  # as it was offered before
+                for click in clicks:
+                    click()
+                assert answer in said(page)
+            assert list(folder.glob(f"*{SUFFIX}")) == [path]
+    finally:
+        may_go_on.set()
+    one.until(lambda: "in the library" in said(one))
 
 
 @pytest.mark.proof

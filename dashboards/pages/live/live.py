@@ -213,6 +213,8 @@ class Live(PartOfWatched, Page):
             self._lose()
         else:
             self._show_rights()
+            if self._periodic is None:  # hidden or paused: a recording that ends all the same is not left
+                self._recorder.tell(self._watched.station.status)
 
     def _show_rights(self) -> None:
         """Offer what the visitor may do with the source, and nothing else."""

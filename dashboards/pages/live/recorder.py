@@ -19,7 +19,7 @@ from lab.base.progress import Progress
 from lab.data.streams.raw_recording import SUFFIX
 from lab.data.streams.recorded_log import log_of_recording
 from lab.data.streams.source_status import Status
-from lab.data.streams.unfinished import mark, unmark
+from lab.data.streams.unfinished import hold, mark, release, unmark
 from lab.live.station import Station
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name
@@ -156,7 +156,7 @@ class Recorder(PartOfWatched):
         if path is None or station is None or not may_edit():
             return
         station.source.stop_recording(path)
-        if not station.claim(path):
+        if not hold(path):
             self._job.say("The recording was ended on another page.", "info")
             return
         warning = station.source.status.warning
@@ -166,7 +166,10 @@ class Recorder(PartOfWatched):
 
     def _finish(self, path: Path, name: str) -> None:
         """Make a mission of an unfinished recording; raises `ValueError` for a name that is not accepted."""
-        self._stopped.append(_Stopped(path, accepted_name(name), "Recorded, and finished later", None))
+        name = accepted_name(name)
+        if not hold(path):
+            raise ValueError(f"{path.name} is in work on another page.")
+        self._stopped.append(_Stopped(path, name, "Recorded, and finished later", None))
         self._job.start("Making a mission of the recording", self._make, self._made)
 
     def _make(self, _progress: Progress) -> tuple[list[str], list[str], list[str]]:
@@ -186,6 +189,9 @@ class Recorder(PartOfWatched):
             except (ValueError, OSError) as error:
                 outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
                 problems.append(outcome)
+            except BaseException:
+                release(path)
+                raise
             unmark(path)
             if warning:
                 warnings.append(warning)

@@ -43,7 +43,6 @@ class UnfinishedPart:
     def __init__(self, make: Callable[[Path, str], None], say: Callable[[str], None]) -> None:
         self._make, self._say = make, say
         self._kept = UnfinishedRecordings()
-        self._taken: set[Path] = set()  # of which missions are being made
         self._document = pn.state.curdoc
         self._periodic: Any = None
         small: dict[str, Any] = {"size": "small", "margin": (10, 4)}
@@ -83,11 +82,7 @@ class UnfinishedPart:
         """Offer what is there now."""
         if not may_edit():
             return
-        found = {
-            _described(path): path
-            for path in self._kept.found(own_folder(), STATIONS.recordings())
-            if path not in self._taken
-        }
+        found = {_described(path): path for path in self._kept.found(own_folder(), STATIONS.recordings())}
         if found != self._choice.options:
             self._choice.options = found
             if self._choice.value not in found.values():
@@ -112,8 +107,6 @@ class UnfinishedPart:
             self._make(path, str(self._name.value_input or self._name.value).strip())
         except ValueError as error:
             self._say(str(error))
-            return
-        self._taken.add(path)
         self.refresh()
 
     def _discard(self) -> None:

@@ -1,17 +1,21 @@
 """Unfinished recordings: raw recordings of which nobody has made a mission yet, or thrown away.
 
 A file beside the recording marks it while it runs and until somebody decides, so a browser that is reloaded
-or a server that is killed loses none.
+or a server that is killed loses none. Whoever makes a mission of it, or throws it away, holds the lock of
+that file: nobody else is offered the recording meanwhile.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import threading
 import time
 from collections.abc import Collection
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
+from lab.base.files.locks import locked
 from lab.data.streams.raw_recording import FLUSH, SUFFIX
 
 MARK: Final = ".unfinished"
@@ -22,6 +26,10 @@ RUNS: Final = 3 * FLUSH
 SETTLED: Final = 2_000_000_000
 """Age of the last change of a folder from which another one has another time [ns]: the 2 s of FAT."""
 
+_held: dict[Path, BinaryIO] = {}
+"""The recordings in work in this process, and the locked files that mark them."""
+_holding = threading.Lock()
+
 
 def mark(path: Path) -> None:
     """Mark a recording that begins; raises `OSError`."""
@@ -30,13 +38,60 @@ def mark(path: Path) -> None:
 
 def unmark(path: Path) -> None:
     """Remove the mark of a recording: it is a mission now, or its owner was told why not."""
+    release(path)
     with contextlib.suppress(OSError):
         _marked(path).unlink()
 
 
+def hold(path: Path) -> bool:
+    """Take an unfinished recording until `unmark` or `release`.
+
+    Returns
+    -------
+    bool
+        False if another page or program has it, or has made a mission of it.
+    """
+    with _holding:
+        if path in _held:
+            return False
+        try:
+            file = _marked(path).open("r+b")
+        except OSError:
+            return False
+        try:
+            is_free = locked(file)
+        except OSError:  # this file system has no locks: only this process knows
+            is_free = True
+        if is_free:
+            _held[path] = file
+        else:
+            file.close()
+        return is_free
+
+
+def release(path: Path) -> None:
+    """Leave a recording that was held to others."""
+    with _holding:
+        file = _held.pop(path, None)
+        if file is not None:
+            file.close()
+
+
 def discard(path: Path) -> None:
-    """Delete an unfinished recording, with its mark; raises `OSError`."""
-    path.unlink(missing_ok=True)
+    """Delete an unfinished recording, with its mark.
+
+    Raises
+    ------
+    OSError
+        If it cannot be deleted, or somebody makes a mission of it.
+    """
+    if not hold(path):
+        raise OSError(errno.EBUSY, "a mission is made of it")
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        release(path)
+        raise
     unmark(path)
 
 
@@ -56,7 +111,8 @@ class UnfinishedRecordings:
         folder
             The folder, which need not exist.
         running
-            Recordings of this process that still run; they are left out, as those of other processes are.
+            Recordings of this process that still run; they are left out, as those of other processes and
+            those that somebody holds are.
         """
         self._read(folder)
         found = []
@@ -66,7 +122,8 @@ class UnfinishedRecordings:
             except OSError:  # it was never begun, or somebody deleted it
                 unmark(path)
                 continue
-            if path not in running and time.time() - changed > RUNS:
+            if path not in running and time.time() - changed > RUNS and hold(path):
+                release(path)
                 found.append((changed, path))
         return [path for _, path in sorted(found, reverse=True)]
 

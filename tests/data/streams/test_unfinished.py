@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from lab.data.streams.raw_recording import SUFFIX
-from lab.data.streams.unfinished import RUNS, UnfinishedRecordings, discard, mark
+from lab.data.streams.unfinished import RUNS, UnfinishedRecordings, discard, hold, mark, release, unmark
 
 LONG_AGO = time.time() - 3600
 """[s]."""
@@ -80,3 +82,40 @@ def test_a_folder_that_is_not_there_has_none(tmp_path: Path) -> None:
     (tmp_path / "later").mkdir()
     path = begun(tmp_path / "later", "drive")
     assert kept.found(tmp_path / "later") == [path]
+
+
+def test_a_recording_of_which_a_mission_is_made_is_neither_offered_nor_discarded(tmp_path: Path) -> None:
+    kept, path = UnfinishedRecordings(), begun(tmp_path, "drive")
+    assert hold(path)
+    assert not hold(path)  # another page
+    assert not kept.found(tmp_path)
+    with pytest.raises(OSError, match="mission"):
+        discard(path)
+    assert path.exists()
+    release(path)  # its maker failed
+    assert kept.found(tmp_path) == [path]
+    assert hold(path)
+    unmark(path)
+    assert not hold(path)  # a mission was made of it: nobody makes a second one
+    with pytest.raises(OSError, match="mission"):
+        discard(path)
+    assert path.exists()
+
+
+def test_another_program_does_not_discard_a_recording_in_work(tmp_path: Path) -> None:
+    kept, path = UnfinishedRecordings(), begun(tmp_path, "drive")
+    lines = "import sys; from lab.data.streams.unfinished import *; from pathlib import Path"
+    holder = subprocess.Popen(
+        [sys.executable, "-c", f"{lines}; print(hold(Path(sys.argv[1])), flush=True); input()", str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "True\n"
+    assert not kept.found(tmp_path)
+    with pytest.raises(OSError, match="mission"):
+        discard(path)
+    holder.kill()  # the lock ends with its holder
+    holder.communicate()
+    assert kept.found(tmp_path) == [path]
