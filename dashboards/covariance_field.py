@@ -12,6 +12,7 @@ import param
 
 from dashboards.style import TOOLTIP
 from dashboards.widgets import Change, TextField, number, shown
+from lab.base.parameters.setting_kinds import requirement
 from lab.base.parameters.units import TO_SI
 
 
@@ -104,7 +105,7 @@ class CovarianceField(TextField):
             asked = _with(self._value, index, row)
         else:
             asked = _with(self._variances(), index, variance)
-        self.show(asked if self._change(asked) else self._value)
+        self._take(asked, requirement(self.declaration))
 
 
 def _with(values: tuple[Any, ...], index: int, value: Any) -> tuple[Any, ...]:

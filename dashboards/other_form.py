@@ -33,6 +33,10 @@ class OtherFormField(Field):
         """The widgets to place on the page."""
         return self._box
 
+    def complain(self, sentence: str) -> None:
+        """Show a sentence below the box."""
+        self._box.param.update(helper_text=sentence, error_state=bool(sentence))
+
     def _render(self, value: Any) -> None:
         self._box.value = shown(value)
 

@@ -12,8 +12,8 @@ from urllib.parse import parse_qsl, urlencode
 
 from dashboards.session import RUNS
 from dashboards.teaching.class_link import FIELD
-from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.setting_kinds import MatrixOrNone
+from lab.base.parameters.setting_error import RefusedValueError, SettingError, UnknownSettingError
+from lab.base.parameters.setting_kinds import MatrixOrNone, requirement
 from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 
@@ -81,6 +81,11 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
             continue
         try:
             trial.set_text(path, text)
+        except UnknownSettingError:
+            problems.append(f"The link has an unknown setting, {path[:60]}; it was ignored.")
+        except RefusedValueError:
+            limits = requirement(trial.declaration(path), name=path)
+            problems.append(f"{limits} The link has {text[:60]}, which was ignored.")
         except SettingError as error:
             problems.append(str(error))
         if len(problems) == MOST_PROBLEMS:

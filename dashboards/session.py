@@ -195,8 +195,17 @@ class Session(param.Parameterized):
             self._watching = True
             self._document.add_timeout_callback(self._watch, PATIENCE)
 
-    def change(self, path: str, value: Any, glide: Glide | None = None) -> bool:
-        """Change one setting and compute; return whether it was accepted.
+    def change(self, path: str, value: Any) -> bool:
+        """Change one setting and compute; return whether it was accepted."""
+        try:
+            self.set(path, value)
+        except SettingError as error:
+            self.problem = str(error)
+            return False
+        return True
+
+    def set(self, path: str, value: Any, glide: Glide | None = None) -> None:
+        """Change one setting and compute.
 
         Parameters
         ----------
@@ -204,15 +213,16 @@ class Session(param.Parameterized):
             The setting and its new value.
         glide
             The motion of a slider of which the change is a part.
+
+        Raises
+        ------
+        SettingError
+            If the setting does not accept the value, or must not be changed.
         """
-        try:
-            if path == "mission":
-                _check_mission(value)
-            self.experiment.check_change(path)
-            self.experiment.set(path, value)
-        except SettingError as error:
-            self.problem = str(error)
-            return False
+        if path == "mission":
+            _check_mission(value)
+        self.experiment.check_change(path)
+        self.experiment.set(path, value)
         self.problem = ""
         self.record("", glide)
         self.acted()
@@ -221,7 +231,6 @@ class Session(param.Parameterized):
         if self._resting:
             self._resting = False
             self._document.add_timeout_callback(self._rest, REST)
-        return True
 
     def accept(self, experiment: Experiment, ready: Result | None = None, *, called: str = "") -> None:
         """Take over all settings of an experiment, and run them.

@@ -20,7 +20,7 @@ from dashboards.style import TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
-from lab.base.parameters.setting_error import SettingError
+from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_run import has_effect
@@ -129,6 +129,7 @@ class SettingsPanel:
         """Show the current settings; fields that show theirs already are left alone."""
         for path, shown in self._fields.items():
             value = self._session.experiment.get(path)
+            shown.complain("")
             if value != shown.value:
                 shown.show(value)
         self._suit()
@@ -153,14 +154,19 @@ class SettingsPanel:
         return view
 
     def _change(self, path: str) -> Any:
-        def change(value: Any) -> bool:
+        def change(value: Any) -> None:
             motion = self._fields[path].motion if path in self._fields else None
-            accepted = self._session.change(path, value, Glide(path, motion) if motion else None)
+            try:
+                self._session.set(path, value, Glide(path, motion) if motion else None)
+            except RefusedValueError:  # the field says why
+                raise
+            except SettingError as error:
+                self._session.problem = str(error)
+                raise
             if path == "mission":
                 self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
-            return accepted
 
         return change
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from html import escape
 from typing import Any
 
 import panel as pn
@@ -11,9 +12,17 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.style import TOOLTIP
-from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
+from lab.base.parameters.setting_error import RefusedValueError, SettingError
+from lab.base.parameters.setting_kinds import (
+    AxisQuantity,
+    Intervals,
+    MatrixOrNone,
+    Quantity,
+    QuantityOrNone,
+    requirement,
+)
 
-Change = Callable[[Any], bool]
+Change = Callable[[Any], object]
 
 LOGARITHMIC_FROM = 100
 """A slider is logarithmic if the ratio of its ends is at least this."""
@@ -22,6 +31,7 @@ LOGARITHMIC_FROM = 100
 _LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
 _AT_ONCE = {"& .MuiSlider-thumb, & .MuiSlider-track": {"transition": "none"}}
 """An animated thumb would keep the browser painting frames while it should paint the plots."""
+_RED = "p { margin: 0; font-size: 0.75rem; color: var(--mui-palette-error-main, #b3261e); }"
 _BOX = {"& input": {"fontSize": "0.8125rem", "textAlign": "right", "padding": "0 0 1px"}}
 
 
@@ -47,7 +57,8 @@ class Field(param.Parameterized):
     declaration
         The parameter of the setting.
     change
-        Called with a new value; returns whether it was accepted. If not, the field shows the old value again.
+        Called with a new value; raises `SettingError` if it is not accepted. Then the field shows the old
+        value again and, if the value is wrong in itself, says below what it must be.
 
     Attributes
     ----------
@@ -82,13 +93,27 @@ class Field(param.Parameterized):
         finally:
             self._showing = False
 
+    def complain(self, sentence: str) -> None:
+        """Show a sentence about a refused value below the field; an empty one shows nothing."""
+
     def _render(self, value: Any) -> None:
         raise NotImplementedError
 
     def _ask(self, value: Any) -> None:
         if self._showing or value == self._value:
             return
-        self.show(value if self._change(value) else self._value)
+        self._take(value, requirement(self.declaration, value))
+
+    def _take(self, value: Any, sentence: str) -> None:
+        """Request a change, and show its outcome; the sentence says what the value must be."""
+        try:
+            self._change(value)
+        except SettingError as error:
+            self.show(self._value)
+            self.complain(sentence if isinstance(error, RefusedValueError) else "")
+        else:
+            self.show(value)
+            self.complain("")
 
 
 class NumberField(Field):
@@ -106,6 +131,7 @@ class NumberField(Field):
         )
         self._box.param.watch(self._typed, "value")
         self._axis_sliders: list[Slider] = []
+        self._complaint: pn.pane.HTML | None = None
         self._column = pn.Column(
             self._slider,
             self._box,
@@ -164,6 +190,18 @@ class NumberField(Field):
         """Move a slider unless it shows the number: a rounded position sent back would undo a later move."""
         if self._scale.value(slider.value) != number:
             slider.value = self._scale.position(number)
+
+    def complain(self, sentence: str) -> None:
+        """Show a sentence between the slider and those of the axes."""
+        if sentence and self._complaint is None:
+            self._complaint = pn.pane.HTML(
+                margin=(0, 0, 4, 0), sizing_mode="stretch_width", stylesheets=[_RED]
+            )
+            self._column.insert(1, self._complaint)
+        if self._complaint is not None:
+            self._complaint.param.update(
+                object=f'<p role="alert">{escape(sentence)}</p>' if sentence else "", visible=bool(sentence)
+            )
 
     def _moved(self, axis: int | None, position: float) -> None:
         if self._showing:
@@ -283,6 +321,10 @@ class TextField(Field):
     def view(self) -> pn.viewable.Viewable:
         """The widgets to place on the page."""
         return self._widget
+
+    def complain(self, sentence: str) -> None:
+        """Show a sentence below the box."""
+        self._widget.param.update(helper_text=sentence, error_state=bool(sentence))
 
     def _render(self, value: Any) -> None:
         self._widget.value = shown(value)

@@ -106,10 +106,12 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
     wait_for(page, "!location.search.includes('noise_density')")
     wait_for(page, IDLE)
     remember_data(page)
+    plot = page.locator("canvas").first.bounding_box()
     box.fill("99")
     box.press("Enter")
-    expect(page.get_by_role("alert")).to_contain_text("from 0 to 10 °/s/√Hz")
+    expect(page.get_by_role("alert")).to_have_text("White noise must be between 0 and 10 °/s/√Hz.")
     expect(box).to_have_value("0.05")
+    assert page.locator("canvas").first.bounding_box() == plot  # no bar moves the plots
     assert page.evaluate(f"{DATA} === window.before")
     box.fill("0.06")
     box.press("Enter")
@@ -154,7 +156,7 @@ def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -
     [
         (
             "?sensors.gyro.noise=1&navigator.r_scale=-3&mission=/etc/passwd.csv",
-            ("there is no setting", "not accepted", "there is no such mission"),
+            ("unknown setting, sensors.gyro.noise;", "must be between", "there is no such mission"),
         ),
         ("?mission=atlantis&seed=2", ("there is no such mission",)),
     ],

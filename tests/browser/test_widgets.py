@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.covariance_field import CovarianceField
-from dashboards.query import query
+from dashboards.query import experiment_of_query, query
 from dashboards.settings_panel import matched_variances
 from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
+from lab.base.parameters.setting_kinds import AxisQuantity, Quantity, requirement
 from lab.experiment.experiment import Experiment
 
 LEAVES = {path: owner.param[name] for path, owner, name in Experiment().leaves()}
@@ -62,7 +62,10 @@ def test_a_slider_that_was_moved_stays_where_it_is(path: str) -> None:
 
 
 def test_a_slider_whose_value_is_refused_goes_back() -> None:
-    made = field(LEAVES["navigator.r_scale"], lambda _value: False)
+    def refuse(_value: Any) -> None:
+        raise SettingError("not now")
+
+    made = field(LEAVES["navigator.r_scale"], refuse)
     assert isinstance(made, NumberField)
     before = made._slider.value
     made._slider.value = before + 0.3
@@ -105,25 +108,53 @@ def test_numbers_as_people_write_them(text: str, value: tuple[float, ...]) -> No
     assert asked == [value]
 
 
-@pytest.mark.parametrize("text", ["fast", "-1", "1, 2", "nan", "", "1e9", "inf"])
-def test_what_is_refused_leaves_the_old_value(text: str) -> None:
+BETWEEN = "White noise must be between 0 and 10 °/s/√Hz."
+COUNT = "White noise needs one number, or 3: x, y, z."
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [*((text, BETWEEN) for text in ("fast", "-1", "nan", "1e9", "inf")), ("1, 2", COUNT), ("", COUNT)],
+)
+def test_what_is_refused_leaves_the_old_value_and_is_answered_below_the_field(
+    text: str, sentence: str
+) -> None:
     experiment = Experiment()
-    messages: list[str] = []
-
-    def change(value: Any) -> bool:
-        try:
-            experiment.set("sensors.gyro.noise_density", value)
-        except SettingError as error:
-            messages.append(str(error))
-            return False
-        return True
-
-    made = field(LEAVES["sensors.gyro.noise_density"], change)
+    path = "sensors.gyro.noise_density"
+    made = field(LEAVES[path], lambda value: experiment.set(path, value))
     assert isinstance(made, NumberField)
     made._box.value = text
     assert made._box.value == "0.05"
-    assert "sensors.gyro.noise_density" in messages[0]
-    assert "from 0 to 10 °/s/√Hz" in messages[0]
+    assert made._complaint is not None
+    assert f">{sentence}<" in made._complaint.object
+    made._box.value = "0.06"
+    assert experiment.get(path) == (0.06,) * 3
+    assert not made._complaint.visible
+
+
+@pytest.mark.parametrize(
+    ("path", "sentence"),
+    [
+        ("navigator.q_scale", "Q scale must be between 0.000001 and 1,000,000."),
+        ("seed", "Seed must be a whole number between 0 and 4,294,967,295."),
+        ("sensors.gps.outages", "Outages must be intervals of time in seconds, such as 60–75, 120–130."),
+        ("navigator.latency", "Latency the filter assumes must be between -60 and 60 s, or matched."),
+        ("navigator.robust", "Robust update must be one of none, huber, student-t."),
+    ],
+)
+def test_a_refused_value_is_answered_with_the_name_and_the_limits_of_the_field(
+    path: str, sentence: str
+) -> None:
+    assert requirement(LEAVES[path], "wrong") == sentence
+
+
+def test_settings_of_a_link_that_are_wrong_are_ignored_in_plain_words() -> None:
+    taken, problems = experiment_of_query("foo.bar=1&navigator.r_scale=-3&seed=7")
+    assert problems == [
+        "The link has an unknown setting, foo.bar; it was ignored.",
+        "navigator.r_scale must be between 0.000001 and 1,000,000. The link has -3, which was ignored.",
+    ]
+    assert taken.seed == 7
 
 
 @pytest.mark.parametrize(
@@ -156,14 +187,11 @@ def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[A
     """Return the field of a covariance, unfolded, that changes an experiment, and its σ boxes."""
     name = path.rpartition(".")[2]
 
-    def change(value: Any) -> bool:
-        try:
-            experiment.set(path, value)
-        except SettingError:
-            return False
-        return True
-
-    made = CovarianceField(LEAVES[path], change, lambda: matched_variances(experiment, name))
+    made = CovarianceField(
+        LEAVES[path],
+        lambda value: experiment.set(path, value),
+        lambda: matched_variances(experiment, name),
+    )
     toggle = made.view[0][1]
     toggle.value = True
     return made, list(made.view[1])
@@ -203,11 +231,12 @@ def test_one_sigma_is_given_and_the_others_stay_as_they_were_matched() -> None:
 @pytest.mark.parametrize("text", ["-1", "none", "inf"])
 def test_a_sigma_that_is_none_is_refused_and_the_old_one_shown_again(text: str) -> None:
     experiment = Experiment()
-    _, boxes = unfolded("navigator.r", experiment)
+    made, boxes = unfolded("navigator.r", experiment)
     before = boxes[0].value
     boxes[0].value = text
     assert experiment.get("navigator.r") is None
     assert boxes[0].value == before
+    assert made._widget.helper_text.startswith("R must be 6 variances, or a symmetric")
 
 
 def test_a_whole_matrix_keeps_its_correlations() -> None:

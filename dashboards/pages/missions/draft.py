@@ -78,7 +78,7 @@ class Draft:
         self._verdict = Notice()
         self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=HIGH, stylesheets=[PREVIEW])
         self._report = _report_pane()
-        self._fields = SettingFields(self._settings, self._rebuild, self._job.say)
+        self._fields = SettingFields(self._settings, self._rebuild)
         self._units = UnitFields(self._reread)
         self._columns = ColumnField(self._reread, self._job.say)
         self._log_report = _report_pane()

@@ -11,7 +11,6 @@ import panel_material_ui as pmui
 from dashboards.style import WHOLE
 from dashboards.titled import Card
 from dashboards.widgets import Field, field
-from lab.base.parameters.setting_error import SettingError
 from lab.data.files.unit_names import UNITS
 from lab.data.rebuild.import_settings import ImportSettings
 from lab.data.rebuild.raw_flight import ColumnUnit
@@ -28,28 +27,18 @@ class SettingFields:
         Settings to show and change.
     changed
         Called when one was changed.
-    refused
-        Called with the reason when a value is not accepted.
     """
 
-    def __init__(
-        self, settings: ImportSettings, changed: Callable[[], None], refused: Callable[[str], None]
-    ) -> None:
+    def __init__(self, settings: ImportSettings, changed: Callable[[], None]) -> None:
         self._settings = settings
         self._changed = changed
-        self._refused = refused
         fields = [self._make(path, name) for path, _, name in settings.leaves()]
         self.view = _card("Reconstruction", *(made.view for made in fields))
 
     def _make(self, path: str, name: str) -> Field:
-        def change(value: Any) -> bool:
-            try:
-                self._settings.set(path, value)
-            except SettingError as error:
-                self._refused(str(error))
-                return False
+        def change(value: Any) -> None:
+            self._settings.set(path, value)
             self._changed()
-            return True
 
         made = field(self._settings.param[name], change)
         made.show(getattr(self._settings, name))

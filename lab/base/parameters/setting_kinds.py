@@ -242,6 +242,44 @@ def describe(parameter: param.Parameter) -> str:
     return "text" if isinstance(parameter, param.String) else (parameter.doc or "another value")
 
 
+def requirement(parameter: param.Parameter, value: Any = None, name: str = "") -> str:
+    """Return a short sentence with the name of a setting and its limits, for a person whose value is refused.
+
+    Parameters
+    ----------
+    parameter
+        The declaration of the setting.
+    value
+        The refused value.
+    name
+        Name of the setting; its label by default.
+
+    Examples
+    --------
+    >>> requirement(Quantity(1.0, bounds=(1e-6, 1e6), label="Q scale"))
+    'Q scale must be between 0.000001 and 1,000,000.'
+    """
+    name = name or str(parameter.label)
+    axes = getattr(parameter, "axes", ())
+    if axes and isinstance(value, Sequence) and not isinstance(value, str) and len(value) != len(axes):
+        return f"{name} needs one number, or {len(axes)}: {', '.join(axes)}."
+    if isinstance(parameter, Intervals):
+        return f"{name} must be intervals of time in seconds, such as 60–75, 120–130."
+    low, high = getattr(parameter, "bounds", None) or (None, None)
+    if low is None or high is None:
+        return f"{name} must be {describe(parameter)}."
+    kind = "a whole number " if isinstance(parameter, param.Integer) else ""
+    unit = f" {parameter.unit}" if getattr(parameter, "unit", "") else ""
+    unset = f", or {parameter.unset}" if isinstance(parameter, QuantityOrNone) else ""
+    return f"{name} must be {kind}between {_plain(low)} and {_plain(high)}{unit}{unset}."
+
+
+def _plain(number: float) -> str:
+    """Return a number without an exponent, and with commas between the thousands."""
+    text = f"{number:,.10f}"
+    return text.rstrip("0").rstrip(".")
+
+
 def _either(options: Iterable[object]) -> str:
     return " or ".join(str(option) for option in options)
 

@@ -15,7 +15,7 @@ import numpy as np
 import param
 
 from lab.base.notebook_card import NotebookCard
-from lab.base.parameters.setting_error import SettingError
+from lab.base.parameters.setting_error import RefusedValueError, SettingError, UnknownSettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Intervals, describe, listing, paragraph
 from lab.base.parameters.setting_text import MAX_PATH, value_of
 
@@ -162,7 +162,9 @@ class Settings(NotebookCard, param.Parameterized):
             If there is no such setting, or it does not accept the value.
         """
         if len(path) > MAX_PATH:
-            raise SettingError(f"{_show(path)}: there is no setting with a name of {len(path)} characters")
+            raise UnknownSettingError(
+                f"{_show(path)}: there is no setting with a name of {len(path)} characters"
+            )
         declaration = self.declaration(path)
         try:
             value = value_of(declaration, text.strip())
@@ -249,12 +251,14 @@ class Settings(NotebookCard, param.Parameterized):
         walked = ""
         for head in heads:
             if head not in _declared(type(owner)):
-                raise SettingError(_unknown(path, head, walked, owner))
+                raise UnknownSettingError(_unknown(path, head, walked, owner))
             if not _is_group(type(owner), head):
-                raise SettingError(f"{path}: {walked}{head} is a single setting, with nothing inside it")
+                raise UnknownSettingError(
+                    f"{path}: {walked}{head} is a single setting, with nothing inside it"
+                )
             owner, walked = getattr(owner, head), f"{walked}{head}."
         if name not in _declared(type(owner)):
-            raise SettingError(_unknown(path, name, walked, owner))
+            raise UnknownSettingError(_unknown(path, name, walked, owner))
         return owner, name
 
 
@@ -309,9 +313,9 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _refused(path: str, value: Any, declaration: param.Parameter, error: Exception) -> SettingError:
+def _refused(path: str, value: Any, declaration: param.Parameter, error: Exception) -> RefusedValueError:
     reason = _reason(error)
-    return SettingError(
+    return RefusedValueError(
         f"{path} = {_show(value)}: not accepted; accepted is {describe(declaration)}."
         f"{f' ({reason})' if reason else ''}"
     )
