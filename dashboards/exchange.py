@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,23 +14,33 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.document import Document
 
-from dashboards.computing import POOL, LatestWins, Outcome, attempt
+from dashboards.computing import LatestWins, Outcome, attempt
+from dashboards.pages.missions.job import Job
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.titled import Card
 from dashboards.upload import Upload
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
+from lab.base.progress import Progress
+from lab.base.result_files import csv_blocks, table
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.export import gpx, kml, tracks_of
 
+WRITTEN = 0.7
+"""Part of the work for a zip file that is done before it is compressed."""
+
 
 class Download(pmui.FileDownload):
-    """A download button; if its callback returns None, there is no file."""
+    """A download button; if its callback returns None, a file may be given later."""
 
     def __init__(self, **params: Any) -> None:
         super().__init__(**params)  # type: ignore[no-untyped-call]
+
+    def give(self, content: bytes) -> None:
+        """Give the browser a file."""
+        self._sync_data(io.BytesIO(content))
 
     def _sync_data(self, fileobj: io.BytesIO | None) -> None:
         if fileobj is not None:
@@ -39,15 +48,30 @@ class Download(pmui.FileDownload):
 
 
 class Files:
-    """Buttons for files: results as netCDF, csv, KML and GPX, settings as TOML, and settings from TOML."""
+    """Buttons for files: results as netCDF, csv, KML and GPX, settings as TOML, and settings from TOML.
 
-    def __init__(self, session: Session) -> None:
+    Parameters
+    ----------
+    session
+        Session whose result and settings are written.
+    seen
+        Returns the datasets that the visible page shows, and the visible stretch of time [s].
+    """
+
+    def __init__(
+        self, session: Session, seen: Callable[[], tuple[Sequence[str], tuple[float, float]]]
+    ) -> None:
         self._session = session
+        self._job = Job()
         common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
-        self._netcdf = Download(callback=self._to_netcdf, filename="result.nc", label="netCDF", **common)
-        self._csv = Download(callback=self._to_csv, filename="result.zip", label="csv", **common)
-        self._kml = Download(callback=self._to_kml, filename="result.kml", label="KML", **common)
-        self._gpx = Download(callback=self._to_gpx, filename="result.gpx", label="GPX", **common)
+        self._seen = Download(
+            callback=lambda: self._begin(self._seen, partial(seen_csv, *seen())),
+            filename="result.csv", label="csv of what is seen", **common,
+        )  # fmt: skip
+        self._netcdf = self._download("netCDF", "result.nc", netcdf, common)
+        self._csv = self._download("csv of all", "result.zip", zipped_csv, common)
+        self._kml = self._download("KML", "result.kml", kml_file, common)
+        self._gpx = self._download("GPX", "result.gpx", gpx_file, common)
         self._toml = Download(callback=self._to_toml, filename="settings.toml", label="Settings", **common)
         self._upload = Upload(
             self._uploaded, self._refused, most=1, largest=MAX_BYTES, accept=".toml", label="Load", **common
@@ -59,6 +83,8 @@ class Files:
             partial(self._arrive, document),
         )
         card = Card(
+            self._job.view,
+            self._seen,
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
@@ -77,6 +103,7 @@ class Files:
             return
         name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
         for widget, filename in (
+            (self._seen, f"{name}.csv"),
             (self._netcdf, f"{name}.nc"),
             (self._csv, f"{name}.zip"),
             (self._kml, f"{name}.kml"),
@@ -86,35 +113,36 @@ class Files:
             if widget.filename != filename:
                 widget.filename = filename
 
-    async def _to_netcdf(self) -> io.BytesIO | None:
-        return await self._written(netcdf)
+    def _download(
+        self, label: str, filename: str, write: Callable[[Result, Progress], bytes], common: dict[str, Any]
+    ) -> Download:
+        """Return a button for a file of the result, which takes a while to write."""
+        made = Download(callback=lambda: self._begin(made, write), filename=filename, label=label, **common)
+        return made
 
-    async def _to_csv(self) -> io.BytesIO | None:
-        return await self._written(zipped_csv)
-
-    async def _to_kml(self) -> io.BytesIO | None:
-        return await self._written(kml_file)
-
-    async def _to_gpx(self) -> io.BytesIO | None:
-        return await self._written(gpx_file)
-
-    async def _written(self, write: Callable[[Result], bytes]) -> io.BytesIO | None:
-        """Return the file of the result; None if there is no result yet, or no room on the disk."""
+    def _begin(self, button: Download, write: Callable[[Result, Progress], bytes]) -> None:
+        """Write a file of the result, unless one is being written: people click again when they wait."""
         result = self._session.result
-        if result is None:
-            return None
-        try:
-            return io.BytesIO(await asyncio.get_running_loop().run_in_executor(POOL, write, result))
-        except OSError as error:
-            reason = error.strerror or str(error)
-            self._session.problem = f"The server could not write the file. The system says: {reason}."
-            return None
+        if result is None or self._job.busy:
+            return
+
+        def work(progress: Progress) -> bytes:
+            try:
+                return write(result, progress)
+            except OSError as error:
+                reason = error.strerror or str(error)
+                raise ValueError(
+                    f"The server could not write the file. The system says: {reason}."
+                ) from error
+
+        self._job.start(f"Writing {button.filename}", work, button.give)
 
     def _to_toml(self) -> io.BytesIO:
         return io.BytesIO(self._session.experiment.to_toml().encode())
 
     def close(self) -> None:
         """Delete the uploaded files, and read no more."""
+        self._job.close()
         self._reading.close()
         self._upload.delete()
 
@@ -157,7 +185,7 @@ def experiment_of(content: bytes) -> Experiment:
         raise SettingError(f"The settings file: {error}.") from error
 
 
-def netcdf(result: Result) -> bytes:
+def netcdf(result: Result, _progress: Progress) -> bytes:
     """Return a result as a netCDF file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "result.nc"
@@ -165,22 +193,41 @@ def netcdf(result: Result) -> bytes:
         return path.read_bytes()
 
 
-def kml_file(result: Result) -> bytes:
+def kml_file(result: Result, _progress: Progress) -> bytes:
     """Return the paths of a result as KML, for Google Earth."""
     return kml.text(tracks_of(result)).encode()
 
 
-def gpx_file(result: Result) -> bytes:
+def gpx_file(result: Result, _progress: Progress) -> bytes:
     """Return the paths of a result as GPX, for maps."""
     return gpx.text(tracks_of(result)).encode()
 
 
-def zipped_csv(result: Result) -> bytes:
+def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, _progress: Progress) -> bytes:
+    """Return some datasets of a result in a stretch of time [s], as one csv file.
+
+    Those with the time axis of the first known one are in it; the innovations, if none is known.
+    """
+    known = [name for name in names if not result.missing_reason(name)] or ["innovations"]
+    tables = {name: table(getattr(result, name)) for name in known}
+    first = tables[known[0]]
+    together = {
+        f"{name} {column}" if len(known) > 1 else column: values
+        for name, one in tables.items()
+        if one.index.equals(first.index)
+        for column, values in one.items()
+    }
+    inside = (first.index >= window[0]) & (first.index <= window[1])
+    return "".join(csv_blocks(first.assign(**together)[list(together)][inside])).encode()
+
+
+def zipped_csv(result: Result, progress: Progress) -> bytes:
     """Return a result as csv files in a zip file."""
     buffer = io.BytesIO()
     with tempfile.TemporaryDirectory() as folder:
-        result.to_csv(Path(folder) / "result")
-        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+        result.to_csv(Path(folder) / "result", progress=lambda words, part: progress(words, WRITTEN * part))
+        progress("Compressing", WRITTEN)
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=2) as archive:
             for path in sorted((Path(folder) / "result").iterdir()):
                 archive.write(path, path.name)
     return buffer.getvalue()

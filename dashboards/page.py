@@ -331,7 +331,7 @@ class SimulatorPage:
         self._sidebar.append(self._settings.view)
 
     def _add_files(self) -> None:
-        self._files = Files(self.session)
+        self._files = Files(self.session, lambda: (self._page.seen, self.axis.window))
         self._sidebar.append(self._files.view)
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Self
+from typing import ClassVar, Self
 from weakref import ref
 
 import panel as pn
@@ -40,6 +40,8 @@ class Page(ABC):
 
     title: str
     depends_on_window = True
+    seen: ClassVar[tuple[str, ...]] = ("errors", "sigma")
+    """Datasets of a result, over the same times, in the file of what is seen."""
 
     def __init__(self, axis: TimeAxis) -> None:
         self.axis = axis

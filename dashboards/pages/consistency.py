@@ -67,6 +67,7 @@ class Consistency(ComputedPage):
     """
 
     title = "Consistency"
+    seen = ("consistency",)
     depends_on_window = True
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:

@@ -13,6 +13,7 @@ class GroundTrack(Page):
     """True and estimated path and the GPS fixes, in metres."""
 
     title = "Ground track"
+    seen = ("track",)
     depends_on_window = False
 
     def make(self) -> pn.viewable.Viewable:

@@ -27,6 +27,7 @@ class Innovations(Page):
     """Innovations with ±3σ, their autocorrelation, and the innovations of the measurements besides GPS."""
 
     title = "Innovations"
+    seen = ("innovations",)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the grid: innovations above, their autocorrelation below."""

@@ -87,6 +87,7 @@ class Covariance(TimePlots):
 
     title = "Covariance"
     plots = COVARIANCE
+    seen = ("state_sigma",)
     scale_plots = SCALE_COVARIANCE
     columns = 2
 
@@ -96,6 +97,7 @@ class SensorErrors(TimePlots):
 
     title = "Sensor errors"
     plots = SENSOR_ERRORS
+    seen = ("sensor_errors",)
     scale_plots = SCALE_ERRORS
 
     def wanted(self, result: Result) -> Plots:
@@ -109,4 +111,5 @@ class Height(TimePlots):
 
     title = "Height"
     plots = HEIGHT
+    seen = ("solution", "truth")
     columns = 1

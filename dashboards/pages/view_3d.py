@@ -22,6 +22,7 @@ class View3D(Page):
     """Paths, fixes, ellipsoids and the aircraft, from a viser server that runs as long as the session."""
 
     title = "3-D"
+    seen = ("solution", "truth")
     depends_on_window = False
 
     def __init__(self, axis: TimeAxis) -> None:

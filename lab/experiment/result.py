@@ -446,7 +446,9 @@ class Result(NotebookCard, Repeatable):
         settings = self.experiment.to_toml()
         result_files.write_netcdf(Path(path), self.datasets, title, settings, overwrite=overwrite)
 
-    def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
+    def to_csv(
+        self, folder: str | Path, *, overwrite: bool = False, progress: Progress | None = None
+    ) -> None:
         """Write each dataset as a csv file with units in the column names, and the settings as TOML.
 
         Raises
@@ -455,7 +457,9 @@ class Result(NotebookCard, Repeatable):
             If one of the files exists and `overwrite` is not given.
         """
         settings = self.experiment.to_toml()
-        result_files.write_csv(Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite)
+        result_files.write_csv(
+            Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite, progress=progress
+        )
 
     @property
     def overview(self) -> tuple[str, pd.DataFrame]:

@@ -317,7 +317,11 @@ def test_results_are_downloaded(shared_page: Page) -> None:
         assert {"truth", "solution", "errors", "sigma", "innovations"} <= set(file.groups)
         assert file["errors"]["position"].shape == (41_009, 3)
     with page.expect_download() as download:
-        page.get_by_text("csv", exact=True).click()
+        page.get_by_text("csv of what is seen", exact=True).click()
+    assert download.value.suggested_filename == "montreal_4.csv"
+    with page.expect_download() as download:
+        page.get_by_text("csv of all", exact=True).click()
+        expect(page.get_by_text("Writing ")).to_be_visible()
     assert download.value.suggested_filename == "montreal_4.zip"
     with zipfile.ZipFile(download.value.path()) as archive:
         assert archive.testzip() is None

@@ -132,9 +132,9 @@ def test_nothing_that_a_student_sees_or_saves_has_what_is_hidden(tmp_path: Path,
     words = [f"{BIAS:.5g}", f"{ARM:.5g}", str(SEED), "latency = 0.12", FAULTS["latency"].title]
     texts = list(_texts(result.experiment)) + list(_texts(result))
     texts += [result.experiment.to_toml(), query(result.experiment), json.dumps(result.experiment.to_dict())]
-    texts += [kml_file(result).decode(), gpx_file(result).decode(), *result.remarks]
+    texts += [kml_file(result, print).decode(), gpx_file(result, print).decode(), *result.remarks]
     texts += [repr(hidden), repr(result.experiment.scenario), result.experiment.hidden]  # type: ignore[attr-defined]
-    with zipfile.ZipFile(io.BytesIO(zipped_csv(result))) as archive:
+    with zipfile.ZipFile(io.BytesIO(zipped_csv(result, print))) as archive:
         texts += [archive.read(name).decode() for name in archive.namelist() if name.endswith(".toml")]
         headers = [archive.read(name).decode().partition("\n")[0] for name in archive.namelist()]
     result.to_netcdf(tmp_path / "run.nc")
