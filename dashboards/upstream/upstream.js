@@ -58,6 +58,10 @@
     },
   });
 
+  // Bokeh clips glyphs to the frame of their plot, but for those in the overlay, where the curves of a stream are.
+  const {GlyphRendererView} = Bokeh.require("models/renderers/glyph_renderer");
+  Object.defineProperty(GlyphRendererView.prototype, "needs_clip", {configurable: true, get: () => true});
+
   // Each component that changes its size has the whole page laid out. A plot needs that at once; the others
   // share one layout in the next frame, because the browser itself has placed them.
   const waiting = new Set();

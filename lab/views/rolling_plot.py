@@ -34,6 +34,8 @@ _ROWS_PER_SECOND = 60
 """Rows of a source per second at most: those of `lab.data.streams.rolling` and marks of gaps."""
 _MARKERS = ("circle",) * 3 + ("triangle",) * 3
 """Markers of points, in the order of the curves."""
+_JOINED = 1.5
+"""Longest time between two rows that a line joins [s]: a navigator has no rows until it is aligned again."""
 _STANDS_STILL = 0.6
 """Part of an ordinate below which what is shown is drawn larger."""
 
@@ -82,6 +84,7 @@ class RollingPlot:
         group: int = 0,
     ) -> None:
         self._labels, self._logarithmic, self._least = labels, logarithmic, least
+        self._are_points = points
         self._parcel = parcel
         self._span = (0.0, 0.0)
         self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
@@ -156,12 +159,23 @@ class RollingPlot:
         if not time.size:
             return
         rows = np.column_stack((time, values))
+        if not self._are_points:
+            rows = self._interrupted(rows)
         self._kept.append(rows)
         while len(self._kept) > 1 and self._kept[0][-1, 0] < time[-1] - window:
             self._kept.popleft()
         columns = dict(zip(("time", *self._labels), rows.T, strict=True))
         self._parcel.stream(self._source, columns, int(window * _ROWS_PER_SECOND))
         self._fit()
+
+    def _interrupted(self, rows: FloatArray) -> FloatArray:
+        """Return rows with one of NaN in the middle of each stretch of time that no line may cross."""
+        before = self._kept[-1][-1, 0] if self._kept else rows[0, 0]
+        steps = np.diff(rows[:, 0], prepend=before)
+        (gaps,) = np.nonzero(steps > _JOINED)
+        marks = np.full((gaps.size, rows.shape[1]), np.nan)
+        marks[:, 0] = rows[gaps, 0] - steps[gaps] / 2
+        return np.insert(rows, gaps, marks, axis=0)
 
     def move(self, now: float, window: float) -> None:
         """Show the time [s] up to now, over the length of a window [s]."""

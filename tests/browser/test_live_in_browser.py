@@ -19,6 +19,22 @@ SCALES = """(() => {
   return [(x.end - x.start) / figure.inner_width, (y.end - y.start) / figure.inner_height];
 })()"""
 """Metres of a pixel of the ground track, along both axes."""
+PAINTED = """
+async () => {
+  const rates = Bokeh.documents[0].get_model_by_name('live:Angular rate'), line = [0.1, 0.1];
+  rates.data = {time: [0, 200], age: [200, 0], forward: line, right: line, down: line};
+  for (let frames = 0; frames < 3; ++frames) await new Promise(requestAnimationFrame);
+  const view = [...Bokeh.index.query(one => one.model.title?.text?.startsWith('Angular rate'))][0];
+  const {canvas, ctx} = view.canvas_view.overlays;
+  const {data, width} = ctx.getImageData(0, 0, canvas.width, canvas.height);
+  const edge = Math.floor((view.frame.bbox.left - 1) * view.canvas_view.pixel_ratio), painted = [0, 0];
+  for (let byte = 3; byte < data.length; byte += 4)
+    if (data[byte] > 0) painted[((byte >> 2) % width) < edge ? 0 : 1] += 1;
+  return painted;
+}
+"""
+"""Painted pixels of the overlay of a plot, left and right of the left edge of its frame, with a line that begins
+before the window."""
 VISIBLE = (
     "[...Bokeh.documents[0]._all_models.values()]"
     ".filter(one => one.type === 'GlyphRenderer' && one.data_source.name === 'live:Angular rate')"
@@ -49,6 +65,10 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
         wait_for(page, f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02")
     page.get_by_role("button", name="Disconnect").click()
     expect(page.get_by_text("Disconnected.")).to_be_visible()
+    # A line that begins before the window is painted in the frame alone.
+    wait_for(page, IDLE)
+    outside, inside = page.evaluate(PAINTED)
+    assert outside == 0 < inside
 
 
 @pytest.mark.proof

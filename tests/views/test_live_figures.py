@@ -9,7 +9,9 @@ import pytest
 from bokeh.models.sources import ColumnDataSource
 
 from lab.data.streams.rolling import THINNED
+from lab.live.live_errors import LiveErrors
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, NAVIGATING, WAITING, LiveHistory, LiveState
+from lab.views.live_error_figures import LiveErrorFigures
 from lab.views.live_figures import LiveFigures
 
 
@@ -106,6 +108,23 @@ def test_a_plot_without_values_says_so() -> None:
     figures.clear()
     figures.show(LiveState(phase=WAITING, reason=""), 2.0)
     assert figures.figures[0].title.text == "Angular rate [°/s]: none yet"
+
+
+@pytest.mark.parametrize("parts", [1, 300])
+def test_a_curve_is_interrupted_where_nothing_was_known(parts: int) -> None:
+    """A stream that broke begins again after its alignment, whether a page was there meanwhile or comes later."""
+    time = np.concatenate((np.arange(0, 100), np.arange(300, 500))) / 20
+    axes = np.ones((len(time), 3))
+    whole = LiveErrors(time, axes, axes, axes, axes, axes, axes)
+    figures = LiveErrorFigures(20.0)
+    for rows in np.array_split(np.arange(len(time)), parts):
+        figures.add(LiveErrors(*(column[rows] for column in whole)), 0.0)
+    figures.show(25.0)
+    data = figures.figures[0].renderers[0].data_source.data
+    known = np.isfinite(data["error"])
+    assert (np.diff(data["time"]) > 0).all()
+    assert np.diff(data["time"])[known[1:] & known[:-1]].max() < 0.051
+    assert list(np.asarray(data["time"])[~known]) == [pytest.approx(9.975)]
 
 
 def flown(seconds: float, unknown: tuple[float, float]) -> LiveHistory:
