@@ -33,8 +33,9 @@ async () => {
   return painted;
 }
 """
-"""Painted pixels of the overlay of a plot, left and right of the left edge of its frame, with a line that begins
-before the window."""
+"""Painted pixels of the overlay of a plot, left and right of the left edge of its frame.
+
+A line in it begins long before the window."""
 VISIBLE = (
     "[...Bokeh.documents[0]._all_models.values()]"
     ".filter(one => one.type === 'GlyphRenderer' && one.data_source.name === 'live:Angular rate')"

@@ -350,12 +350,22 @@ def test_a_phone_comes_by_its_invitation(
     try:
         for page in (one.page, other.page):
             page._fields._source.value = PHONE
+            page._status.say("Disconnected.")  # as after another source, which was recorded
+            page._recorder._job.say("recording is in the library now.", "info")
             page._toggle()
+            assert "Waiting for the phone" in page._status.view.object
+            assert page._recorder._job._after.text == ""
         hub = phones.phone_server().hub
         assert "<svg" in one.page._inviting.view.object
         assert [state.state for state in hub.phones()] == ["invited", "invited"]
         other.page._toggle()  # cancels
         assert [state.state for state in hub.phones()] == ["invited"]
+        assert "Choose a source" in other.page._status.view.object
+        other.page._toggle()
+        hub.forget(list(hub._phones)[-1])  # as of an invitation that nobody took in time
+        other.page._inviting._look()
+        assert other.page._connect.label == "Connect"
+        assert "expired" in other.page._status.view.object
         (key,) = hub._phones
         assert hub.claim(hub._phones[key], "device", "Ann")
         one.until(lambda: one.page._inviting._look() is None and one.page._station is not None)

@@ -112,7 +112,7 @@ def test_a_plot_without_values_says_so() -> None:
 
 @pytest.mark.parametrize("parts", [1, 300])
 def test_a_curve_is_interrupted_where_nothing_was_known(parts: int) -> None:
-    """A stream that broke begins again after its alignment, whether a page was there meanwhile or comes later."""
+    """A stream that broke begins again after its alignment; a page was there meanwhile, or comes later."""
     time = np.concatenate((np.arange(0, 100), np.arange(300, 500))) / 20
     axes = np.ones((len(time), 3))
     whole = LiveErrors(time, axes, axes, axes, axes, axes, axes)

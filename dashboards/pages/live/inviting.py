@@ -34,6 +34,7 @@ class Inviting:
         self._document = pn.state.curdoc
         self._key: int | None = None
         self._came: Callable[[int, str], None] = lambda _key, _name: None
+        self._expired: Callable[[], None] = lambda: None
         self._looking: Any = None
         self.view = pn.pane.HTML("", visible=False, sizing_mode="stretch_width", margin=(4, 10))
 
@@ -42,13 +43,15 @@ class Inviting:
         """Whether a phone is waited for."""
         return self._key is not None
 
-    def begin(self, came: Callable[[int, str], None]) -> None:
+    def begin(self, came: Callable[[int, str], None], expired: Callable[[], None]) -> None:
         """Show an invitation.
 
         Parameters
         ----------
         came
             Called with number and name of the phone when it has come.
+        expired
+            Called if none has come in time.
 
         Raises
         ------
@@ -57,7 +60,7 @@ class Inviting:
         """
         server = phone_server()
         ticket = server.hub.invite()
-        self._key, self._came = ticket.key, came
+        self._key, self._came, self._expired = ticket.key, came, expired
         self.view.param.update(object=invitation_html(server.invitation(ticket)), visible=True)
         assert self._document is not None
         self._looking = self._document.add_periodic_callback(self._look, LOOK)
@@ -76,8 +79,9 @@ class Inviting:
 
     def _look(self) -> None:
         state = next((one for one in phone_server().hub.phones() if one.key == self._key), None)
-        if state is None:  # it has expired
+        if state is None:
             self._stop()
+            self._expired()
         elif state.state != INVITED:
             self._stop()
             self._came(state.key, state.name)

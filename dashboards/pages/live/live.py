@@ -16,7 +16,7 @@ from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import Chosen, SourceFields
-from dashboards.pages.live.status_line import StatusLine
+from dashboards.pages.live.status_line import NO_SOURCE, StatusLine
 from dashboards.pages.live.twin_part import TwinPart
 from dashboards.pages.live.wanted import not_as_wanted
 from dashboards.pages.live.watched import PartOfWatched, Watched
@@ -245,15 +245,19 @@ class Live(PartOfWatched, Page):
             return
         if self._inviting.waiting:
             self._inviting.end()
-            self._connect.label = "Connect"
+            self._invite_no_more(NO_SOURCE)
             return
         self._job.say("")
+        self._recorder.clear()
         try:
             if self._fields.wants_phone:
                 self._fields.settings()
                 STATIONS.check_place(self._session.visitor())
-                self._inviting.begin(self._phone_came)
+                self._inviting.begin(
+                    self._phone_came, lambda: self._invite_no_more("The invitation has expired.")
+                )
                 self._connect.label = "Cancel"
+                self._status.say("Waiting for the phone that scans the code.")
                 return
             chosen = self._fields.chosen()
         except ValueError as error:
@@ -261,9 +265,14 @@ class Live(PartOfWatched, Page):
             return
         self._start(chosen)
 
+    def _invite_no_more(self, sentence: str) -> None:
+        """Show that no phone is waited for."""
+        self._connect.label = "Connect"
+        self._status.say(sentence)
+
     def _phone_came(self, key: int, name: str) -> None:
         """Connect a phone that has scanned the QR code; if that is not possible, the phone is told."""
-        self._connect.label = "Connect"
+        self._invite_no_more(NO_SOURCE)
         try:
             experiment = self._fields.settings()
         except ValueError as error:

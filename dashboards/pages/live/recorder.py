@@ -106,6 +106,11 @@ class Recorder(PartOfWatched):
             if running is None and not self._job.busy:
                 self._job.say(self._heard, "info")
 
+    def clear(self) -> None:
+        """Say nothing any more about a recording of another source that has become a mission."""
+        if not self._job.busy:
+            self._job.say("")
+
     def close(self) -> None:
         """Leave a recording to those who still watch; it ends with the last, and is offered as unfinished."""
         self._job.close()

@@ -12,6 +12,8 @@ from dashboards.seen_names import as_seen
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 from lab.live.live_state import WAITING, LiveState
 
+NO_SOURCE = "Choose a source and connect it. The simulated device needs no hardware."
+
 COLOURS = {
     STREAMING: "#12a67c",
     STALE: "#e8862e",
@@ -46,7 +48,7 @@ class StatusLine:
 
     def __init__(self) -> None:
         self.view = pn.pane.HTML("", sizing_mode="stretch_width", margin=(2, 10), stylesheets=[_STYLE])
-        self.say("Choose a source and connect it. The simulated device needs no hardware.")
+        self.say(NO_SOURCE)
 
     def say(self, sentence: str) -> None:
         """Show a sentence where there is no source."""
