@@ -198,11 +198,12 @@ class SettingsPanel:
             sx={"padding": "3px 5px"},
             stylesheets=[TOOLTIP],
         )
-        reset.on_click(lambda chosen: self._reset(str(chosen["label"])))
+        reset.on_click(self._reset)
         return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")
 
-    def _reset(self, title: str) -> None:
+    def _reset(self, chosen: Any) -> None:
         """Set a group of settings, or all but the mission, to their defaults."""
+        title = str(chosen["label"])
         experiment = Experiment(mission=self._session.experiment.mission)
         if RESETS[title]:
             plain, experiment = experiment, self._session.experiment.copy()

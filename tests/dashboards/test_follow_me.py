@@ -208,6 +208,31 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
         settle(student)
 
 
+def test_undo_of_a_student_stays_on_the_page_of_the_student(room: Room) -> None:
+    student = room.student()
+    settings = student.page.session
+    for value in (0.2, 0.3):
+        room.set(NOISE, value)
+        settle(student)
+    settings.change("seed", 5)
+    settle(student)
+    shown, own = room.school_class.moment, settings.experiment.to_dict()
+    assert student.ask("undo")["undone"] != ""
+    settle(student)
+    assert (settings.experiment.seed, settings.experiment.get(NOISE)) == (1, 0.3)
+    assert not bar(student).follows
+    student.ask("redo")
+    bar(student).follow()
+    settle(student)
+    student.ask("undo")  # what the page took over from the class is one change
+    settle(student)
+    assert settings.experiment.to_dict() == own
+    assert not bar(student).follows
+    room.look()
+    assert room.school_class.moment == shown
+    assert room.teacher.page.session.experiment.seed == 1
+
+
 def test_a_lesson_is_followed_step_by_step_and_solved_steps_are_counted(room: Room) -> None:
     student = room.student()
     entry = next(one for one in lessons(room.teacher)._catalogue.entries if one.lesson and one.lesson.fault)

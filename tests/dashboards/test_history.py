@@ -44,20 +44,6 @@ def walk() -> Iterator[Walk]:
         yield opened
 
 
-def write(page: SimulatorPage) -> dict:
-    """Write the address, and return what the browser is sent."""
-    page._address._write()
-    return page._address.bar.shown
-
-
-def ask(walk: Walk, what: str, position: int = 0) -> dict:
-    """Ask as the browser does, and return what it is sent."""
-    bar = walk.page._address.bar
-    with set_curdoc(walk._document):
-        bar.asked = {"what": what, "position": position, "count": bar.asked.get("count", 0) + 1}
-    return write(walk.page)
-
-
 def test_undo_and_redo_restore_every_setting_the_seed_the_mission_and_the_tab(walk: Walk) -> None:
     session = walk.page.session
     saved = [session.experiment.to_dict()]
@@ -80,36 +66,36 @@ def test_undo_and_redo_restore_every_setting_the_seed_the_mission_and_the_tab(wa
     saved.append(session.experiment.to_dict())
     walk.open("Innovations")
     for expected in reversed(saved[:-1]):
-        ask(walk, "undo")
+        walk.ask("undo")
         assert session.experiment.to_dict() == expected
         assert walk.title == "Covariance"
-    assert write(walk.page)["undone"] == ""
-    ask(walk, "undo")
+    assert walk.sent()["undone"] == ""
+    walk.ask("undo")
     assert session.experiment.to_dict() == saved[0]
     for expected in saved[1:]:
-        ask(walk, "redo")
+        walk.ask("redo")
         assert session.experiment.to_dict() == expected
     assert walk.title == "Innovations"
-    assert write(walk.page)["redone"] == ""
+    assert walk.sent()["redone"] == ""
 
 
 def test_each_change_is_an_entry_of_the_browser_and_going_to_one_adds_none(walk: Walk) -> None:
     session = walk.page.session
     session.change(NOISE, 0.2)
     session.change(Q, 0.1)
-    sent = write(walk.page)
+    sent = walk.sent()
     assert sent["pushed"] == [[1, f"?{NOISE}=0.2"], [2, f"?{NOISE}=0.2&{Q}=0.1"]]
     assert (sent["position"], sent["search"]) == (2, f"?{NOISE}=0.2&{Q}=0.1")
     assert (sent["undone"], sent["redone"]) == ("Navigator and filter: Q scale 1 → 0.1", "")
     for what, position, there in (("visit", 0, 0), ("redo", 0, 1), ("visit", 2, 2), ("undo", 0, 1)):
-        sent = ask(walk, what, position)
+        sent = walk.ask(what, position)
         assert (sent["pushed"], sent["position"]) == ([], there)
     assert session.experiment.get(NOISE) == (0.2, 0.2, 0.2)
     assert sent["redone"] == "Navigator and filter: Q scale 1 → 0.1"
     session.change(R, 3.0)  # what was undone is gone
-    sent = write(walk.page)
+    sent = walk.sent()
     assert sent["pushed"] == [[2, f"?{NOISE}=0.2&{R}=3.0"]]
-    assert (ask(walk, "redo")["position"], session.experiment.get(Q)) == (2, 1.0)
+    assert (walk.ask("redo")["position"], session.experiment.get(Q)) == (2, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -132,17 +118,17 @@ def test_a_wish_that_a_browser_does_not_have_changes_nothing(walk: Walk, asked: 
 
 def test_time_zoom_and_runs_are_in_the_address_and_no_entries(walk: Walk) -> None:
     walk.page.session.change(NOISE, 0.2)
-    write(walk.page)
+    walk.sent()
     walk.page.axis.span(205.0)
     walk.page._time_bar.go(12.5)
     walk.page.axis.show(10, 60)
     walk.page.session.runs = 30
     walk.open("Height")
-    sent = write(walk.page)
+    sent = walk.sent()
     assert (sent["pushed"], sent["position"]) == ([], 1)
     assert sent["search"] == f"?{NOISE}=0.2&tab=Height&time=12.5&zoom=10-60&runs=30"
     assert walk.page._address.view == View("Height", 12.5, (10.0, 60.0), 30)
-    ask(walk, "undo")  # which compares the same stretch before and after
+    walk.ask("undo")  # which compares the same stretch before and after
     assert walk.page._shown_view() == View("", 12.5, (10.0, 60.0), 30)
 
 
@@ -155,7 +141,7 @@ def test_a_reload_shows_tab_time_zoom_and_runs(monkeypatch: pytest.MonkeyPatch) 
             page.servable()
         shown = page._shown_view()
         assert shown == View("Consistency", 12.5, (10.0, 60.0), 10)
-        assert write(page)["search"] == page._address.search  # not lost while the result is computed
+        assert walk.sent()["search"] == page._address.search  # not lost while the result is computed
         assert {TITLES[index] for index in page._pages} == {"Consistency"}  # others would take time
         page.session._browser_ready = True
         walk.run(Experiment(mission="los_angeles"))
@@ -216,9 +202,9 @@ def test_a_motion_of_a_slider_is_one_entry_however_long_it_rests(walk: Walk) -> 
         field._box.value = "0.4"
         field._box.value = "0.5"
     names = []
-    while name := write(walk.page)["undone"]:
+    while name := walk.sent()["undone"]:
         names.append(name)
-        ask(walk, "undo")
+        walk.ask("undo")
     changes = ("0.4 → 0.5", "0.3 → 0.4", "0.2 → 0.3", "0.05 → 0.2")
     assert names == [f"Gyros: White noise {change}" for change in changes]
 
@@ -305,7 +291,7 @@ def test_nothing_is_computed_again_that_the_cache_has(walk: Walk) -> None:
         session.change(R, value)
         assert session.experiment.run() is not None
     computed = dict(CACHE.computed)
-    ask(walk, "undo")
+    walk.ask("undo")
     session.experiment.run()
     assert dict(CACHE.computed) == computed
 
@@ -314,10 +300,10 @@ def test_a_mission_that_is_gone_keeps_the_present_one(walk: Walk) -> None:
     session, history = walk.page.session, walk.page._address._history
     history.amend(state(f"mission=gone&{Q}=2.5"))
     session.change("mission", "los_angeles")
-    ask(walk, "undo")
+    walk.ask("undo")
     assert (session.experiment.mission, session.experiment.get(Q)) == ("los_angeles", 2.5)
     assert "'gone' is not there any more" in session.problem
-    assert write(walk.page)["search"] == f"?mission=los_angeles&{Q}=2.5"
+    assert walk.sent()["search"] == f"?mission=los_angeles&{Q}=2.5"
 
 
 def test_a_reset_is_of_a_group_or_of_everything_and_is_undone(walk: Walk) -> None:
@@ -341,8 +327,8 @@ def test_a_reset_is_of_a_group_or_of_everything_and_is_undone(walk: Walk) -> Non
     }
     for title, values in kept.items():
         assert title in RESETS
-        panel._reset(title)
+        panel._reset({"label": title})
         assert {path: session.experiment.get(path) for path in values} == values
-        assert write(walk.page)["undone"] == f"Reset: {title}"
-        ask(walk, "undo")
+        assert walk.sent()["undone"] == f"Reset: {title}"
+        walk.ask("undo")
         assert session.experiment.to_dict() == changed

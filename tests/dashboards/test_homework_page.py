@@ -9,12 +9,15 @@ from types import SimpleNamespace
 import panel_material_ui as pmui
 import pytest
 from lessons_walk import click, page
+from panel.io.state import set_curdoc
 from walking import Walk, walking
 
 from dashboards import classroom
 from dashboards.address import Address
 from dashboards.pages.lessons.homework_part import IS_OFF
 from dashboards.query import homework_of_query
+from dashboards.settings_panel import SettingsPanel
+from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.homework.hand_in import open_hand_in
 from lab.classroom.homework.homework_file import Keyed, homework_text, make_homework, write_key
 from lab.experiment.experiment import Experiment
@@ -130,6 +133,33 @@ def test_reset_turns_it_off_and_it_is_taken_up_again(walk: Walk, keyed: Keyed) -
     click(walk, "All lessons")
     assert session.experiment.hidden == ""
     assert "Homework" in walk.text()
+
+
+def test_undo_in_a_homework_keeps_what_is_hidden_and_nothing_of_it_is_in_the_history(
+    walk: Walk, keyed: Keyed
+) -> None:
+    session, address, key = walk.page.session, walk.page._address, keyed.homework.scenario.key
+    click(walk, "Find <b>it</b>")
+    session.change("navigator.r_scale", 10.0)
+    begun = walk.ask("undo")["search"]
+    assert (session.experiment.hidden, session.experiment.navigator.r_scale) == (key, 1.0)
+    session.accept(Experiment(mission="los_angeles"))  # as Reset does
+    assert session.experiment.hidden == ""
+    assert walk.ask("undo")["search"] == begun
+    assert session.experiment.hidden == key
+    with set_curdoc(walk._document):
+        panel = SettingsPanel(session)
+    session.change("navigator.r_scale", 10.0)
+    panel._reset({"label": "Trajectory"})  # of which the homework lets nothing change
+    panel._reset({"label": "Navigator and filter"})
+    experiment = session.experiment
+    assert (experiment.hidden, experiment.trajectory.imu_rate) == (key, 50.0)
+    assert experiment.navigator.r_scale == 1.0
+    held = str([*address._history._entries.values(), walk.sent()])
+    assert all(secret not in held for secret in (FAULTS["r"].title, "HiddenExperiment", "Scenario"))
+    click(walk, "All lessons")
+    walk.ask("undo")
+    assert session.experiment.hidden == ""  # of a homework that is closed, only what is seen comes back
 
 
 def test_a_file_is_opened_and_a_damaged_one_says_so(walk: Walk, keyed: Keyed, tmp_path: Path) -> None:

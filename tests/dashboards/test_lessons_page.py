@@ -138,6 +138,31 @@ def test_a_fault_is_on_while_its_lesson_is_open_and_off_afterwards(walk: Walk) -
     assert session.experiment.hidden == ""
 
 
+def test_a_lesson_is_undone_with_its_settings_and_made_again_with_its_fault(walk: Walk) -> None:
+    session = walk.page.session
+    session.change("navigator.r_scale", 3.0)
+    before = session.experiment.to_dict()
+    click(walk, "Break it 3")
+    session.change("navigator.q_scale", 2.0)
+    changed, place = session.experiment.to_dict(), page(walk).place
+    assert walk.ask("undo")["redone"] == "Navigator and filter: Q scale 1 → 2"
+    assert session.experiment.hidden == FAULTS["r"].title
+    assert walk.ask("undo")["redone"] == "Break it 3, step 1"
+    assert (session.experiment.to_dict(), session.experiment.hidden) == (before, "")
+    assert page(walk).place is None
+    for position in (3, 2, 3):
+        sent = walk.ask("visit", position)
+        assert session.experiment.hidden == FAULTS["r"].title
+        assert page(walk).place == place
+        assert "hidden" not in str(sent)
+        assert FAULTS["r"].title not in str(sent)
+    assert session.experiment.to_dict() == changed
+    click(walk, "All lessons")
+    assert session.experiment.hidden == ""
+    walk.ask("undo")
+    assert (page(walk).place, session.experiment.hidden) == (place, FAULTS["r"].title)
+
+
 def test_a_repair_counts_only_with_the_fault(walk: Walk) -> None:
     session = walk.page.session
     click(walk, "Break it 3")

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import unescape
+from typing import Any
 
 import numpy as np
 import panel as pn
@@ -67,6 +68,18 @@ class Walk:
         with set_curdoc(self._document):
             self.page._tabs.active = TITLES.index(title)
         self.settle()
+
+    def ask(self, what: str, position: int = 0) -> dict[str, Any]:
+        """Undo, redo, or visit an entry of the browser's history; return what the browser is sent."""
+        bar = self.page._address.bar
+        with set_curdoc(self._document):
+            bar.asked = {"what": what, "position": position, "count": bar.asked.get("count", 0) + 1}
+        return self.sent()
+
+    def sent(self) -> dict[str, Any]:
+        """Write the address, and return what the browser is sent of it and of the history."""
+        self.page._address._write()
+        return self.page._address.bar.shown
 
     def settle(self) -> None:
         """Do what the document was asked to do later, until nothing is worked on any more."""

@@ -1,0 +1,85 @@
+"""Undo, redo, Back, Forward and a reload in a real browser: the page and its address stay together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import IDLE, wait_for
+
+pytestmark = pytest.mark.browser
+
+BEGUN = "?mission=los_angeles&trajectory.imu_rate=50"
+ADDRESS = "decodeURIComponent(location.search)"
+CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
+ENTRIES = "history.length"
+
+
+def shows(page: Page, noise: str, tab: str = "Errors") -> None:
+    """Expect that the page shows a noise of the gyros and a tab, and that its address says so."""
+    expect(page.get_by_role("textbox").nth(1)).to_have_value(noise)
+    expect(page.get_by_role("tab", name=tab, exact=True)).to_have_attribute("aria-selected", "true")
+    setting = f"&sensors.gyro.noise_density={noise}" if noise != "0.05" else ""
+    view = f"&tab={tab}" if tab != "Errors" else ""
+    wait_for(page, f"{ADDRESS}.replace(/&time=[0-9.]+/, '') === '{BEGUN}{setting}{view}'")
+
+
+def drag(page: Page) -> str:
+    """Drag the slider of the noise in several steps; return the noise at its end."""
+    place = page.get_by_role("slider", name="White noise").first.bounding_box()
+    assert place is not None
+    x, y = place["x"] + place["width"] / 2, place["y"] + place["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 50, y, steps=5)
+    page.mouse.up()
+    wait_for(page, f"!{ADDRESS}.includes('density=0.2&')")
+    return page.get_by_role("textbox").nth(1).input_value()
+
+
+def test_back_forward_undo_redo_and_a_reload_change_page_and_address(open_page: Callable[..., Page]) -> None:
+    page = open_page(BEGUN)
+    entries, box = page.evaluate(ENTRIES), page.get_by_role("textbox").nth(1)
+    undo, redo = page.get_by_role("button", name="Undo"), page.get_by_role("button", name="Redo")
+    expect(undo).to_be_disabled()
+    box.fill("0.2")
+    box.press("Enter")
+    shows(page, "0.2")
+    page.get_by_role("tab", name="Height", exact=True).click()
+    shows(page, "0.2", "Height")
+    page.go_back()
+    shows(page, "0.05")
+    expect(undo).to_be_disabled()
+    page.go_forward()
+    shows(page, "0.2", "Height")
+    undo.click()
+    shows(page, "0.05")
+    expect(redo).to_have_attribute("title", "Redo: Gyros: White noise 0.05 → 0.2 (Ctrl+Shift+Z)")
+    box.focus()
+    page.keyboard.press("Control+Shift+Z")  # that of the box, which is for its letters
+    page.get_by_role("slider", name="Time").focus()
+    page.keyboard.press("Control+Shift+Z")
+    shows(page, "0.2", "Height")
+    page.keyboard.press("Control+z")
+    shows(page, "0.05")
+    redo.click()
+    shows(page, "0.2", "Height")
+    assert page.evaluate(ENTRIES) == entries + 1  # none of these ways added one
+    dragged = drag(page)
+    shows(page, dragged, "Height")
+    expect(undo).to_have_attribute("title", f"Undo: Gyros: White noise 0.2 → {dragged} (Ctrl+Z)")
+    assert page.evaluate(ENTRIES) == entries + 2
+    page.get_by_role("slider", name="Time").press("End")
+    wait_for(page, f"{ADDRESS}.includes('&time=')")
+
+    page.reload()
+    wait_for(page, f"{IDLE} && {CURSOR} > 50")
+    shows(page, dragged, "Height")
+    page.go_back()  # to what was before the reload
+    shows(page, "0.2", "Height")
+    wait_for(page, IDLE)
+    page.go_back()
+    shows(page, "0.05")
+    wait_for(page, IDLE)
