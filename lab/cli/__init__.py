@@ -22,6 +22,10 @@ COMMANDS |= {
         "lab.cli.run:run",
         "Navigate a mission; show the errors, and whether the filter states them correctly.",
     ),
+    "report": (
+        "lab.cli.report:report",
+        "Write a run as one HTML file: verdict, plots, tables, and what repeats it.",
+    ),
     "compare": (
         "lab.cli.compare:compare",
         "Compare error models on the same flights: errors, consistency, time, verdict.",

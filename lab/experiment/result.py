@@ -461,6 +461,21 @@ class Result(NotebookCard, Repeatable):
             Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite, progress=progress
         )
 
+    def report(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write this run as one HTML file: verdict, changed settings, plots, tables, versions, all settings.
+
+        It opens without a network, and prints on a few pages. The advice of the verdict is tried, which takes
+        some runs.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is not given.
+        FileNotFoundError
+            If the folder does not exist.
+        """
+        find("result", "report")(self, Path(path), overwrite=overwrite)
+
     @property
     def overview(self) -> tuple[str, pd.DataFrame]:
         """Name and content of the main table: the errors, or the innovations if the errors are unknown."""

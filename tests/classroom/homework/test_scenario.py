@@ -10,6 +10,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from bokeh.models import ColumnDataSource
 
 from dashboards.exchange import gpx_file, kml_file, zipped_csv
 from dashboards.query import query
@@ -23,6 +24,8 @@ from lab.classroom.homework.scenario import Hidden, Scenario
 from lab.experiment.experiment import Experiment
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import SENSOR_ERRORS
+from lab.views.report import _plots as report_plots
+from lab.views.report import report_html
 
 SHOWN = {"mission": "los_angeles", "trajectory": {"imu_rate": 20}}
 BIAS, ARM, SEED = 0.0437219, 2.6173911, 3141592653
@@ -147,6 +150,12 @@ def test_nothing_that_a_student_sees_or_saves_has_what_is_hidden(tmp_path: Path,
                 if values.dtype.kind == "f":
                     assert not np.isclose(values, BIAS, rtol=1e-6).any(), variable.name
                     assert not np.isclose(values, ARM, rtol=1e-6).any(), variable.name
+    texts.append(report_html(result))
+    for _title, figures in report_plots(result):
+        for source in {source for fig in figures for source in fig.select({"type": ColumnDataSource})}:
+            for name, values in source.data.items():
+                for secret in (BIAS, ARM):
+                    assert not np.isclose(np.asarray(values, dtype=float), secret, rtol=1e-6).any(), name
     for text in texts:
         assert not [word for word in words if word in text]
     shown = " ".join(headers)

@@ -1,0 +1,53 @@
+"""``ins-lab report``: a run as one HTML file, which opens without a network and repeats the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lab.cli.app import CommandError, working
+from lab.cli.options import (
+    AlgorithmFile,
+    Assignments,
+    Assumed,
+    Card,
+    Config,
+    Force,
+    Mission,
+    Seed,
+    algorithms,
+    check_out,
+    experiment,
+)
+
+EXAMPLES = """\b
+Examples:
+  ins-lab report montreal --to montreal.html
+  ins-lab report montreal --set navigator.q_scale=0.1 --to wrong_q.html
+  ins-lab report my_drive --to my_drive.html"""
+
+
+def report(
+    mission: Mission,
+    to: Annotated[Path, typer.Option("--to", metavar="FILE.html", help="File to write.", show_default=False)],
+    config: Config = None,
+    card: Card = None,
+    assumed: Assumed = True,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    own: AlgorithmFile = None,
+    force: Force = False,
+) -> None:
+    """Navigate a mission, and write the run as one HTML file."""
+    check_out(to, force, ".html", "an HTML file", "--to")
+    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    with working(chosen.mission) as progress:
+        navigators = algorithms([own] if own else None)
+        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
+        try:
+            result.report(to, overwrite=force)
+        except OSError as error:
+            raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
+    print(to)

@@ -1,0 +1,175 @@
+"""Report: a run as one HTML file, which opens without a network, prints on few pages, and repeats the run.
+
+It holds the verdict, the settings that differ, plots of errors, innovations and path, tables, all settings as
+TOML, and the versions that made it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bokeh.embed import components
+from bokeh.models.annotations import Title
+from bokeh.plotting import figure
+from bokeh.resources import Resources
+
+from lab.base.files.atomic_file import atomic_file
+from lab.views.ensemble_cards import verdict_html
+from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
+from lab.views.result_cards import settings_html
+from lab.views.time_plot import TimePlot
+from lab.views.track import TrackFigure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lab.experiment.result import Result
+
+BUCKETS = 330
+"""Number of intervals to which each curve is thinned: one for each pixel of a plot."""
+WIDTH, LINE = 330, 205
+"""Width of a plot, and height of a line of three [px]."""
+PACKAGES = ("ins-lab", "numpy", "scipy", "numba", "bokeh")
+"""Packages whose versions are named."""
+
+_STYLE = """
+body { margin: 0 auto; padding: 18px; max-width: 1024px; background: #fff; color: #1d2430;
+       font: 14px/1.5 Roboto, "Helvetica Neue", Arial, sans-serif; }
+h1 { font-size: 22px; font-weight: 500; margin: 0 0 4px; }
+h2 { font-size: 17px; font-weight: 500; margin: 22px 0 6px; border-bottom: 1px solid #d5dae1; }
+p { margin: 6px 0; }
+.quiet { color: #5c6675; }
+.plots { display: flex; flex-wrap: wrap; gap: 8px; break-inside: avoid; }
+.tables { display: flex; flex-wrap: wrap; gap: 8px 36px; align-items: start; }
+table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums; }
+th, td { padding: 2px 9px; border: 0; border-bottom: 1px solid #e3e7ec; text-align: right; }
+th:first-child, td:first-child { text-align: left; }
+pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 11px; line-height: 1.35; columns: 2; }
+@page { size: A4; margin: 12mm; }
+@media print { body { zoom: 0.68; padding: 0; } h2 { break-after: avoid; } tr { break-inside: avoid; } }
+"""
+
+
+def report_html(result: Result) -> str:
+    """Return a run as one HTML file.
+
+    The advice of its verdict is tried, which takes some runs.
+
+    Parameters
+    ----------
+    result
+        The run. Of a homework, nothing that is hidden is in the report.
+    """
+    mission = result.mission.title or result.mission.name
+    groups = dict(_plots(result))
+    figures = [one for group in groups.values() for one in group]
+    scripts, places = components(figures)
+    drawn = iter(places)
+    plots = "".join(
+        f'<h2>{escape(title)}</h2><div class="plots">{"".join(next(drawn) for _ in group)}</div>'
+        for title, group in groups.items()
+        if group
+    )
+    facts = ", ".join(part for part in (f"{result.time[-1]:.0f} s", result.realisation) if part)
+    algorithm = f" Navigated by {escape(result.algorithm)}." if result.algorithm else ""
+    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
+    return (
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
+        f"<title>{escape(mission)}: INS Lab</title><style>{_STYLE}</style>"
+        f"{_bokeh()}</head><body>"
+        f'<h1>{escape(mission)}</h1><p class="quiet">{escape(facts)}.{algorithm} {escape(_versions())}</p>'
+        f"{verdict_html(result.tried_verdict)}{f'<ul>{remarks}</ul>' if remarks else ''}"
+        f"<h2>Settings that differ</h2>{settings_html(result.experiment, changed_only=True)}"
+        f'{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
+        f"{_repetition(result)}{scripts}</body></html>"
+    )
+
+
+def write_report(result: Result, path: Path, *, overwrite: bool = False) -> None:
+    """Write a run as one HTML file; see `Result.report`."""
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; nothing was written. overwrite=True replaces it")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
+    html = report_html(result)
+    with atomic_file(path) as file:
+        file.write(html.encode())
+
+
+def _bokeh() -> str:
+    """Return Bokeh's own script; what its extensions add, as where Panel is loaded, is not needed."""
+    return "".join(f"<script>{js}</script>" for js in Resources(mode="inline", components=["bokeh"]).js_raw)
+
+
+def _plots(result: Result) -> Iterator[tuple[str, list[figure]]]:
+    """Iterate over the titles of the groups of plots, and their figures."""
+    axis = TimeAxis(name="report")
+    axis.span(float(result.time[-1]))
+    outages = result.experiment.sensors.gps.outages
+    axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
+    if not result.missing_reason("errors"):
+        yield "Errors, with ±3σ of the filter", _drawn(ERRORS, axis, result)
+    yield "Innovations, with ±3σ of the filter", _drawn(INNOVATIONS, axis, result)
+    yield "Consistency, with the band of 95 % of a matched filter", _drawn(CONSISTENCY, axis, result)
+    yield "Biases: the estimate with ±3σ, and the truth", _drawn(SENSOR_ERRORS, axis, result)
+    track = TrackFigure()
+    track.show(result, 0.0)
+    track.figure.toolbar_location = None
+    yield "Path", [_sized(track.figure, 2 * LINE), *_drawn((HEIGHT[0], HEIGHT[2]), axis, result)]
+
+
+def _drawn(plots: Sequence[TimePlot], axis: TimeAxis, result: Result) -> list[figure]:
+    """Return the figures of those plots that have something to show."""
+    figures = TimeFigures(plots, axis, buckets=BUCKETS)
+    figures.show(result)
+    return [_sized(fig) for fig in figures.figures if fig.visible]
+
+
+def _sized(fig: figure, height: int = LINE) -> figure:
+    fig.update(sizing_mode=None, min_height=None, width=WIDTH, height=height, outline_line_color=None)
+    fig.axis.minor_tick_line_color = None
+    assert isinstance(fig.title, Title)
+    fig.title.update(text_font_size="11px", text_font_style="normal", text_font="Roboto, Arial, sans-serif")
+    return fig
+
+
+def _tables(result: Result) -> Iterator[str]:
+    """Iterate over the tables of errors, of errors in their σ, and of innovations in theirs."""
+    if not result.missing_reason("summary"):
+        yield _table(result.summary)
+    if not result.missing_reason("coverage"):
+        yield _table(result.coverage)
+    yield _table(result.whiteness)
+
+
+def _table(table: pd.DataFrame) -> str:
+    return table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–")
+
+
+def _versions() -> str:
+    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in PACKAGES)}."
+
+
+def _repetition(result: Result) -> str:
+    """Return all settings, and how the run is repeated with them."""
+    name = result.experiment.mission
+    own = (
+        " The run was made by an algorithm of its own, which is not in this report."
+        if result.algorithm
+        else ""
+    )
+    return (
+        "<h2>Repeat this run</h2><p>Save the settings below as <code>settings.toml</code>, and run "
+        f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, it "
+        f"gives the same figures to the last bit.{own} SHA-256 of the recording: "
+        f"<code>{escape(result.mission.content_hash)}</code>.</p>"
+        f'<pre id="settings">{escape(result.experiment.to_toml())}</pre>'
+    )

@@ -1,0 +1,25 @@
+"""``ins-lab report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from asking import ask, refused
+
+
+def test_a_report_is_written_and_replaced_only_when_told(tmp_path: Path) -> None:
+    path = tmp_path / "flight.html"
+    asked = ("report", "montreal", "--set", "trajectory.imu_rate=50", "--to", str(path))
+    answer = ask(*asked)
+    assert answer.exit_code == 0
+    assert answer.stdout.strip() == str(path)
+    assert "<h1>Montréal</h1>" in path.read_text(encoding="utf-8")
+    refused(ask(*asked), "exists already", "--force")
+    assert ask(*asked, "--force").exit_code == 0
+
+
+def test_what_cannot_be_written_is_said_before_the_work(tmp_path: Path) -> None:
+    refused(ask("report", "montreal", "--to", str(tmp_path / "a.pdf")), "--to", ".html")
+    refused(ask("report", "montreal", "--to", str(tmp_path / "no" / "a.html")), "there is no folder")
+    refused(ask("report", "nowhere", "--to", str(tmp_path / "a.html")), "there is no mission")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,86 @@
+"""The report: one file that opens without a network, has what its reader needs, and repeats the run."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab.base.parameters.toml_file import parse_toml
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.views.report import report_html
+
+LARGEST = 5e6
+"""Size that a file of plots may have to be sent by mail [bytes]."""
+
+
+@pytest.fixture(scope="module")
+def changed() -> Result:
+    made = Experiment(mission="los_angeles", seed=4)
+    made.update({"trajectory": {"imu_rate": 50.0}, "navigator": {"q_scale": 0.1}})
+    made.set("sensors.gps.outages", [(40.0, 60.0)])
+    return made.run()
+
+
+@pytest.fixture(scope="module")
+def html(changed: Result) -> str:
+    return report_html(changed)
+
+
+def settings_of(html: str) -> Experiment:
+    found = re.search(r'<pre id="settings">(.*?)</pre>', html, re.DOTALL)
+    assert found is not None
+    return Experiment().update(parse_toml(unescape(found[1])))
+
+
+def test_the_settings_in_a_report_repeat_its_run_bit_for_bit(changed: Result, html: str) -> None:
+    again = settings_of(html).run()
+    for name in ("q_nb", "velocity_n", "innovation", "fix_covariance"):
+        before, after = (getattr(one.solution_arrays, name) for one in (changed, again))
+        assert np.array_equal(before, after, equal_nan=True), name
+    assert again.experiment.to_dict() == changed.experiment.to_dict()
+    assert changed.mission.content_hash in html
+
+
+def test_a_report_has_its_verdict_the_changes_and_the_tables(changed: Result, html: str) -> None:
+    text = unescape(re.sub(r"<(script|style).*?</\1>", "", html, flags=re.DOTALL))
+    assert changed.tried_verdict.headline in text
+    assert re.search(r"navigator\.(<wbr>)?q_(<wbr>)?scale", text)
+    assert "Los Angeles" in text
+    assert "seed 4" in text
+    for value in changed.summary["rms"]:
+        assert f"<td>{value:.3g}</td>" in text
+    assert text.count('<div class="plots">') == 5
+    assert len(html) < LARGEST
+
+
+def test_nothing_is_fetched_from_elsewhere(html: str) -> None:
+    tags = re.findall(r"<(?:script|link|img|iframe)\b[^>]*>", html)
+    assert tags
+    assert not [tag for tag in tags if re.search(r"\b(?:src|href)\s*=", tag)]
+
+
+def test_a_title_ends_no_script(changed: Result) -> None:
+    evil = "</script><script>alert(1)</script>"
+    mission = dataclasses.replace(changed.mission, title=evil)
+    html = report_html(dataclasses.replace(changed, mission=mission))
+    assert "<script>alert" not in html
+    assert "&lt;script&gt;alert" in html
+
+
+def test_a_file_is_replaced_only_when_told(changed: Result, tmp_path: Path) -> None:
+    path = tmp_path / "run.html"
+    changed.report(path)
+    written = path.read_text()
+    with pytest.raises(FileExistsError, match="nothing was written"):
+        changed.report(path)
+    assert path.read_text() == written
+    changed.report(path, overwrite=True)
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        changed.report(tmp_path / "no" / "run.html")
+    assert [one.name for one in tmp_path.iterdir()] == ["run.html"]
