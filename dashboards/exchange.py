@@ -48,7 +48,7 @@ class Download(pmui.FileDownload):
 
 
 class Files:
-    """Buttons for files: results as netCDF, csv, KML and GPX, settings as TOML, and settings from TOML.
+    """Buttons for files: results as report, netCDF, csv, KML and GPX, settings as TOML, and from TOML.
 
     Parameters
     ----------
@@ -66,8 +66,9 @@ class Files:
         common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
         self._seen = Download(
             callback=lambda: self._begin(self._seen, partial(seen_csv, *seen())),
-            filename="result.csv", label="csv of what is seen", **common,
+            filename="result.csv", label="csv as seen", **common,
         )  # fmt: skip
+        self._report = self._download("Report", "report.html", report_file, common)
         self._netcdf = self._download("netCDF", "result.nc", netcdf, common)
         self._csv = self._download("csv of all", "result.zip", zipped_csv, common)
         self._kml = self._download("KML", "result.kml", kml_file, common)
@@ -84,7 +85,7 @@ class Files:
         )
         card = Card(
             self._job.view,
-            self._seen,
+            pn.Row(self._report, self._seen, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
@@ -103,6 +104,7 @@ class Files:
             return
         name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
         for widget, filename in (
+            (self._report, f"{name}.html"),
             (self._seen, f"{name}.csv"),
             (self._netcdf, f"{name}.nc"),
             (self._csv, f"{name}.zip"),
@@ -191,6 +193,14 @@ def netcdf(result: Result, _progress: Progress) -> bytes:
         path = Path(folder) / "result.nc"
         result.to_netcdf(path)
         return path.read_bytes()
+
+
+def report_file(result: Result, progress: Progress) -> bytes:
+    """Return a result as one HTML file that opens without a network."""
+    from lab.views.report import report_html  # noqa: PLC0415 - an opening page needs none of it
+
+    progress("Trying the advice of the verdict", 0.0)
+    return report_html(result).encode()
 
 
 def kml_file(result: Result, _progress: Progress) -> bytes:

@@ -317,7 +317,7 @@ def test_results_are_downloaded(shared_page: Page) -> None:
         assert {"truth", "solution", "errors", "sigma", "innovations"} <= set(file.groups)
         assert file["errors"]["position"].shape == (41_009, 3)
     with page.expect_download() as download:
-        page.get_by_text("csv of what is seen", exact=True).click()
+        page.get_by_text("csv as seen", exact=True).click()
     assert download.value.suggested_filename == "montreal_4.csv"
     with page.expect_download() as download:
         page.get_by_text("csv of all", exact=True).click()

@@ -109,3 +109,12 @@ def test_a_full_disk_is_told_and_hands_nothing_over(walk: Walk, name: str, reaso
     assert reason in shown._job._after.text
     assert button._transfers == before
     assert given(walk, button)
+
+
+def test_a_report_has_the_verdict_and_no_address_of_another_file(walk: Walk) -> None:
+    """Panel's extensions are loaded here; a report must not refer to their files."""
+    html = given(walk, files(walk)._report).decode()
+    result = walk.page.session.result
+    assert result is not None
+    assert result.verdict.headline.split(".")[0] in html
+    assert "static/extensions" not in html
