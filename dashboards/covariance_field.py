@@ -41,7 +41,7 @@ class CovarianceField(TextField):
             margin=(22, 0, 0, 0),
             width=20,
             color="default",
-            description="One σ for each row",
+            description=f"{declaration.label}: one σ for each row",
             stylesheets=[TOOLTIP],
         )
         more.param.watch(self._unfold, "value")

@@ -12,6 +12,8 @@ _FIELDS: dict[str, Any] = {
     }
 }
 """Selects are as high as text fields, which stand beside them in rows."""
+_NAMED: dict[str, Any] = {"MuiLinearProgress": {"defaultProps": {"aria-label": "Progress"}}}
+"""Parts whose name readers of the screen need, and the library gives none."""
 _BRIGHT_ICONS: dict[str, Any] = {
     "MuiIconButton": {
         "styleOverrides": {
@@ -33,7 +35,7 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
-        "components": _FIELDS,
+        "components": _FIELDS | _NAMED,
     },
     "dark": {
         "palette": {
@@ -43,7 +45,7 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
-        "components": _FIELDS | _BRIGHT_ICONS,
+        "components": _FIELDS | _NAMED | _BRIGHT_ICONS,
     },
 }
 """Colours of the two themes.
@@ -83,6 +85,15 @@ WRAP = """
 
 WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
 """Makes a column as high as its content; otherwise Panel lets content higher than the window overlap."""
+
+HIDDEN_LABEL = """
+.MuiInputLabel-root { position: absolute !important; width: 1px; height: 1px; overflow: hidden;
+                      clip-path: inset(50%); }
+label + .MuiInput-root { margin-top: 0 !important; }
+fieldset { top: 0 !important; }
+legend { display: none !important; }
+"""
+"""The label of a field is for readers of the screen alone: what stands beside it says the same."""
 
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
 """The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""

@@ -11,7 +11,7 @@ import param
 from bokeh.document import Document
 
 from dashboards.sending import together
-from dashboards.style import TOOLTIP
+from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
@@ -64,8 +64,9 @@ class TimeBar:
         self._play = _play_button()
         self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
         self._speed = pmui.Select(
-            options=SPEEDS, value=5.0, size="small", width=84, margin=4, stylesheets=[ROOMY]
-        )
+            label="Speed", options=SPEEDS, value=5.0, size="small", width=84, margin=4,
+            stylesheets=[ROOMY, HIDDEN_LABEL],
+        )  # fmt: skip
         self._slider = _time_slider()
         self._slider.param.watch(self._moved, "value")
         self._readout = pn.pane.HTML(

@@ -10,8 +10,9 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 import param
+from bokeh.models import CustomJSTickFormatter
 
-from dashboards.style import TOOLTIP
+from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import (
     AxisQuantity,
@@ -124,10 +125,18 @@ class NumberField(Field):
         self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
         self._scale = Scale(declaration)
         self._motions, self._in_motion = 0, False
-        self._slider = self._make_slider(_label(declaration), declaration.doc)
+        self._spoken = CustomJSTickFormatter(code=self._scale.words(getattr(declaration, "unit", "")))
+        self._slider = self._make_slider(_label(declaration), declaration.doc or "")
         self._slider.param.watch(lambda event: self._moved(None, event.new), "value")
         self._box = pmui.TextInput(
-            size="small", variant="standard", width=96, margin=0, styles=_over(22), sx=_BOX
+            label=_label(declaration),
+            size="small",
+            variant="standard",
+            width=96,
+            margin=0,
+            styles=_over(22),
+            sx=_BOX,
+            stylesheets=[HIDDEN_LABEL],
         )
         self._box.param.watch(self._typed, "value")
         self._axis_sliders: list[Slider] = []
@@ -147,7 +156,7 @@ class NumberField(Field):
                 margin=0,
                 width=20,
                 color="default",
-                description="One for each axis",
+                description=f"{declaration.label}: one for each axis",
                 stylesheets=[TOOLTIP],
                 styles=_over(-4),
             )
@@ -160,7 +169,7 @@ class NumberField(Field):
         """The widgets to place on the page."""
         return self._column
 
-    def _make_slider(self, label: str, doc: str | None = None) -> Slider:
+    def _make_slider(self, label: str, doc: str = "") -> Slider:
         slider = Slider(
             label=label,
             description=doc,
@@ -174,6 +183,7 @@ class NumberField(Field):
             end=self._scale.end,
             step=self._scale.step,
             value=self._scale.start,
+            format=self._spoken,
         )
         # The last step and the release may arrive together: the step comes first.
         slider.param.watch(lambda _event: self._released(), "value_throttled", precedence=1)
@@ -344,6 +354,11 @@ class Scale:
         self.start = math.log10(low) if self.logarithmic else float(low)
         self.end = math.log10(high) if self.logarithmic else float(high)
         self.step = 0.01 if self.logarithmic else float(declaration.step or (high - low) / 200)
+
+    def words(self, unit: str) -> str:
+        """Return JavaScript for the value at a position, `tick`, with its unit, for who hears the page."""
+        value = "10 ** tick" if self.logarithmic else "tick"
+        return f"return `${{Number(({value}).toPrecision(3))}} {unit}`.trim()"
 
     def position(self, value: float) -> float:
         """Return the position of a value; values beyond the slider are at its end."""

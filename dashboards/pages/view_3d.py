@@ -8,7 +8,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import AROUND, Page
-from dashboards.style import WRAP
+from dashboards.style import HIDDEN_LABEL, WRAP
 from dashboards.viser_proxy import ServedScene
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
@@ -41,7 +41,15 @@ class View3D(Page):
             f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
             'border-radius:6px"></iframe>'
         )
-        heights = pmui.Select(options=FACTORS, value=1.0, size="small", width=140, margin=(4, 10))
+        heights = pmui.Select(
+            label="Heights",
+            options=FACTORS,
+            value=1.0,
+            size="small",
+            width=140,
+            margin=(4, 10),
+            stylesheets=[HIDDEN_LABEL],
+        )  # fmt: skip
         heights.param.watch(lambda event: self._exaggerate(event.new), "value")
         self._legend = pn.pane.HTML("", margin=(10, 4))
         return pn.Column(

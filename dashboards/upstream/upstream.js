@@ -96,4 +96,32 @@
     const code = replace(code_of.call(this), "else { initialized.current = true }", "initialized.current = false");
     return replace(code, "return [value, setValue]", `return [value, ${marking}]`);
   };
+
+  // Names for who hears the page: all cards unfold with "show more", a toggle gives its name to its icon, a tooltip
+  // gives its text to an element that must have none, and headings leave out ranks.
+  const name_parts = ({model: {class_name, data}, container}) => {
+    if (class_name === "Card") {
+      container.querySelector('[aria-label="show more"]')?.setAttribute("aria-label", data.title);
+      container.querySelector("h6")?.setAttribute("aria-level", 2);
+    }
+    if (class_name === "Page") {
+      container.querySelectorAll(".MuiToolbar-root > h5").forEach((spacer) => spacer.setAttribute("aria-hidden", true));
+      container.querySelector("h3.title")?.setAttribute("aria-level", 1);
+    }
+    for (const hint of container.querySelectorAll(":is(span, div.MuiBox-root)[aria-label]:not([role])")) {
+      const words = hint.getAttribute("aria-label");
+      const toggled = hint.querySelector("input");
+      const field = hint.closest(".MuiFormControl-root, .MuiFormControlLabel-root")
+        ?.querySelector("input, textarea, [role=combobox]");
+      toggled?.setAttribute("aria-label", words);
+      if (!toggled) { field?.setAttribute("aria-description", words); }
+      hint.removeAttribute("aria-label");
+    }
+  };
+  const ReactComponentView = ReactComponent.prototype.default_view;
+  const {after_rendered} = ReactComponentView.prototype;
+  ReactComponentView.prototype.after_rendered = function(...given) {
+    after_rendered.apply(this, given);
+    if (this.container) { name_parts(this); }
+  };
 }

@@ -72,6 +72,21 @@ def test_a_slider_whose_value_is_refused_goes_back() -> None:
     assert made._slider.value == before
 
 
+def test_the_axes_of_a_number_have_a_slider_each() -> None:
+    asked: list[Any] = []
+    made = field(LEAVES["sensors.gyro.noise_density"], asked.append)
+    assert isinstance(made, NumberField)
+    toggle = made.view[2]
+    toggle.value = True
+    assert [(slider.label, slider.visible) for slider in made._axis_sliders] == [
+        (axis, True) for axis in ("x", "y", "z")
+    ]
+    made._axis_sliders[1].value = 0.3
+    assert asked == [(0.05, 0.3, 0.05)]
+    toggle.value = False
+    assert not made._axis_sliders[1].visible
+
+
 def test_one_is_exactly_one() -> None:
     scale = Scale(LEAVES["navigator.q_scale"])
     assert scale.value(scale.position(1.0)) == 1.0
