@@ -64,10 +64,12 @@ class Files:
         self._session = session
         self._job = Job()
         common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
-        self._seen = Download(
+        self._seen: Download = Download(
             callback=lambda: self._begin(self._seen, partial(seen_csv, *seen())),
-            filename="result.csv", label="csv as seen", **common,
-        )  # fmt: skip
+            filename="result.csv",
+            label="csv as seen",
+            **common,
+        )
         self._report = self._download("Report", "report.html", report_file, common)
         self._netcdf = self._download("netCDF", "result.nc", netcdf, common)
         self._csv = self._download("csv of all", "result.zip", zipped_csv, common)
@@ -119,7 +121,9 @@ class Files:
         self, label: str, filename: str, write: Callable[[Result, Progress], bytes], common: dict[str, Any]
     ) -> Download:
         """Return a button for a file of the result, which takes a while to write."""
-        made = Download(callback=lambda: self._begin(made, write), filename=filename, label=label, **common)
+        made: Download = Download(
+            callback=lambda: self._begin(made, write), filename=filename, label=label, **common
+        )
         return made
 
     def _begin(self, button: Download, write: Callable[[Result, Progress], bytes]) -> None:

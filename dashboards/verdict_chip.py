@@ -15,7 +15,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.session import Session
-from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Verdict
+from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Suggestion, Verdict
 from lab.analysis.verdicts.trial import advised, can_be_tried
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
@@ -280,7 +280,8 @@ def card_html(verdict: Verdict, *, tried: bool) -> str:
 
 def _first_changes(verdict: Verdict) -> tuple[Change, ...]:
     """Return the changes of the first advice that was given after its trial."""
-    for one in (*verdict.findings, *verdict.suggestions):
+    named: tuple[Finding | Suggestion, ...] = (*verdict.findings, *verdict.suggestions)
+    for one in named:
         if one.changes and not one.advice.startswith(WITHHELD):
             return one.changes
     return ()

@@ -150,7 +150,7 @@ def _tables(result: Result) -> Iterator[str]:
 
 
 def _table(table: pd.DataFrame) -> str:
-    return table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–")
+    return str(table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–"))
 
 
 def _versions() -> str:

@@ -179,7 +179,7 @@ class TimePlot:
             known = np.isfinite(values) & np.isfinite(low)
             within = np.count_nonzero((low <= values) & (values <= high) & known)
             squares = np.sum(values**2, where=known, dtype=np.float64) if self.band.centre is None else 0.0
-            found += Inside(np.count_nonzero(known), within, float(squares))
+            found += Inside(int(np.count_nonzero(known)), int(within), float(squares))
         return found
 
     def judged_heading(self, inside: Inside) -> str:
