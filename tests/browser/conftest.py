@@ -92,7 +92,7 @@ def eventually(page: Page, what: Callable[[], bool]) -> None:
 
 def reset(page: Page) -> None:
     """Bring all settings but the mission back to what they are at first."""
-    page.get_by_role("button", name="Reset").click()
+    page.get_by_role("button", name="Reset settings").click()
     page.get_by_role("menuitem", name="Everything", exact=True).click()
 
 
