@@ -104,7 +104,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
         return Verdict(headline((found,), ""), (found,), verdict.basis)
     if not _is_large(first) or (holds and _is_noise(run, whole, stated)):
         return verdict
-    found = _misalignment(run, whole) or _contradiction(run, whole, before, since)
+    found = _misalignment(run, whole) or _range(run, since) or _contradiction(run, whole, before, since)
     return Verdict(headline((found,), ""), (found,), verdict.basis)
 
 
@@ -347,6 +347,20 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
         ):
             continue
         return found
+    return None
+
+
+def _range(run: Repeatable, since: float) -> Finding | None:
+    """Return the finding of a sensor that stands at the end of its range, which no noise makes consistent.
+
+    Where most samples stand there, the motion beyond is no noise of that sensor, so that the noise of another
+    may explain more. That they stand there is seen all the same.
+    """
+    if run.recorded is None:
+        return None
+    for _sensor, fault in ranges_of(run.recorded.log):
+        sentence = FAULT_OF_LOG.format(fault=fault.finding.sentence, since=_since_words(since))
+        return replace(fault.finding, sentence=sentence)
     return None
 
 

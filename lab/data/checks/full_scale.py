@@ -20,9 +20,14 @@ _IN_A_ROW = 5
 """Fewest samples in a row at the end: four equal rows are a sensor polled too often
 (`sensor_log.MAX_REPEAT`)."""
 _LEVELS = 20
-"""Fewest different values between the median and the end: coarse sensors at rest show two or three."""
+"""Fewest different values between the median of the others and the end: coarse sensors at rest show two or
+three."""
 _BELOW = 0.02
 """Part of the way from the median to the end in which few samples lie just below it."""
+
+_SYMMETRIC = 0.8
+"""Least size of an end where most samples are, relative to the largest value on either side: a coarse sensor
+that mostly rests shows one small value, too, and a range is as wide to both sides."""
 
 
 class FullScale(NamedTuple):
@@ -72,8 +77,11 @@ def full_scales(rates: FloatArray) -> list[FullScale]:
 
 def _at_end(values: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the values at the upper end of a range; false for all if there is none."""
-    top, middle = float(values.max()), float(np.median(values))
+    top = float(values.max())
     at = np.asarray(values >= top - _ROUNDING * abs(top))
+    if at.all() or (at.mean() > 0.5 and top < _SYMMETRIC * np.abs(values).max()):
+        return np.zeros_like(at)
+    middle = float(np.median(values[~at]))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(np.int8)))
     below = ~at & (values >= top - _BELOW * (top - middle))
     in_a_row = int((edges[1::2] - edges[::2]).max())

@@ -11,6 +11,8 @@ from lab.data.log.auxiliary_data import AuxiliaryData, Headings
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.experiment.result import Result
 from lab.live.live_verdict import batch_of
+from lab.missions import mission
+from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
 from lab.sensors.suite import SensorSuite
@@ -20,9 +22,11 @@ from tests.sensor_logs import Tables, tables
 SPAN = (20.0, 110.0)
 
 
-def log_of(seed: int = 1001, damage=None, headings: float | None = None) -> SensorLog:
-    """Return a log of the flight with a fault, and headings that are off by an angle [°]."""
-    made = tables(*SPAN, seed=seed)
+def log_of(
+    seed: int = 1001, damage=None, headings: float | None = None, made: Tables | None = None
+) -> SensorLog:
+    """Return a log of a flight with a fault, and headings that are off by an angle [°]."""
+    made = tables(*SPAN, seed=seed) if made is None else made
     imu, gnss, reference = made if damage is None else damage(made, np.random.default_rng(seed))
     fixes = GnssLog(
         time=gnss[:, 0],
@@ -52,6 +56,17 @@ FAULTS = {
     "IMU clock": ("slow", clock(-0.005)),
     "gyro range": ("the down one stands at", clipped(0, 2, 0.4)),
 }
+
+
+@pytest.mark.proof
+def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_named():
+    """On this flight, the noise of the gyros makes the innovations consistent, and no other does."""
+    flown = Trajectory.from_recording(mission("los_angeles").recording, 100.0)
+    made = tables(5.0, 100.0, seed=1001, flight=flown)
+    log = log_of(made=clipped(1, 0, 0.5)(made, np.random.default_rng(1)))
+    (finding,) = run(log).innovation_verdict.findings
+    assert finding.quantity == "accelerometer range"
+    assert "the forward one stands at" in finding.sentence
 
 
 @pytest.mark.proof

@@ -41,3 +41,17 @@ def test_both_ends_of_a_range_are_found(noise, step):
 def test_a_sensor_within_its_range_is_not_accused(values):
     """Noise, a coarse sensor at rest and in turns, a constant, and a turntable that turns to and fro."""
     assert not full_scales(six(values))
+
+
+def test_an_axis_that_stands_at_its_end_most_of_the_time_is_found():
+    """As the forward accelerometer of an aeroplane that climbs all the time."""
+    found = full_scales(six(np.clip(TURNS + 0.8 + RNG.normal(scale=0.05, size=TURNS.size), -0.6, 0.6)))
+    upper = next(one for one in found if one.axis == 0 and one.limit > 0)
+    assert upper.limit == 0.6
+    assert upper.at.mean() > 0.55
+
+
+def test_a_coarse_sensor_that_mostly_rests_is_not_accused():
+    """It shows one value near zero again and again, and turns to one side only."""
+    resting = np.where(np.arange(6000) % 1000 < 700, 0.02, -np.abs(RNG.normal(size=6000)))
+    assert not full_scales(six(np.round(resting / 0.02) * 0.02))
