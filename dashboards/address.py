@@ -7,16 +7,18 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 import panel as pn
+import param
 from bokeh.document import Document
 from bokeh.events import DocumentReady
+from panel.custom import JSComponent
 
 from dashboards.classroom import shelf
 from dashboards.history import History, State
-from dashboards.history_bar import HistoryBar
 from dashboards.query import (
     HOMEWORK,
     THEME,
@@ -31,6 +33,8 @@ from dashboards.session import Glide, Session
 from dashboards.teaching.class_link import FIELD
 from dashboards.teaching.moment import Place
 from lab.base.parameters.setting_error import SettingError
+from lab.experiment.experiment import Experiment
+from lab.missions import missions
 
 SOON, PERIOD = 50, 500
 """Time until a change is in the address, so that a reload keeps it, and the same while a setting changes all
@@ -40,6 +44,17 @@ AT_ONCE, OF_LATE = 8, 10.0
 accepts a hundred entries in its history in 30 s."""
 OF_A_CLASS = Glide("class", 0)
 """All that a page takes over from a class is one change."""
+
+
+_STYLE = """
+div { display: flex; }
+button { width: 36px; height: 36px; padding: 6px; border: 0; border-radius: 50%;
+         background: none; color: #ffffff; cursor: pointer; }
+button:hover { background: rgba(255, 255, 255, .12); }
+button:focus-visible { outline: 2px solid #ffffff; outline-offset: -2px; }
+button:disabled { opacity: .4; background: none; cursor: default; }
+svg { display: block; width: 24px; height: 24px; fill: currentColor; }
+"""
 
 
 class Shown(NamedTuple):
@@ -54,13 +69,44 @@ class Shown(NamedTuple):
     place : callable
         Returns the open step of a lesson; None without one.
     restore : callable
-        Makes the page show a state of its history.
+        Makes the page show a state of its history, with an experiment that has its settings.
     """
 
     tabs: Collection[str]
     view: Callable[[], View]
     place: Callable[[], Place | None]
-    restore: Callable[[State], None]
+    restore: Callable[[State, Experiment], None]
+
+
+class HistoryBar(JSComponent):
+    """Two buttons and their keys; the history of the browser follows what is shown.
+
+    Parameters
+    ----------
+    act
+        Called with what a person asks for ("undo", "redo", or "visit" for an entry of the browser's history),
+        and with the number of the entry.
+    """
+
+    shown: dict[str, Any] = param.Dict(
+        {"pushed": [], "position": 0, "search": "", "oldest": 0, "undone": "", "redone": "", "count": 0},
+        doc="Number and query of new entries, number and query of the present one, number of the oldest one, "
+        "names of what undo and redo change, and a count.",
+    )
+    asked: dict[str, Any] = param.Dict({}, doc="The last wish: what, the number of an entry, and a count.")
+
+    _esm = Path(__file__).with_name("history_bar.js")
+    _stylesheets = [_STYLE]  # noqa: RUF012 - Panel's own
+
+    def __init__(self, act: Callable[[str, int], None], **params: Any) -> None:
+        super().__init__(**params)  # type: ignore[no-untyped-call]
+        self._act = act
+        self.param.watch(self._asked, "asked")
+
+    def _asked(self, event: param.parameterized.Event) -> None:
+        what, position = event.new.get("what"), event.new.get("position")
+        if isinstance(what, str) and isinstance(position, int):
+            self._act(what, position)
 
 
 class Address:
@@ -187,13 +233,23 @@ class Address:
         steps = {"undo": self._history.position - 1, "redo": self._history.position + 1, "visit": position}
         state = self._history.visit(steps.get(what, self._history.position))
         if state is not None:
-            self._walking = True
-            try:
-                self._shown.restore(state)
-            finally:
-                self._walking = False
-            self._history.amend(self._state())
+            self._restore(state)
         self.update()
+
+    def _restore(self, state: State) -> None:
+        """Show a state of the history; a mission that is gone is replaced by the present one."""
+        experiment, _ = experiment_of_query(state.settings)
+        mission, gone = experiment.mission, experiment.mission not in missions()
+        if gone:
+            experiment.mission = self._session.experiment.mission
+        self._walking = True
+        try:
+            self._shown.restore(state, experiment)
+        finally:
+            self._walking = False
+        self._history.amend(self._state())
+        if gone:
+            self._session.problem = f"The mission {mission!r} is not there any more. All else is restored."
 
     def _write(self) -> None:
         self._waits = False

@@ -36,7 +36,7 @@ from dashboards.pages.models import Models
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
-from dashboards.query import View, experiment_of_query, query, with_settings_of
+from dashboards.query import View, query, with_settings_of
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -55,7 +55,6 @@ from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
-from lab.missions import missions
 from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
 
@@ -233,21 +232,14 @@ class SimulatorPage:
         with self._address.of_a_class():
             self._show_moment(moment)
 
-    def _restore(self, state: State) -> None:
-        """Show a state of the history; time, visible stretch and number of runs stay."""
-        experiment, _ = experiment_of_query(state.settings)
-        mission, gone = experiment.mission, experiment.mission not in missions()
-        if gone:
-            experiment.mission = self.session.experiment.mission
+    def _restore(self, state: State, experiment: Experiment) -> None:
+        """Show a state of the history with its settings; time, visible stretch and number of runs stay."""
         lessons = self._go_to_step(state.place)
         begun = lessons.hiding(state.hidden) if lessons is not None and state.hidden else None
         if begun is not None:
             experiment = with_settings_of(begun, experiment)
-        self._show_moment(
-            Moment(experiment, state.tab or _TITLES[_FIRST], self._shown_view().time, state.place)
-        )
-        if gone:
-            self.session.problem = f"The mission {mission!r} is not there any more. All else is restored."
+        tab, time = state.tab or _TITLES[_FIRST], self._shown_view().time
+        self._show_moment(Moment(experiment, tab, time, state.place))
 
     def _go_to_step(self, place: Place | None) -> Lessons | None:
         """Show a step of a lesson on the page Lessons, or no lesson; return the page if there is one."""
