@@ -6,8 +6,12 @@ from bokeh.document import Document
 from bokeh.events import ConnectionLost, DocumentReady
 from bokeh.models.callbacks import CustomJS
 
+from dashboards.pages.base import NARROW
 from dashboards.style import THEME_OF_THE_SYSTEM
 from dashboards.upload import SAME_FILE_AGAIN
+
+PAPER = 1040
+"""Widest page that browsers make small enough for upright paper [px]."""
 
 LOST = """
 const id = "ins-lab-lost-connection";
@@ -41,8 +45,23 @@ if (document.getElementById(id) === null) {
 A server discards a page without a connection, so only a new one reacts.
 """
 
+PRINT = f"""
+const page = document.documentElement.style;
+const sizes = ["width", "height", "zoom", "columns"].map((name) => `--print-${{name}}`);
+window.addEventListener("beforeprint", () => {{
+  const roots = Array.from(Bokeh.index.roots, (view) => view.shadow_el?.querySelector(".main-content"));
+  const width = roots.find((found) => found)?.clientWidth;
+  if (!width) return;
+  const columns = window.innerWidth <= {NARROW} ? "minmax(0, 1fr)" : "";
+  const values = [`${{width}}px`, `${{window.innerHeight}}px`, Math.min(1, {PAPER} / width), columns];
+  sizes.forEach((name, index) => page.setProperty(name, values[index]));
+}});
+window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeProperty(name)));
+"""
+"""Prints a page as large as it is: a browser paints no plot anew for paper, but makes the page smaller."""
+
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM))
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + PRINT))
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

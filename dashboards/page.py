@@ -41,7 +41,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, STAGE, THEME
+from dashboards.style import DRESS, FRAME, ON_SCREEN, STAGE, THEME
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
@@ -131,6 +131,7 @@ class SimulatorPage:
             height=48,
             margin=0,
             styles={"flex": "0 0 48px"},
+            stylesheets=[ON_SCREEN],
             sx={"& .MuiTab-root": _TAB},
         )
         self._address = Address(

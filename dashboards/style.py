@@ -60,20 +60,35 @@ DRESS: dict[str, Any] = {
     "& .MuiToolbar-root": {"minHeight": "48px !important"},
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
     "@media (max-width: 480px)": {"& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"}},
-}
-"""A flat, dark header."""
+    "@media print": {
+        "&, & .main, & .main > div, & .main-content": {
+            "display": "block !important", "width": "auto !important", "height": "auto !important",
+            "maxWidth": "none !important", "margin": "0 !important", "overflow": "visible !important",
+        },
+        "& .header, & nav, & .main .MuiToolbar-root": {"display": "none !important"},
+    },
+}  # fmt: skip
+"""A flat, dark header; paper has neither header nor settings."""
 
 FRAME = """
 :host { display: flex !important; flex-direction: column; overflow: hidden;
         height: calc(100vh - 48px) !important; min-height: 0 !important; }
+@media print {
+  :host { display: block !important; overflow: visible; height: auto !important; max-width: none !important;
+          width: var(--print-width, 100%) !important; zoom: var(--print-zoom, 1); }
+}
 """
 """All below the header: tabs, message, page and time bar share the height of the window.
 
 Panel requests the height of all plots if they exist before the frame.
 """
 
+ON_SCREEN = "@media print { :host { display: none !important; } }"
+"""What is of no use on paper."""
+
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important; }
+@media print { :host { height: auto !important; overflow: visible !important; } }
 """
 """The page, which scrolls if it is higher than its place."""
 

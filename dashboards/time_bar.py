@@ -11,7 +11,7 @@ import param
 from bokeh.document import Document
 
 from dashboards.sending import together
-from dashboards.style import HIDDEN_LABEL, TOOLTIP
+from dashboards.style import HIDDEN_LABEL, ON_SCREEN, TOOLTIP
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
@@ -92,6 +92,7 @@ class TimeBar:
             margin=0,
             height=48,
             styles={"border-top": "1px solid rgba(128,128,128,.25)"},
+            stylesheets=[ON_SCREEN],
         )
         self.span()
 

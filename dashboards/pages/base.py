@@ -131,7 +131,11 @@ def plot_grid(
         Whether the rows share the height of the window; otherwise they have their least height.
     """
     rows = -(-len(figures) // columns)
-    share = f"max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}))" if fill else f"{least}px"
+    share = (
+        f"max({least}px, calc((var(--print-height, 100vh) - {AROUND + GAP * rows}px) / {rows}))"
+        if fill
+        else f"{least}px"
+    )
     free = "" if fill else " height: auto !important; flex: 0 0 auto !important;"
     # As its least height, Panel sets that of all figures in one column: one could scroll far below them.
     grid = f"""
@@ -141,8 +145,12 @@ def plot_grid(
       grid-auto-rows: {share};
     }}
     .scroll-button {{ display: none !important; }}  /* Panel's own, which would take a row */
-    @media (max-width: {NARROW}px) {{
+    @media screen and (max-width: {NARROW}px) {{
       :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
+    }}
+    @media print {{
+      :host {{ grid-template-columns: var(--print-columns, repeat({columns}, minmax(0, 1fr))); }}
+      :host > * {{ break-inside: avoid; }}
     }}
     """
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
