@@ -16,6 +16,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
+from dashboards.style import WRAP
 from lab.base.progress import Progress
 
 TELL = 0.25
@@ -49,7 +50,10 @@ class Job:
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
         self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
-        self._row = pn.Row(self._words, self._bar, visible=False, sizing_mode="stretch_width", margin=0)
+        self._row = pn.Row(
+            self._words, self._bar, visible=False, sizing_mode="stretch_width", margin=0,
+            stylesheets=[WRAP] if cancel is None else [],
+        )  # fmt: skip
         if cancel is not None:
             button = pmui.Button(label="Cancel", size="small", variant="outlined", margin=(4, 4))
             button.on_click(lambda _event: cancel())
