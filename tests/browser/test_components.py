@@ -66,5 +66,5 @@ def test_what_a_person_enters_is_sent(shared_page: Page) -> None:
     for _ in range(2):
         box.fill("seven")
         box.press("Enter")
-        expect(page.get_by_role("alert")).to_contain_text("seed")
+        expect(page.get_by_text("Seed must be a whole number")).to_be_visible()
         expect(box).to_have_value("7")

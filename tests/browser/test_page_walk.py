@@ -7,13 +7,16 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from lab.views.time_plot import THIN
 from tests.browser.conftest import DATA, IDLE, wait_for
 
 pytestmark = pytest.mark.browser
 
 TITLES = (
-    "Array.from(Bokeh.index.query((view) => view.model.title?.text)).map((view) => view.model.title.text)"
+    "Array.from(Bokeh.index.query((view) => view.model.title?.text))"
+    f".map((view) => view.model.title.text.split('{THIN}·')[0])"
 )
+"""The titles of all figures, without the figures of merit behind them."""
 FIRST = {
     "Errors": "Position error, east [m]",
     "Covariance": "σ of the position [m]",
