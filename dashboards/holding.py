@@ -8,7 +8,7 @@ from urllib.parse import parse_qsl
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.history_bar import HistoryBar
+from dashboards.address import HistoryBar
 from dashboards.mission_titles import mission_titles
 from dashboards.query import query
 from dashboards.session import MOST_HELD, Held, Session
