@@ -16,7 +16,10 @@ from lab.views.run_comparison import comparison_html, figures_of
 
 _STYLE = """
 .change { opacity: .7; font-size: 12px; }
-@media (max-width: 600px) { td:not(.words):first-child { white-space: normal; } td.words { min-width: 120px; } }
+@media (max-width: 600px) {
+  td:not(.words):first-child { white-space: normal; }
+  td.words { min-width: 120px; }
+}
 """
 _HINT = (
     "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results "
