@@ -43,8 +43,11 @@ def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
 def _component(group: str, variable: str, index: int) -> Reader:
     def read(result: Result) -> FloatArray:
         unknown = _unknown(result, group, variable)
-        values: FloatArray = getattr(result, group)[variable].values[:, index] if unknown is None else unknown
-        return values
+        if unknown is not None:
+            return unknown
+        values: FloatArray = getattr(result, group)[variable].values
+        # A held result may have fewer states than the shown one.
+        return values[:, index] if index < values.shape[1] else np.full(values.shape[0], np.nan)
 
     return read
 
@@ -148,9 +151,12 @@ SCALE_ERRORS: tuple[TimePlot, ...] = (
 
 def _further(variable: str, state: str) -> Reader:
     def read(result: Result) -> FloatArray:
+        nothing = np.full(result.time.shape, np.nan)
+        if not result.solution_arrays.further.shape[1]:  # as of a held result with fewer states
+            return nothing
         found = result.further_states
-        if variable not in found:
-            return np.full(result.time.shape, np.nan)
+        if variable not in found or state not in found["state"].values:
+            return nothing
         return np.asarray(found[variable].sel(state=state).values)
 
     return read

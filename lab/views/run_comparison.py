@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lab.base.arrays import FloatArray
+
 if TYPE_CHECKING:
     from lab.experiment.result import Result
 
@@ -45,7 +47,7 @@ def figures_of(result: Result) -> tuple[Figure, ...]:
     inside = nan if result.missing_reason("coverage") else float(result.coverage["within ±3σ [%]"].mean())
     return (
         Figure("Horizontal position, rms", "m", _rms(horizontal)),
-        Figure("Horizontal position, 95 %", "m", float(np.quantile(horizontal, 0.95))),
+        Figure("Horizontal position, 95 %", "m", _most(horizontal)),
         Figure("Height, rms", "m", _rms(position[:, 2])),
         Figure("Velocity, rms", "m/s", _rms(np.linalg.norm(velocity, axis=1))),
         Figure("Roll and pitch, rms", "°", _rms(np.hypot(attitude[:, 0], attitude[:, 1]))),
@@ -56,8 +58,16 @@ def figures_of(result: Result) -> tuple[Figure, ...]:
     )
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _rms(values: FloatArray) -> float:
+    """Return the root mean square of what is known: a reference need not have all quantities, or times."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _most(values: FloatArray) -> float:
+    """Return the 95 % quantile of what is known."""
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, 0.95)) if known.size else float("nan")
 
 
 def _mean_of(result: Result, group: str, name: str) -> float:

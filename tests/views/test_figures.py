@@ -25,7 +25,11 @@ from lab.views.quantities import (
     HEIGHT,
     INNOVATIONS,
     LAGS,
+    SCALE_COVARIANCE,
+    SCALE_ERRORS,
     SENSOR_ERRORS,
+    TEMPERATURE,
+    further_plots,
 )
 from lab.views.time_plot import THIN, Curve, TimePlot
 from lab.views.track import TrackFigure
@@ -263,3 +267,24 @@ def test_held_results_are_drawn_beside_and_sent_once(result: Result, axis: TimeA
     figures.show(result)
     assert not any(glyph.visible for glyph in figures._layers[0]._glyphs)
     assert figures.figures[0].y_range.end == alone
+
+
+@pytest.mark.parametrize("plots", [COVARIANCE + SCALE_COVARIANCE, SENSOR_ERRORS + SCALE_ERRORS, TEMPERATURE])
+def test_a_held_result_may_have_fewer_states_than_the_shown_one(
+    result: Result, axis: TimeAxis, plots: tuple[TimePlot, ...]
+) -> None:
+    made = result.experiment.copy()
+    made.update({"navigator": {"states": 21}, "sensors": {"temperature": {"profile": "climb"}}})
+    figures = TimeFigures(plots, axis)
+    figures.show(made.run(), [result])
+    assert figures._layers[0]._columns["time"]["time"].size
+
+
+def test_a_held_result_may_lack_the_further_states(result: Result, axis: TimeAxis) -> None:
+    made = result.experiment.copy()
+    made.update({"navigator": {"states": 21, "estimate_misalignments": True}})
+    more = made.run()
+    figures = TimeFigures(further_plots(more.blocks), axis)
+    figures.show(more, [result])
+    columns = figures._layers[0]._columns["time"]
+    assert np.isnan(columns["gyro_misalignment_xy"]).all()

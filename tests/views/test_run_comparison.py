@@ -45,3 +45,20 @@ def test_a_table_names_the_runs_marks_the_best_and_says_the_difference(result: R
     assert f"{100 * (there / here - 1):+.0f}" in rms.replace("\u2212", "-")
     assert result.verdict.headline in html
     assert other.verdict.headline in html
+
+
+def test_of_a_reference_with_gaps_the_known_errors_count(
+    result: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As that of a log, which may begin later, and have no attitude."""
+    errors = result.errors.copy(deep=True)
+    errors["position"].values[:100] = np.nan
+    errors["attitude"].values[:] = np.nan
+    known = errors["position"].values[100:]
+    monkeypatch.setitem(result.__dict__, "errors", errors)
+    found = {figure.name: figure.value for figure in figures_of(result)}
+    assert found["Height, rms"] == pytest.approx(np.sqrt(np.mean(known[:, 2] ** 2)))
+    horizontal = np.hypot(known[:, 0], known[:, 1])
+    assert found["Horizontal position, 95 %"] == pytest.approx(np.quantile(horizontal, 0.95))
+    assert np.isnan(found["Heading, rms"])
+    assert "<td>–</td>" in comparison_html([("now", result)])
