@@ -112,9 +112,7 @@ class VerdictChip:
         """Strike the verdict out: a run has begun, so it is that of older settings."""
         self._due += 1
         self._work.cancel()
-        if self._result is None:
-            return
-        self._result = None
+        self._result = None  # that of a long flight is released before the run begins
         with together(self._document):
             self._dress(struck=self._verdict is not None)
             if self._card is not None:

@@ -139,3 +139,12 @@ def test_a_run_that_fails_has_no_verdict(walk: Walk) -> None:
     walk.page.session.problem = "This run failed."
     assert chip._chip.label == UNKNOWN
     assert "textDecoration" not in chip._chip.sx
+
+
+def test_the_verdict_of_a_long_flight_is_struck_out_too(walk: Walk) -> None:
+    """Its result is released, for its memory, before the next run begins."""
+    chip = judged(walk, overconfident())
+    walk.page.session.result = None
+    assert "textDecoration" not in chip._chip.sx  # the plots stay, and so does what is said of them
+    chip.wait()
+    assert chip._chip.sx["textDecoration"] == "line-through"
