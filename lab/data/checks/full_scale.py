@@ -25,8 +25,8 @@ three."""
 _BELOW = 0.02
 """Part of the way from the median to the end in which few samples lie just below it."""
 
-_SYMMETRIC = 0.8
-"""Least size of an end where most samples are, relative to the largest value on either side: a coarse sensor
+_MOST, _SYMMETRIC = 0.5, 0.8
+"""Part of the samples that are most, and least size of an end where most are, relative to the largest value on either side: a coarse sensor
 that mostly rests shows one small value, too, and a range is as wide to both sides."""
 
 
@@ -79,7 +79,7 @@ def _at_end(values: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the values at the upper end of a range; false for all if there is none."""
     top = float(values.max())
     at = np.asarray(values >= top - _ROUNDING * abs(top))
-    if at.all() or (at.mean() > 0.5 and top < _SYMMETRIC * np.abs(values).max()):
+    if at.all() or (at.mean() > _MOST and top < _SYMMETRIC * np.abs(values).max()):
         return np.zeros_like(at)
     middle = float(np.median(values[~at]))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(np.int8)))
