@@ -24,10 +24,10 @@ _LEVELS = 20
 three."""
 _BELOW = 0.02
 """Part of the way from the median to the end in which few samples lie just below it."""
-
 _MOST, _SYMMETRIC = 0.5, 0.8
-"""Part of the samples that are most, and least size of an end where most are, relative to the largest value on either side: a coarse sensor
-that mostly rests shows one small value, too, and a range is as wide to both sides."""
+"""Part of the samples that are most of them, and least size of an end where most are, relative to the largest
+value on either side: a coarse sensor that mostly rests shows one small value, too, and a range is as wide to
+both sides."""
 
 
 class FullScale(NamedTuple):
