@@ -40,7 +40,7 @@ def report(
     own: AlgorithmFile = None,
     force: Force = False,
 ) -> None:
-    """Navigate a mission, and write the run as one HTML file."""
+    """Write a run as one HTML file: verdict, plots, tables, and what repeats it."""
     check_out(to, force, ".html", "an HTML file", "--to")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:

@@ -49,7 +49,7 @@ def document() -> Iterator[Document]:
 
 def test_a_settings_file_is_refused_before_it_is_whole(document: Document, temporary: Path) -> None:
     session = Session(document)
-    files = Files(session)
+    files = Files(session, lambda: ((), (0.0, 1.0)))
     upload = files._upload
     upload._send_msg = lambda _message: None
     piece = bytes(2**18)
