@@ -137,7 +137,7 @@ def files() -> Iterator[Uploading]:
     document = Document()
     with set_curdoc(document):
         session = Session(document)
-        made = Files(session)
+        made = Files(session, lambda: ((), (0.0, 1.0)))
     yield made, session, document
     made.close()
     session.close()
