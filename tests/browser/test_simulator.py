@@ -12,7 +12,7 @@ import netCDF4
 import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END, remember, reset, wait_for, watched
+from tests.browser.conftest import CURVE, DATA, IDLE, PATIENCE, RANGE_END, remember, reset, wait_for, watched
 from tests.browser.test_page_walk import FIRST, TITLES
 
 pytestmark = pytest.mark.browser
@@ -37,6 +37,11 @@ def noise(page: Page) -> tuple:
     return page.get_by_role("slider", name="White noise").first, page.get_by_role("textbox").nth(1)
 
 
+ANSWER = 10_000.0
+"""Longest wait for what a browser does by itself [ms]."""
+ATTEMPTS = round(PATIENCE / ANSWER)
+
+
 def show(page: Page, title: str) -> None:
     page.get_by_role("tab", name=title, exact=True).click()
 
@@ -47,7 +52,7 @@ def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
     Bokeh takes a button that is held for 300 ms without a move of 5 px for a press, and sees no drag. On a
     busy computer even one move may take longer: one drags again, as a person does.
     """
-    for _attempt in range(6):
+    for _attempt in range(ATTEMPTS):
         wait_for(page, IDLE)
         box = plot.bounding_box()
         assert box is not None
@@ -58,7 +63,7 @@ def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
         page.mouse.move(box["x"] + end * box["width"], middle, steps=4)
         page.mouse.up()
         try:
-            wait_for(page, f"{RANGE_END} < 180", timeout=10_000)  # it waits for no server
+            wait_for(page, f"{RANGE_END} < 180", timeout=ANSWER)  # it waits for no server
         except TimeoutError:
             continue
         return box
@@ -67,10 +72,10 @@ def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
 
 def tap(page: Page, x: float, y: float) -> None:
     """Click on a plot until the cursor is there; on a busy computer, Bokeh takes a click for a press too."""
-    for _attempt in range(6):
+    for _attempt in range(ATTEMPTS):
         page.mouse.click(x, y)
         try:
-            wait_for(page, f"{CURSOR} > 60", timeout=10_000)  # it waits for no server
+            wait_for(page, f"{CURSOR} > 60", timeout=ANSWER)  # it waits for no server
         except TimeoutError:
             continue
         return

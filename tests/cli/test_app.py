@@ -53,7 +53,13 @@ def test_the_version_is_the_one_installed() -> None:
     [
         (
             ["sail"],
-            ["no command 'sail'", "missions, run, report, compare, budget, identify, fly", "cards", "allan", "serve"],
+            [
+                "no command 'sail'",
+                "missions, run, report, compare, budget, identify, fly",
+                "cards",
+                "allan",
+                "serve",
+            ],
         ),
         (["--nonsense"], ["--nonsense"]),
         (["run"], ["MISSION"]),
