@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import HARMLESS, new_context
 from live_streams import decoded
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
@@ -22,6 +21,7 @@ from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.samples import Samples
 from lab.live.phone.hub import PhoneHub, PhoneTransport
 from lab.live.phone.server import PhoneServer
+from tests.browser.conftest import HARMLESS, new_context
 
 pytestmark = pytest.mark.browser
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from conftest import new_context
 from playwright.sync_api import Browser
 
 from lab.experiment.experiment import Experiment
+from tests.browser.conftest import new_context
 
 MOST_PAGES = 8
 
