@@ -98,6 +98,11 @@ class Openings(Handler):
         return bool(self._waiting) or any(session.connection_count for session in self._sessions)
 
     @property
+    def busy(self) -> bool:
+        """Whether pages wait for their turn to open."""
+        return bool(self._waiting)
+
+    @property
     def _sessions(self) -> list[ServerSession]:
         context = self._context() if self._context is not None else None
         return list(context.sessions) if context is not None else []

@@ -12,6 +12,7 @@ import param
 from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
+from dashboards.openings import Openings
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.session import Session
@@ -25,6 +26,8 @@ from lab.run.memory import give_back, large_blocks_given_back
 
 SETTLED = 150
 """Time after a new result until it is judged [ms], so that a moving slider is not slowed."""
+CROWDED = 500
+"""Time between two looks whether all pages that open have opened [ms]."""
 PLACE = (50, 16)
 """Place of the card: below the header, at its left end, where a phone has room too [px]."""
 JUDGING = "Judging …"
@@ -84,6 +87,7 @@ class VerdictChip:
 
     def __init__(self, session: Session, document: Document, main: pn.Column) -> None:
         self._session, self._document, self._main = session, document, main
+        self._openings = Openings.of(document)
         self._result: Result | None = None
         self._verdict: Verdict | None = None
         self._consistent: bool | None = None
@@ -133,9 +137,16 @@ class VerdictChip:
         self._document.add_timeout_callback(lambda: self._begin(due), SETTLED)
 
     def _begin(self, due: int) -> None:
-        """Judge the shown result, unless another one has come or is on its way."""
-        if due == self._due and self._result is not None:
-            self._work.submit((self._result, False))
+        """Judge the shown result, unless another one has come or is on its way.
+
+        While pages open, it waits: a verdict takes as long as a run, and thirty pages have one each.
+        """
+        if due != self._due or self._result is None:
+            return
+        if self._openings is not None and self._openings.busy:
+            self._document.add_timeout_callback(lambda: self._begin(due), CROWDED)
+            return
+        self._work.submit((self._result, False))
 
     def _failed(self, event: param.parameterized.Event) -> None:
         """Say that there is no verdict on a run that failed."""

@@ -148,3 +148,13 @@ def test_the_verdict_of_a_long_flight_is_struck_out_too(walk: Walk) -> None:
     assert "textDecoration" not in chip._chip.sx  # the plots stay, and so does what is said of them
     chip.wait()
     assert chip._chip.sx["textDecoration"] == "line-through"
+
+
+def test_nothing_is_judged_while_pages_open(walk: Walk) -> None:
+    """A class opens thirty pages at once, and each has a verdict that takes as long as its run."""
+    waiting = type("Openings", (), {"busy": True})()
+    walk.page._chip._openings = waiting
+    chip = judged(walk, overconfident())
+    assert chip._chip.label == JUDGING
+    waiting.busy = False
+    assert settled(walk)._chip.label.endswith("too small")
