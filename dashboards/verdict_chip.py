@@ -16,7 +16,7 @@ from dashboards.openings import Openings
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.session import Session
-from lab.analysis.verdicts.finding import WITHHELD, Change, Finding, Suggestion, Verdict
+from lab.analysis.verdicts.finding import Change, Finding, Verdict
 from lab.analysis.verdicts.trial import advised, can_be_tried
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
@@ -90,7 +90,6 @@ class VerdictChip:
         self._openings = Openings.of(document)
         self._result: Result | None = None
         self._verdict: Verdict | None = None
-        self._consistent: bool | None = None
         self._due = 0
         self._changes: tuple[Change, ...] = ()
         self._card: pmui.Popup | None = None
@@ -169,15 +168,16 @@ class VerdictChip:
         if result is not self._result:
             return
         with together(self._document):
-            if with_trials and outcome.result is not None:
-                self._fill(result, outcome.result, tried=True)
-            elif not with_trials:
+            if not with_trials:
                 self._show(outcome.result)
+            elif outcome.result is not None:
+                self._fill(outcome.result, tried=True)
+            else:
+                self._words.object += f"<p>The advice could not be tried. {escape(outcome.problem)}</p>"
 
     def _show(self, verdict: Verdict | None) -> None:
         """Name a verdict on the chip; None if there is none."""
         self._verdict = verdict
-        self._consistent = None if verdict is None else verdict.consistent
         label = UNKNOWN if verdict is None else named(verdict)
         with together(self._document):
             if self._chip.label != label:
@@ -185,7 +185,8 @@ class VerdictChip:
             self._dress(struck=False)
 
     def _dress(self, *, struck: bool) -> None:
-        sx = _CHIP | (_GREY | _STRUCK if struck else _DRESS[self._consistent])
+        consistent = None if self._verdict is None else self._verdict.consistent
+        sx = _CHIP | (_GREY | _STRUCK if struck else _DRESS[consistent])
         sx |= {"&:hover": {"backgroundColor": sx["backgroundColor"], "filter": "brightness(1.12)"}}
         if self._chip.sx != sx:
             self._chip.sx = sx
@@ -200,7 +201,7 @@ class VerdictChip:
             self._main.append(self._card)
         trying = can_be_tried(verdict, result.algorithm)
         with together(self._document):
-            self._fill(result, verdict, tried=not trying)
+            self._fill(verdict, tried=not trying)
             self._card.open = True
         if trying:
             self._work.submit((result, True))
@@ -220,11 +221,11 @@ class VerdictChip:
             sx=_CARD,
         )
 
-    def _fill(self, result: Result, verdict: Verdict, *, tried: bool) -> None:
+    def _fill(self, verdict: Verdict, *, tried: bool) -> None:
         """Write the card of a verdict, whose advice is applied only once it has been tried."""
         assert self._card is not None
         self._words.object = card_html(verdict, tried=tried)
-        self._changes = _first_changes(verdict) if tried else ()
+        self._changes = verdict.changes if tried else ()
         self._apply.visible = bool(self._changes)
 
     def _shown(self) -> None:
@@ -285,15 +286,6 @@ def card_html(verdict: Verdict, *, tried: bool) -> str:
     parts += [f"<p>{escape(as_seen(one.sentence))} {escape(one.counsel)}</p>" for one in verdict.suggestions]
     parts.append(f'<p class="quiet">Judged by {escape(verdict.basis)}.</p>')
     return "".join(parts)
-
-
-def _first_changes(verdict: Verdict) -> tuple[Change, ...]:
-    """Return the changes of the first advice that was given after its trial."""
-    named: tuple[Finding | Suggestion, ...] = (*verdict.findings, *verdict.suggestions)
-    for one in named:
-        if one.changes and not one.advice.startswith(WITHHELD):
-            return one.changes
-    return ()
 
 
 def worst_time(result: Result) -> float | None:

@@ -18,7 +18,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import RUNS, Session
 from dashboards.style import WRAP
-from lab.analysis.verdicts.finding import Change, Finding, Suggestion
+from lab.analysis.verdicts.finding import Change, Finding
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
 from lab.analysis.verdicts.trial import advised, can_be_tried, tried
 from lab.analysis.verdicts.verdict import Verdict
@@ -216,8 +216,7 @@ class Consistency(ComputedPage):
         self._verdict.object = verdict_html(
             verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
         )
-        named: list[Finding | Suggestion] = [*verdict.findings, *verdict.suggestions] if verdict else []
-        self._changes = next((one.changes for one in named if one.changes), ())
+        self._changes = () if verdict is None else verdict.changes
         self._follow.visible = bool(self._changes) and self._session is not None
         tables = [whiteness_html(judged.whiteness)]
         if isinstance(judged, Ensemble) or not judged.missing_reason("coverage"):

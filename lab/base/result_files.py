@@ -54,7 +54,7 @@ def write_netcdf(
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    _refuse_existing([path], overwrite)
+    refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in datasets().items()})
@@ -110,7 +110,7 @@ def write_csv(
     tables = {folder / f"{name}.csv": table(dataset) for name, dataset in datasets.items()}
     name, overview_table = overview
     summary, toml = folder / f"{name}.csv", folder / "settings.toml"
-    _refuse_existing([*tables, summary, toml], overwrite)
+    refuse_existing([*tables, summary, toml], overwrite)
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -184,7 +184,8 @@ def _heading(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
+def refuse_existing(paths: list[Path], overwrite: bool) -> None:
+    """Raise `FileExistsError` if one of some files exists that may not be replaced."""
     existing = [str(path) for path in paths if path.exists()]
     if existing and not overwrite:
         raise FileExistsError(

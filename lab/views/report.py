@@ -19,6 +19,7 @@ from bokeh.plotting import figure
 from bokeh.resources import Resources
 
 from lab.base.files.atomic_file import atomic_file
+from lab.base.result_files import refuse_existing
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
@@ -94,8 +95,7 @@ def report_html(result: Result) -> str:
 
 def write_report(result: Result, path: Path, *, overwrite: bool = False) -> None:
     """Write a run as one HTML file; see `Result.report`."""
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists already; nothing was written. overwrite=True replaces it")
+    refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     html = report_html(result)

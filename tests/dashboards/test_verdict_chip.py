@@ -11,6 +11,7 @@ from bokeh.server.callbacks import TimeoutCallback
 from panel.io.state import set_curdoc
 from walking import PAUSE, Walk, walking
 
+from dashboards.computing import Outcome
 from dashboards.verdict_chip import JUDGING, UNKNOWN, VerdictChip, named
 from lab.analysis.verdicts.finding import NOTHING, Finding, Verdict
 from lab.experiment.experiment import Experiment
@@ -158,3 +159,14 @@ def test_nothing_is_judged_while_pages_open(walk: Walk) -> None:
     assert chip._chip.label == JUDGING
     waiting.busy = False
     assert settled(walk)._chip.label.endswith("too small")
+
+
+def test_advice_that_cannot_be_tried_says_so_and_is_not_applied(walk: Walk) -> None:
+    chip = judged(walk, overconfident())
+    chip._open()
+    settled(walk)
+    chip._receive((walk.page.session.result, False), Outcome(result=walk.page.session.result.verdict))
+    chip._open()
+    chip._receive((walk.page.session.result, True), Outcome(problem="This run failed."))
+    assert "could not be tried. This run failed." in chip._words.object
+    assert not chip._apply.visible

@@ -31,6 +31,7 @@ from lab.analysis.verdicts.pattern import AXES
 from lab.analysis.verdicts.state_advice import of_log
 from lab.analysis.verdicts.trial import Repeatable
 from lab.base.arrays import FloatArray
+from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
@@ -38,6 +39,8 @@ from lab.navigation.solution import Imu
 
 HALF = 0.5
 """Part of NIS that a fault may leave at most: one that explains less is a part of what is wrong."""
+MOST = 0.5
+"""Part of the samples at the end of a range from which the range is a finding by itself."""
 VISIBLE = 10.0
 """Factor by which noise that is stated may exceed all that the samples show: of a sensor with a bandwidth of
 2 Hz, means over a tenth of a second show a seventh."""
@@ -351,14 +354,18 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
 
 
 def _range(run: Repeatable, since: float) -> Finding | None:
-    """Return the finding of a sensor that stands at the end of its range, which no noise makes consistent.
+    """Return the finding of a sensor that stands at the end of its range most of the time.
 
-    Where most samples stand there, the motion beyond is no noise of that sensor, so that the noise of another
-    may explain more. That they stand there is seen all the same.
+    The motion beyond is then no noise of that sensor, so that the noise of another may explain more. That
+    most samples stand there is seen all the same.
     """
     if run.recorded is None:
         return None
-    for _sensor, fault in ranges_of(run.recorded.log):
+    log = run.recorded.log
+    most = {one.axis // 3 for one in full_scales(np.concatenate(log.rates, axis=1)) if one.at.mean() > MOST}
+    for sensor, fault in ranges_of(log):
+        if sensor not in most:
+            continue
         sentence = FAULT_OF_LOG.format(fault=fault.finding.sentence, since=_since_words(since))
         return replace(fault.finding, sentence=sentence)
     return None

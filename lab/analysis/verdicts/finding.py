@@ -229,6 +229,12 @@ class Verdict(NotebookCard):
         """Whether nothing is wrong; None if there was no evidence."""
         return None if self.basis == NOTHING else not self.findings
 
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The changes of settings of the first advice that has any; of tried advice, only what helped has."""
+        named: tuple[Finding | Suggestion, ...] = (*self.findings, *self.suggestions)
+        return next((one.changes for one in named if one.changes), ())
+
     def __str__(self) -> str:
         return self.headline
 
