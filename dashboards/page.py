@@ -8,12 +8,14 @@ from contextlib import contextmanager
 from functools import partial
 
 import panel as pn
+import panel_material_ui as pmui
 import param
 from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
 from dashboards.address import Address, Shown
+from dashboards.aside import BESIDE, DOCK, SHEET, Aside
 from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Files
@@ -21,33 +23,23 @@ from dashboards.history import State
 from dashboards.holding import Holding
 from dashboards.notice import Notice
 from dashboards.openings import Openings
+from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
 from dashboards.page_template import PAGE
-from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
-from dashboards.pages.budget import Budget
-from dashboards.pages.compare import Compare
-from dashboards.pages.consistency import Consistency
-from dashboards.pages.ground_track import GroundTrack
-from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
-from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
-from dashboards.pages.models import Models
-from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
-from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
 from dashboards.query import View, query, with_settings_of
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, ON_SCREEN, STAGE, THEME
+from dashboards.style import DRESS, FRAME, STAGE, THEME, TOOLTIP
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
-from dashboards.titled import Tabs
 from dashboards.upstream.server import leave_out_hooks
 from dashboards.verdict_chip import VerdictChip
 from lab.base.parameters.setting_error import SettingError
@@ -65,30 +57,18 @@ ZOOM_DEBOUNCE = 60
 
 OUTAGES = "sensors.gps.outages"
 
-_TAB = {"minWidth": "0", "padding": "12px 5px", "fontSize": "0.8125rem", "letterSpacing": "0"}
-"""Style of a tab: all of them fit into a window of 1440 px."""
+PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
+"""The pages in the tabs, and those beside them."""
 
-PAGES: tuple[type[Page], ...] = (
-    Missions,
-    Errors,
-    Covariance,
-    Innovations,
-    Consistency,
-    SensorErrors,
-    Allan,
-    Models,
-    GroundTrack,
-    Height,
-    View3D,
-    Budget,
-    Compare,
-    Live,
-    Lessons,
-)
+_MISSION = {
+    "color": "#ffffff",
+    "textTransform": "none",
+    "maxWidth": "min(240px, 34vw)",
+    "whiteSpace": "nowrap",
+    "overflow": "hidden",
+}
 
-_TITLES = tuple(page.title for page in PAGES)
-_FIRST = PAGES.index(Errors)
-_LESSONS = PAGES.index(Lessons)
+_BY_TITLE = {page.title: page for page in PAGES}
 
 
 class SimulatorPage:
@@ -105,7 +85,7 @@ class SimulatorPage:
         self._zooming = False
         self._dark = False
         self._epoch = 0.0
-        self._pages: dict[int, Page] = {}
+        self._pages: dict[type[Page], Page] = {}
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
         self._settings: SettingsPanel | None = None
         self._files: Files | None = None
@@ -116,7 +96,7 @@ class SimulatorPage:
         self._visible: Page | None = None
         self._progress = ProgressText(self.session)
         self._reason = Notice(margin=(16, 20))
-        self._failure = Notice()
+        self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
         self._reminded = ""
@@ -124,27 +104,24 @@ class SimulatorPage:
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._tabs = Tabs(
-            *((page.title, pn.Spacer(height=0)) for page in PAGES),
-            active=_FIRST,
-            sizing_mode="stretch_width",
-            height=48,
-            margin=0,
-            styles={"flex": "0 0 48px"},
-            stylesheets=[ON_SCREEN],
-            sx={"& .MuiTab-root": _TAB},
-        )
+        self._tabs = PageTabs(self._turn)
+        self._sheet = Aside(Missions, _mission_button(), SHEET, self._turn_aside)
+        self._dock = Aside(Lessons, _lessons_button(), DOCK, self._turn_aside)
         self._address = Address(
-            self.session, document, Shown(_TITLES, self._shown_view, self._place, self._restore)
+            self.session, document, Shown(tuple(_BY_TITLE), self._shown_view, self._place, self._restore)
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._middle = pn.Row(
+            self._stage, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
+        )
         self._class = ClassBar(self._desk())
         self._main = pn.Column(
-            self._tabs,
+            self._tabs.view,
             self._class.view,
             self._message.view,
-            self._stage,
+            self._middle,
             self._time_bar.view,
+            self._sheet.view,
             sizing_mode="stretch_both",
             margin=0,
             stylesheets=[FRAME],
@@ -164,7 +141,6 @@ class SimulatorPage:
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self.session.param.watch(lambda _event: self._show_held(), "held")
-        self._tabs.param.watch(lambda _event: self._turn(), "active")
         for edge in ("start", "end"):
             self.axis.range.on_change(edge, self._zoomed)
 
@@ -192,7 +168,7 @@ class SimulatorPage:
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
         if self.session.homework is not None:
-            self._made(_LESSONS)  # it reminds of the homework on all pages
+            self._made(Lessons)  # it reminds of the homework on all pages
             self._open(view.tab or Lessons.title)
         has_own = self.session.homework is not None or query(self.session.experiment) != ""
         self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
@@ -204,7 +180,7 @@ class SimulatorPage:
         return Desk(
             session=self.session,
             document=self._document,
-            page=lambda: PAGES[self._tabs.active].title,
+            page=lambda: self._tabs.kind.title,
             time=lambda: self.axis.time,
             place=self._place,
             show=self._show_of_class,
@@ -217,7 +193,7 @@ class SimulatorPage:
         return self._browser.visitor(self._class.code, teaches=self._class.teaches)
 
     def _place(self) -> Place | None:
-        lessons = self._pages.get(_LESSONS)
+        lessons = self._pages.get(Lessons)
         return lessons.place if isinstance(lessons, Lessons) else None
 
     def _shown_view(self) -> View:
@@ -225,7 +201,7 @@ class SimulatorPage:
         time = self.axis.time if self._waiting_time is None else self._waiting_time
         start, end = self.axis.window
         zoom = None if start <= 0 and end >= self.axis.duration else (start, end)
-        tab = "" if self._tabs.active == _FIRST else _TITLES[self._tabs.active]
+        tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
         return View(tab, time, self._waiting_zoom or zoom, self.session.runs)
 
     def _show_of_class(self, moment: Moment) -> None:
@@ -239,16 +215,19 @@ class SimulatorPage:
         begun = lessons.hiding(state.hidden) if lessons is not None and state.hidden else None
         if begun is not None:
             experiment = with_settings_of(begun, experiment)
-        tab, time = state.tab or _TITLES[_FIRST], self._shown_view().time
+        tab, time = state.tab or FIRST.title, self._shown_view().time
         self._show_moment(Moment(experiment, tab, time, state.place))
 
     def _go_to_step(self, place: Place | None) -> Lessons | None:
-        """Show a step of a lesson on the page Lessons, or no lesson; return the page if there is one."""
-        if place is None and _LESSONS not in self._pages:
+        """Show a step of a lesson in the dock, or no lesson; return the lessons if they are there."""
+        if place is None and Lessons not in self._pages:
             return None
-        lessons = self._made(_LESSONS)
+        lessons = self._made(Lessons)
         assert isinstance(lessons, Lessons)
+        is_new = place is not None and place != lessons.place
         lessons.go(place)
+        if is_new:
+            self._dock.open()
         return lessons
 
     def _show_moment(self, moment: Moment) -> None:
@@ -284,7 +263,14 @@ class SimulatorPage:
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
-            header=[self._chip.view, self._progress.view, self._address.bar, self._holding.button],
+            header=[
+                self._sheet.button,
+                self._chip.view,
+                self._progress.view,
+                self._address.bar,
+                self._holding.button,
+                self._dock.button,
+            ],
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
@@ -342,17 +328,17 @@ class SimulatorPage:
 
     @property
     def _page(self) -> Page:
-        return self._made(self._tabs.active)
+        return self._made(self._tabs.kind)
 
-    def _made(self, index: int) -> Page:
-        """Return the page of a tab; it is made when first needed."""
-        if index not in self._pages:
-            page = PAGES[index].of(self.axis, self.session)
+    def _made(self, kind: type[Page]) -> Page:
+        """Return a page; it is made when first needed."""
+        if kind not in self._pages:
+            page = kind.of(self.axis, self.session)
             page.dress(self._dark)
             page.draw_again = partial(self._show_again, page)
             page.held = self._held
-            self._pages[index] = page
-        return self._pages[index]
+            self._pages[kind] = page
+        return self._pages[kind]
 
     def _held(self) -> list[Result]:
         """Return the held results besides the shown one."""
@@ -371,6 +357,32 @@ class SimulatorPage:
         self._address.moved()
         self._class.acted()
 
+    def _turn_aside(self) -> None:
+        """Show what was opened beside the tabs, and rest what was closed."""
+        with together(self._document):
+            for aside in (self._sheet, self._dock):
+                page = self._pages.get(aside.kind)
+                if page is not None and not aside.is_open:
+                    page.hide()
+                elif aside.is_open:
+                    page = self._made(aside.kind)
+                    page.forget()
+                    page.appear()
+            self._show_asides()
+            self._show_reminder()
+        self._address.update()
+
+    def _show_asides(self) -> None:
+        """Draw the open pages beside the tabs."""
+        for aside in (self._sheet, self._dock):
+            if aside.is_open:
+                with self._failures_shown(aside.kind, aside.show):
+                    page = self._made(aside.kind)
+                    if self.session.result is not None:
+                        page.show(self.session.result)
+                    aside.show(page.view)
+                    self._large_type.dress(page.view)
+
     def _show_if_begun(self) -> None:
         """Draw the selected page, unless its first plots must wait for their turn."""
         if self._show not in self._steps:
@@ -380,7 +392,7 @@ class SimulatorPage:
         """Draw the held results on the page that is open, and on the others once they are opened."""
         with together(self._document):
             if self._holding.bar not in self._main.objects:
-                self._main.insert(self._main.objects.index(self._stage), self._holding.bar)
+                self._main.insert(self._main.objects.index(self._middle), self._holding.bar)
             for page in self._pages.values():
                 page.forget()
             self._show_if_begun()
@@ -392,7 +404,8 @@ class SimulatorPage:
     def _show(self) -> None:
         """Draw the selected page, and lay it out afterwards, so that it arrives complete."""
         self._show_reminder()
-        with self._failures_shown():
+        self._show_asides()
+        with self._failures_shown(self._tabs.kind, self._put):
             page, result = self._page, self.session.result
             reason = page.missing_reason(result) if result is not None else ""
             self._reason.say(reason, "info")
@@ -406,8 +419,7 @@ class SimulatorPage:
                     give_back()
                 page.show_time(self.axis.time)
             view = self._reason.view if reason else page.view  # a page may have changed its plots
-            if self._stage.objects != [view]:
-                self._stage[:] = [view]
+            self._put(view)
             self._large_type.dress(view)  # a browser is told of changes only on a page that it has
             if result is None and not page.is_complete:
                 self.session.restore()
@@ -417,29 +429,35 @@ class SimulatorPage:
                 self._visible = page
                 page.appear()
 
+    def _put(self, view: pn.viewable.Viewable) -> None:
+        if self._stage.objects != [view]:
+            self._stage[:] = [view]
+
     @contextmanager
-    def _failures_shown(self) -> Iterator[None]:
+    def _failures_shown(
+        self, kind: type[Page], place: Callable[[pn.viewable.Viewable], None]
+    ) -> Iterator[None]:
         """Show an error in place of a page that could not be drawn, never the plots of another page."""
-        index = self._tabs.active
         try:
             yield
         except Exception as error:
-            log.exception("the page %s could not be drawn", PAGES[index].title)
-            if index in self._pages:
-                self._pages[index].forget()
-            self._failure.say(not_drawn(PAGES[index].title, error))
-            self._stage[:] = [self._failure.view]
+            log.exception("the page %s could not be drawn", kind.title)
+            if kind in self._pages:
+                self._pages[kind].forget()
+            failure = self._failures.setdefault(kind, Notice())
+            failure.say(not_drawn(kind.title, error))
+            place(failure.view)
 
     def _prepare(self, result: Result) -> None:
         """Let a page prepare a result; an error is shown when the page is drawn."""
-        page = self._pages.get(self._tabs.active)
+        page = self._pages.get(self._tabs.kind)
         try:
             if page is not None and not page.missing_reason(result):
                 page.prepare(result)
             if result.is_long:
                 give_back()
         except Exception:
-            log.exception("the page %s could not be prepared", PAGES[self._tabs.active].title)
+            log.exception("the page %s could not be prepared", self._tabs.kind.title)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result | None = event.new
@@ -448,6 +466,7 @@ class SimulatorPage:
                 page.release()
             return
         self._epoch = result.epoch
+        self._sheet.button.label = result.mission.title or result.mission.name
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
@@ -480,8 +499,16 @@ class SimulatorPage:
             self._time_bar.go(time - self._epoch)
 
     def _open(self, title: str) -> None:
-        """Open a tab; without a title, the one with which a page opens."""
-        self._tabs.active = _TITLES.index(RENAMED.get(title, title)) if title else _FIRST
+        """Open a page by its title; without one, that with which a page opens."""
+        kind = _BY_TITLE[RENAMED.get(title, title)] if title else FIRST
+        if kind is Lessons:
+            self._dock.open()
+            return
+        if kind is Missions:
+            self._sheet.open()
+            return
+        self._sheet.close()
+        self._tabs.open(kind)
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""
@@ -489,7 +516,7 @@ class SimulatorPage:
         self._show_reminder()
 
     def _show_reminder(self) -> None:
-        words = "" if PAGES[self._tabs.active] is Lessons else self._reminded
+        words = "" if self._dock.is_open else self._reminded
         if self._reminder is None:
             if not words:
                 return
@@ -501,9 +528,9 @@ class SimulatorPage:
     def _follow(self, time: float) -> None:
         if not self._time_bar.plays:
             self._address.update()
-        page = self._pages.get(self._tabs.active)
+        page = self._pages.get(self._tabs.kind)
         if page is not None and self._stage.objects == [page.view]:
-            with self._failures_shown():
+            with self._failures_shown(self._tabs.kind, self._put):
                 page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
@@ -519,6 +546,31 @@ class SimulatorPage:
         self._zooming = False
         with together(self._document):
             self._show_if_begun()
+
+
+def _mission_button() -> pmui.Button:
+    return pmui.Button(
+        label="Missions",
+        end_icon="arrow_drop_down",
+        description="Missions: choose, import, fly, record",
+        variant="text",
+        size="small",
+        margin=(8, 0),
+        css_classes=["mission"],
+        stylesheets=[TOOLTIP],
+        sx=_MISSION,
+    )
+
+
+def _lessons_button() -> pmui.IconButton:
+    return pmui.IconButton(
+        icon="school",
+        description="Lessons, beside the plots",
+        size="small",
+        margin=(6, 0),
+        stylesheets=[TOOLTIP],
+        sx={"color": "#ffffff"},
+    )
 
 
 def _unlink_busy(frame: MaterialPage) -> None:

@@ -71,7 +71,7 @@ DRESS: dict[str, Any] = {
 """A flat, dark header; paper has neither header nor settings."""
 
 FRAME = """
-:host { display: flex !important; flex-direction: column; overflow: hidden;
+:host { display: flex !important; flex-direction: column; overflow: hidden; position: relative;
         height: calc(100vh - 48px) !important; min-height: 0 !important; }
 @media print {
   :host { display: block !important; overflow: visible; height: auto !important; max-width: none !important;

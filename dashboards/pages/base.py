@@ -40,6 +40,8 @@ class Page(ABC):
 
     title: str
     depends_on_window = True
+    over_time: ClassVar[bool] = True
+    """Whether it follows the time cursor, so that the time bar stands below it."""
     seen: ClassVar[tuple[str, ...]] = ("errors", "sigma")
     """Datasets of a result, over the same times, in the file of what is seen."""
 

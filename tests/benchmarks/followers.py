@@ -14,14 +14,14 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from dashboards.page import PAGES
+from dashboards.page_tabs import TABS
 from dashboards.teaching.teacher import COOKIE
 from tests.benchmarks.visitor import PLOTS, Visitor
 from tests.security.conftest import Served
 
 MISSING = 10.0
 """Longest wait for a step [s]; one that has not come by then is an error."""
-TITLES = [page.title for page in PAGES]
+TITLES = list(TABS)
 FLIGHT = "?mission=los_angeles&trajectory.imu_rate=50"
 """Settings with which the teacher begins: a short flight."""
 KINDS = ("settings", "time", "settings", "another tab", "time", "first tab")
@@ -208,7 +208,7 @@ async def _act(teacher: Teacher, kind: str, number: int) -> Callable[[Page], boo
         seconds = 1.0 + number % 100 + 0.25
         await teacher.look_at(seconds)
         return lambda page: page.has(f'"attr":"location","new":{seconds}')
-    title = "Height" if kind == "another tab" else "Errors"
+    title = "Flight" if kind == "another tab" else "Errors"
     await teacher.turn_to(title)
     return lambda page: page.has(f'"attr":"active","new":{TITLES.index(title)}') and page.has('"Figure"')
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 
 import panel_material_ui as pmui
-from walking import PATIENCE, PAUSE, TITLES, Walk
+from walking import PATIENCE, PAUSE, Walk
 
 from dashboards.pages.lessons.lessons import Lessons
 
 
 def page(walk: Walk) -> Lessons:
     """Return the page Lessons, which is open."""
-    found = walk.page._pages[TITLES.index("Lessons")]
+    found = walk.page._pages[Lessons]
     assert isinstance(found, Lessons)
     return found
 

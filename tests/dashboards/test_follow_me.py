@@ -11,7 +11,7 @@ from typing import Any
 import panel_material_ui as pmui
 import pytest
 from panel.io.state import set_curdoc
-from walking import PATIENCE, PAUSE, TITLES, Walk, walking
+from walking import PATIENCE, PAUSE, Walk, walking
 
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.teaching import teacher
@@ -115,7 +115,7 @@ def words(walk: Walk) -> str:
 
 def lessons(walk: Walk) -> Lessons:
     """Return the page Lessons."""
-    found = walk.page._made(TITLES.index("Lessons"))
+    found = walk.page._made(Lessons)
     assert isinstance(found, Lessons)
     return found
 
@@ -191,7 +191,7 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
     page, shown = student.page, room.school_class.moment
     for act in (
         lambda: page.session.change("seed", 5),
-        lambda: setattr(page._tabs, "active", TITLES.index("Height")),
+        lambda: page._open("Height"),
         lambda: page.session.accept(Experiment().update(FLIGHT)),
         lambda: lessons(student)._open(("shipped", "04-tuning-r")),
     ):

@@ -111,11 +111,14 @@ def test_the_last_step_leads_to_the_next_lesson(walk: Walk) -> None:
     assert button.disabled  # it is the last of the gallery
 
 
-def test_look_opens_the_page_at_the_time_and_the_reminder_stays(walk: Walk) -> None:
+def test_look_opens_the_page_beside_the_lesson_and_a_closed_dock_leaves_a_reminder(walk: Walk) -> None:
     click(walk, "Of <b>mine</b>")
     click(walk, "Look at Height at 40 s")
-    assert walk.title == "Height"
+    assert walk.title == "Lessons"
+    assert walk.page._tabs.kind.title == "Height"
     assert walk.page.axis.time == 40.0
+    assert walk.page._reminder is None
+    walk.page._dock.close()
     assert walk.page._reminder is not None
     assert "Of <b>mine</b>, step 1 of 2: One." in walk.page._reminder.text
     walk.open("Lessons")

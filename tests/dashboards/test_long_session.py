@@ -101,5 +101,5 @@ def test_the_models_run_without_the_result_which_comes_back(long: Walk) -> None:
     settle(long)
     assert session.result is not None
     long.open("Models")
-    assert not long.page._pages[long.page._tabs.active]._work.busy
+    assert not long.shown._work.busy
     assert long.text() == table

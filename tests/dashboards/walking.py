@@ -19,6 +19,7 @@ from panel.io.state import set_curdoc
 from tornado.web import Application
 
 from dashboards import viser_proxy
+from dashboards.aside import Aside
 from dashboards.computing import Outcome, run
 from dashboards.page import PAGES, SimulatorPage
 from dashboards.pages.base import Page
@@ -64,9 +65,10 @@ class Walk:
         self.settle()
 
     def open(self, title: str) -> None:
-        """Open a tab, and wait until it shows what it has to show."""
+        """Open a page, in a tab or beside the tabs, and wait until it shows what it has to show."""
         with set_curdoc(self._document):
-            self.page._tabs.active = TITLES.index(title)
+            self.page._dock.close()
+            self.page._open(title)
         self.settle()
 
     def ask(self, what: str, position: int = 0) -> dict[str, Any]:
@@ -101,34 +103,47 @@ class Walk:
 
     @property
     def title(self) -> str:
-        """Title of the tab that is open."""
-        return TITLES[self.page._tabs.active]
+        """Title of the page that is open."""
+        return self._kind.title
+
+    @property
+    def _aside(self) -> Aside | None:
+        """The page beside the tabs that is open."""
+        return next((one for one in (self.page._sheet, self.page._dock) if one.is_open), None)
+
+    @property
+    def _kind(self) -> type[Page]:
+        return self.page._tabs.kind if self._aside is None else self._aside.kind
+
+    @property
+    def _stage(self) -> pn.Column:
+        return self.page._stage if self._aside is None else self._aside._place
 
     @property
     def shown(self) -> Page:
-        """The page of the tab that is open."""
-        return self.page._pages[self.page._tabs.active]
+        """The page that is open."""
+        return self.page._pages[self._kind]
 
     @property
     def reason(self) -> str:
         """Why the page has nothing to show; empty if it has."""
-        return str(self.page._reason.text)
+        return str(self.page._reason.text) if self._aside is None else ""
 
     def text(self) -> str:
         """Return all that is written on the page, without markup."""
-        panes = [pane for part in self.page._stage for pane in part.select(pn.pane.HTML)]
+        panes = [pane for part in self._stage for pane in part.select(pn.pane.HTML)]
         return unescape(re.sub(r"<[^>]*>", " ", " ".join(str(pane.object) for pane in panes)))
 
     def figures(self) -> list[figure]:
         """Return the figures of the page that are not hidden."""
-        panes = [pane for part in self.page._stage for pane in part.select(pn.pane.Bokeh)]
+        panes = [pane for part in self._stage for pane in part.select(pn.pane.Bokeh)]
         return [pane.object for pane in panes if pane.object.visible]
 
     def complaints(self) -> list[str]:
         """Return what is wrong with the page that is open: nothing, if all is well."""
         found = []
-        (view,) = self.page._stage.objects
-        if self.page._failure.view is view:
+        (view,) = self._stage.objects
+        if view is getattr(self.page._failures.get(self._kind), "view", None):
             return [self.text()]
         if view is not (self.page._reason.view if self.reason else self.shown.view):
             found.append("shows what is not this page")

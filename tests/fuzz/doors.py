@@ -24,9 +24,6 @@ from mutations import WORDS, mutated
 from websockets.exceptions import WebSocketException
 
 from dashboards.log_limit import AT_ONCE, LONGEST, PER_SECOND
-from dashboards.page import PAGES
-from dashboards.pages.time_plots import Errors
-from dashboards.pages.view_3d import View3D
 from lab.experiment.experiment import Experiment
 from tests.security.conftest import Served, Visitor
 from tests.security.watch import WAIT, as_map, say, watched
@@ -48,7 +45,6 @@ SILENCE = 0.3
 ATTACKS_OF_A_SESSION = 100
 """After so many a new session is attacked: damaged ones take less and less."""
 
-ERRORS, VIEW = PAGES.index(Errors), PAGES.index(View3D)
 VIEW_PATH = re.compile(r"viser/[\w-]{32}/")
 
 Attack = Callable[["Attacker"], Awaitable[None]]
@@ -123,16 +119,14 @@ class Attacker:
             await self.leave()
         if self._visitor is None:
             self._left = ATTACKS_OF_A_SESSION
-            self._visitor = await self._visit.enter_async_context(self.served.visitor())
+            self._visitor = await self._visit.enter_async_context(self.served.visitor("/?tab=3-D"))
             await say(self._visitor, "document_ready")
             await self._show_view(self._visitor)
         self._left -= 1
         return self._visitor
 
     async def _show_view(self, visitor: Visitor) -> None:
-        """Turn to the page of the 3-D view, and wait until it is there."""
-        (tabs,) = (one for one in visitor.models(active=ERRORS) if "visible" not in one["attributes"])
-        await visitor.change(tabs["id"], active=VIEW)
+        """Wait until the 3-D view is there."""
         while (found := VIEW_PATH.search(json.dumps(visitor.document))) is None:
             await visitor.pull()
         self.view = f"/{found[0]}"

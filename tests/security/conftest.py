@@ -22,6 +22,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
+from dashboards.page_tabs import TABS
 from lab.missions import add_mission, mission
 
 ROOT = Path(__file__).parents[2]
@@ -129,6 +130,11 @@ class Visitor:
         """Ask for the document as it is now."""
         await self.send("PULL-DOC-REQ", {})
         await self.reply("PULL-DOC-REPLY")
+
+    def tabs(self) -> str:
+        """Return the name of the model of the tabs."""
+        (tabs,) = self.models(_names=list(TABS))
+        return str(tabs["id"])
 
     async def wait(self) -> float:
         """Ask for next to nothing, and return how long the answer took [s]."""

@@ -205,13 +205,13 @@ def test_a_value_that_no_page_sends_is_dropped_with_one_line(served: Served, run
     async def send() -> bool:
         async with served.visitor() as visitor:
             (choice,) = visitor.models(label="Mission")
-            (tabs,) = (one for one in visitor.models(active=1) if "visible" not in one["attributes"])
+            tabs = visitor.tabs()
             for value in HAND_MADE:
                 await visitor.change(choice["id"], value=value)
-                await visitor.change(tabs["id"], active=value)
-            await visitor.change(tabs["id"], no_such=1)
+                await visitor.change(tabs, active=value)
+            await visitor.change(tabs, no_such=1)
             await visitor.change("p0", value=1)
-            await visitor.change(tabs["id"], active=2)
+            await visitor.change(tabs, active=2)
             await visitor.pull()
             return any(visitor.models(active=2))
 

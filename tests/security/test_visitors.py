@@ -127,9 +127,7 @@ def test_a_visitor_of_a_server_for_others_finds_no_import(served: Served, run) -
     """One who turns to the missions, and then sends for the part that nobody offers."""
 
     async def ask_for_import() -> str:
-        async with served.visitor() as visitor:
-            (tabs,) = (one for one in visitor.models(active=1) if "visible" not in one["attributes"])
-            await visitor.change(tabs["id"], active=0)
+        async with served.visitor("/?tab=Missions") as visitor:
             while not (found := list(visitor.models(value="Library"))):
                 await visitor.pull()
             for title in ("Import", "X-Plane", "Library"):

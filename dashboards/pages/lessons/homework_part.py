@@ -87,7 +87,7 @@ class HomeworkPart:
     @property
     def reminder(self) -> str:
         """Sentence for the other pages while a homework is open."""
-        return "" if self.open is None else f"Homework “{self.open.title}”: it is on the page Lessons."
+        return "" if self.open is None else f"Homework “{self.open.title}”: it is among the Lessons."
 
     def show_list(self) -> None:
         """Show the homework of the server."""

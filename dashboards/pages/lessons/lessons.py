@@ -171,7 +171,7 @@ class Lessons(Page):
             views = [self._step.view]
             where = f"{self._lesson.title}, step {self._number + 1} of {len(self._lesson.steps)}"
             title = self._lesson.steps[self._number].title
-            self._session.remind(f"{where}: {title}. The step is on the page Lessons.")
+            self._session.remind(f"{where}: {title}. It is among the Lessons.")
         elif self._homework.open is not None:
             views = [self._homework.view]
             self._session.remind(self._homework.reminder)

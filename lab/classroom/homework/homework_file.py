@@ -36,7 +36,7 @@ KEY_FORMAT = "ins-lab homework key 1"
 LARGEST = 200_000
 """Largest source, homework or key file accepted [bytes]; texts and questions have at most 40 kB."""
 _SHOWN = ("title", "text", "settings", "change", "names_faults", "fault_points")
-_HEAD = "# A homework of INS Lab: open it on the page Lessons, or with: ins-lab homework show FILE\n"
+_HEAD = "# A homework of INS Lab: open it under Lessons, or with: ins-lab homework show FILE\n"
 _KEY_HEAD = (
     "# The key of a homework: it contains the solutions, and grades what is handed in. Keep it secret.\n"
 )

@@ -1,0 +1,104 @@
+"""Aside: a page beside the tabs, which opens and closes: a sheet over them, or a dock at their right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.base import Page
+from dashboards.style import ON_SCREEN, TOOLTIP, WHOLE
+
+SHEET = """
+:host { position: absolute !important; inset: 0; z-index: 6; overflow: hidden auto !important;
+        height: auto !important; width: auto !important;
+        background: var(--mui-palette-background-default, canvas); }
+"""
+"""Over all that is below the header."""
+DOCK = """
+:host { flex: 0 0 360px !important; overflow: hidden auto !important; min-height: 0 !important;
+        border-left: 1px solid rgba(128, 128, 128, .3); }
+@media (max-width: 1000px) {
+  :host { flex: 0 0 46% !important; border-left: 0; border-top: 2px solid rgba(128, 128, 128, .4); }
+}
+"""
+"""At the right of the plots; on narrow windows below them."""
+BESIDE = """
+:host { flex: 1 1 0 !important; min-height: 0 !important; align-items: stretch; }
+@media (max-width: 1000px) { :host { flex-direction: column !important; } }
+@media print { :host { display: block !important; height: auto !important; } }
+"""
+"""The row of the plots and the dock."""
+
+
+class Aside:
+    """A page that stands beside the open tab while it is open.
+
+    Parameters
+    ----------
+    kind
+        The page.
+    button
+        Opens and closes it; for the header.
+    style
+        `SHEET` or `DOCK`.
+    turned
+        Called when it was opened or closed.
+
+    Attributes
+    ----------
+    button : Button
+        As given.
+    view : viewable
+        Its title, the button that closes it, and the page.
+    """
+
+    def __init__(
+        self, kind: type[Page], button: pmui.Button | pmui.IconButton, style: str, turned: Callable[[], None]
+    ) -> None:
+        self.kind = kind
+        self.button = button
+        button.on_click(lambda _event: self._turn(not self.is_open))
+        self._turned = turned
+        close = pmui.IconButton(
+            icon="close", description=f"Close {kind.title} (Esc)", size="small", stylesheets=[TOOLTIP]
+        )
+        close.on_click(lambda _event: self.close())
+        heading = pn.pane.HTML(
+            f"<h2>{kind.title}</h2>", sizing_mode="stretch_width", margin=(4, 8), stylesheets=[_HEADING]
+        )
+        self._place = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+        self.view = pn.Column(
+            pn.Row(heading, close, sizing_mode="stretch_width", margin=(4, 8)),
+            self._place,
+            visible=False,
+            margin=0,
+            stylesheets=[style, ON_SCREEN],
+        )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is open."""
+        return bool(self.view.visible)
+
+    def open(self) -> None:
+        """Open it."""
+        self._turn(True)
+
+    def close(self) -> None:
+        """Close it."""
+        self._turn(False)
+
+    def show(self, view: pn.viewable.Viewable) -> None:
+        """Show the layout of the page."""
+        if self._place.objects != [view]:
+            self._place[:] = [view]
+
+    def _turn(self, is_open: bool) -> None:
+        if is_open != self.is_open:
+            self.view.visible = is_open
+            self._turned()
+
+
+_HEADING = "h2 { margin: 4px 0; font-size: 1.1rem; font-weight: 500; }"

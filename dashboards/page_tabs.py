@@ -1,0 +1,127 @@
+"""Page tabs: the tabs of the laboratory; some have parts, and each part is a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import chain
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+
+from dashboards.pages.allan import Allan
+from dashboards.pages.base import Page
+from dashboards.pages.budget import Budget
+from dashboards.pages.compare import Compare
+from dashboards.pages.consistency import Consistency
+from dashboards.pages.ground_track import GroundTrack
+from dashboards.pages.innovations import Innovations
+from dashboards.pages.live import Live
+from dashboards.pages.models import Models
+from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
+from dashboards.pages.view_3d import View3D
+from dashboards.style import ON_SCREEN
+from dashboards.titled import Tabs
+
+TABS: dict[str, tuple[type[Page], ...]] = {
+    "Flight": (GroundTrack, Height, View3D),
+    "Errors": (Errors, Covariance),
+    "Filter": (Consistency, Innovations, SensorErrors, Budget),
+    "Sensors": (Allan,),
+    "Compare": (Compare, Models),
+    "Live": (Live,),
+}
+"""The pages of each tab, by what is written on it."""
+FIRST: type[Page] = Errors
+"""The page that opens first."""
+IN_TABS = tuple(chain.from_iterable(TABS.values()))
+
+_TAB = {"minWidth": "0", "padding": "12px 12px", "letterSpacing": "0"}
+_PART = {"& button": {"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"}}
+_ROW = """
+:host { flex: 0 0 auto !important; flex-wrap: wrap; justify-content: space-between; align-items: center; }
+"""
+"""The parts stand at the right of the tabs, or below them where both do not fit."""
+
+
+class PageTabs:
+    """The tabs, and the parts of the open tab.
+
+    Parameters
+    ----------
+    turned
+        Called when another page is open, chosen by a person or by `open`.
+
+    Attributes
+    ----------
+    view : viewable
+        The tabs, and beside them the parts.
+    kind : type of Page
+        The open page.
+    """
+
+    def __init__(self, turned: Callable[[], None]) -> None:
+        self.kind = FIRST
+        self._turned = turned
+        self._silent = False
+        self._titles = tuple(TABS)
+        self._last = {tab: pages[0] for tab, pages in TABS.items()}
+        tab = self._tab_of(FIRST)
+        self._tabs = Tabs(
+            *((title, pn.Spacer(height=0)) for title in TABS),
+            active=self._titles.index(tab),
+            height=48,
+            margin=0,
+            styles={"flex": "0 1 auto", "min-width": "0", "max-width": "100%"},
+            sx={"& .MuiTab-root": _TAB},
+        )
+        self._parts = pmui.RadioButtonGroup(
+            options=[page.title for page in TABS[tab]],
+            value=FIRST.title,
+            size="small",
+            color="primary",
+            margin=(6, 12),
+            sx=_PART,
+            visible=len(TABS[tab]) > 1,
+        )
+        self._tabs.param.watch(self._tab_chosen, "active")
+        self._parts.param.watch(self._part_chosen, "value")
+        self.view = pn.Row(
+            self._tabs, self._parts, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW, ON_SCREEN]
+        )
+
+    def open(self, kind: type[Page]) -> None:
+        """Open a page, and with it its tab."""
+        if kind is self.kind:
+            return
+        tab = self._tab_of(kind)
+        self.kind = self._last[tab] = kind
+        with self._silently():
+            self._tabs.active = self._titles.index(tab)
+            self._parts.param.update(
+                options=[page.title for page in TABS[tab]], value=kind.title, visible=len(TABS[tab]) > 1
+            )
+        self._turned()
+
+    def _tab_chosen(self, event: param.parameterized.Event) -> None:
+        if not self._silent:
+            self.open(self._last[self._titles[event.new]])
+
+    def _part_chosen(self, event: param.parameterized.Event) -> None:
+        if self._silent:
+            return
+        here = {page.title: page for page in TABS[self._tab_of(self.kind)]}
+        self.open(here.get(event.new, self.kind))  # a hand-made message may contain any value
+
+    @staticmethod
+    def _tab_of(kind: type[Page]) -> str:
+        return next(tab for tab, pages in TABS.items() if kind in pages)
+
+    @contextmanager
+    def _silently(self) -> Iterator[None]:
+        self._silent = True
+        try:
+            yield
+        finally:
+            self._silent = False
