@@ -231,7 +231,9 @@ class Address:
     def _act(self, what: str, position: int) -> None:
         """Do what a person asked for; an entry of the browser's history is named by its number."""
         steps = {"undo": self._history.position - 1, "redo": self._history.position + 1, "visit": position}
-        state = self._history.visit(steps.get(what, self._history.position))
+        if what not in steps:  # a key that is no matter of the history
+            return
+        state = self._history.visit(steps[what])
         if state is not None:
             self._restore(state)
         self.update()

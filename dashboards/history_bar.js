@@ -2,6 +2,9 @@
 // number of a state. What came before this opening of the page is opened again by its address.
 
 const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
+const ACTIVE = "a, button, input, select, summary, [role]:not([role=presentation]):not([role=tabpanel])"
+const STEPS = {arrowleft: -1, arrowright: 1}  // to the fix before, and to the next one
+const WISHES = {h: "hold", escape: "close", "?": "help"}
 const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-1.88 5.12-1.88 3.54 0 6.55 2.31 7.6 5.5"
   + "l2.37-.78C21.08 11.03 17.15 8 12.5 8z"
 const REDO = "M18.4 10.6C16.55 8.99 14.15 8 11.5 8c-4.65 0-8.58 3.03-9.96 7.22L3.9 16c1.05-3.19 4.05-5.5 7.6-5.5 1.95 0"
@@ -67,14 +70,24 @@ window.addEventListener("popstate", ({state}) => {
 window.addEventListener("keydown", (event) => {
   const [at] = event.composedPath()
   const typing = at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
-  if (model === null || typing || event.altKey || event.repeat) return
+  if (model === null || typing || event.altKey) return
   const key = event.key.toLowerCase()
   if (event.ctrlKey || event.metaKey) {
-    if (key !== "z") return
+    if (key !== "z" || event.repeat) return
     event.preventDefault()
     ask(event.shiftKey ? "redo" : "undo", 0)
-  } else if (key === "h") {
-    ask("hold", 0)
+  } else if (key in STEPS && !at.closest?.(ACTIVE)) {
+    event.preventDefault()
+    ask("step", STEPS[key])
+  } else if (event.repeat) {
+    return
+  } else if (key in WISHES) {
+    ask(WISHES[key], 0)
+  } else if (key === " " && !at.closest?.(ACTIVE)) {
+    event.preventDefault()
+    ask("play", 0)
+  } else if (/^[1-9]$/.test(key)) {
+    ask("tab", Number(key))
   }
 })
 

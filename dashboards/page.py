@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 import param
@@ -34,6 +35,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
+from dashboards.shortcuts import Shortcuts
 from dashboards.style import DRESS, FRAME, STAGE, THEME, TOOLTIP
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
@@ -42,6 +44,7 @@ from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.upstream.server import leave_out_hooks
 from dashboards.verdict_chip import VerdictChip
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
@@ -54,6 +57,9 @@ log = logging.getLogger(__name__)
 
 ZOOM_DEBOUNCE = 60
 """Quiet time after a zoom before the visible stretch is redrawn [ms]."""
+
+HALF_STEP = 1e-3
+"""Least distance of the next fix from the cursor [s]."""
 
 OUTAGES = "sensors.gps.outages"
 
@@ -128,6 +134,16 @@ class SimulatorPage:
         )
         self._chip = VerdictChip(self.session, document, self._main)
         self._holding = Holding(self.session, self._address.bar)
+        self._shortcuts = Shortcuts(
+            self._address.bar,
+            {
+                "tab": self._tabs.turn,
+                "close": lambda _number: (self._sheet if self._sheet.is_open else self._dock).close(),
+                "play": lambda _number: self._time_bar.toggle(),
+                "step": self._step_to_fix,
+            },
+        )
+        self._main.append(self._shortcuts.list)
         self._listen()
 
     def _listen(self) -> None:
@@ -154,6 +170,8 @@ class SimulatorPage:
         view = self._address.view
         self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
         self._open(view.tab)
+        if view.beside:
+            self._open(view.beside)
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
@@ -169,7 +187,7 @@ class SimulatorPage:
         self._address.read()
         if self.session.homework is not None:
             self._made(Lessons)  # it reminds of the homework on all pages
-            self._open(view.tab or Lessons.title)
+            self._dock.open()
         has_own = self.session.homework is not None or query(self.session.experiment) != ""
         self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
         if self._class.problem:
@@ -202,7 +220,8 @@ class SimulatorPage:
         start, end = self.axis.window
         zoom = None if start <= 0 and end >= self.axis.duration else (start, end)
         tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
-        return View(tab, time, self._waiting_zoom or zoom, self.session.runs)
+        beside = next((one.kind.title for one in (self._sheet, self._dock) if one.is_open), "")
+        return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside)
 
     def _show_of_class(self, moment: Moment) -> None:
         """Show what another page of the class shows."""
@@ -270,6 +289,7 @@ class SimulatorPage:
                 self._address.bar,
                 self._holding.button,
                 self._dock.button,
+                self._shortcuts.button,
             ],
             sidebar=[self._sidebar],
             sidebar_width=330,
@@ -409,6 +429,9 @@ class SimulatorPage:
             page, result = self._page, self.session.result
             reason = page.missing_reason(result) if result is not None else ""
             self._reason.say(reason, "info")
+            if self._time_bar.view.visible != page.over_time:
+                self._time_bar.stop()
+                self._time_bar.view.visible = page.over_time
             view = self._reason.view if reason else page.view
             laid_out = self._stage.objects == [view]
             if result is not None and not reason:
@@ -497,6 +520,16 @@ class SimulatorPage:
         self._open(title)
         if time is not None:
             self._time_bar.go(time - self._epoch)
+
+    def _step_to_fix(self, by: int) -> None:
+        """Move the cursor to the next fix, or to the one before."""
+        result = self.session.result
+        if result is None or not self._time_bar.view.visible:
+            return
+        times: FloatArray = result.gps["time_gps"].values
+        index = int(np.searchsorted(times, self.axis.time + by * HALF_STEP)) - (by < 0)
+        if 0 <= index < len(times):
+            self._time_bar.go(float(times[index]))
 
     def _open(self, title: str) -> None:
         """Open a page by its title; without one, that with which a page opens."""

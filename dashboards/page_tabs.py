@@ -104,6 +104,11 @@ class PageTabs:
             )
         self._turned()
 
+    def turn(self, number: int) -> None:
+        """Open a tab by its number from 1; of another number, nothing comes."""
+        if 1 <= number <= len(self._titles):
+            self.open(self._last[self._titles[number - 1]])
+
     def _tab_chosen(self, event: param.parameterized.Event) -> None:
         if not self._silent:
             self.open(self._last[self._titles[event.new]])

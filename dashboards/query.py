@@ -30,6 +30,9 @@ HOMEWORK = "homework"
 THEME = "theme"
 """What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
+BESIDE = ("Missions", "Lessons")
+"""Titles of the pages that open beside the tabs."""
+
 _NUMBER = r"\d{1,9}(?:\.\d{1,9})?"
 _SPAN = re.compile(rf"({_NUMBER})-({_NUMBER})", re.ASCII)
 _TIME = re.compile(_NUMBER, re.ASCII)
@@ -48,12 +51,15 @@ class View(NamedTuple):
         First and last visible time [s]; None for the whole flight.
     runs : int
         Number of runs that are judged together.
+    beside : str
+        Title of the page that is open beside the tabs; empty without one.
     """
 
     tab: str = ""
     time: float = 0.0
     zoom: tuple[float, float] | None = None
     runs: int = 1
+    beside: str = ""
 
 
 def homework_of_query(query: str) -> tuple[str, str]:
@@ -116,6 +122,7 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
         "time": (_time_of, "a time in seconds, such as 12.5"),
         "zoom": (_span_of, "two times in seconds, such as 60-75"),
         "runs": ({str(runs): runs for runs in RUNS}.get, f"one of {', '.join(map(str, RUNS))}"),
+        "beside": (lambda text: text if text in BESIDE else None, " or ".join(BESIDE)),
     }
     found, problems = dict[str, Any](), list[str]()
     for name, (read, accepted) in readers.items():
@@ -147,6 +154,7 @@ def query_of_view(view: View) -> str:
         "time": _seconds(view.time) if view.time else "",
         "zoom": f"{_seconds(start)}-{_seconds(end)}" if view.zoom else "",
         "runs": str(view.runs) if view.runs != 1 else "",
+        "beside": view.beside,
     }
     return urlencode({name: text for name, text in parts.items() if text})
 

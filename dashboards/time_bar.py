@@ -112,6 +112,10 @@ class TimeBar:
             self._go(0.0)
         self._playing = self._document.add_periodic_callback(self._advance, FRAME)
 
+    def toggle(self) -> None:
+        """Start playing, or stop."""
+        self._play.value = not self._play.value
+
     def go(self, time: float) -> None:
         """Move the cursor to a time of the flight [s]; a later one is its end."""
         self.stop()

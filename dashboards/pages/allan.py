@@ -42,6 +42,7 @@ class Allan(ComputedPage):
     """Allan deviation of the simulated sensors at rest, with the settings' own values."""
 
     title = "Allan"
+    over_time = False
     working = "Simulating the sensors at rest …"
 
     def make(self) -> pn.viewable.Viewable:

@@ -31,6 +31,7 @@ class Compare(Page):
     """Held results beside the shown one: errors, consistency and verdict, relative to the first held one."""
 
     title = "Compare"
+    over_time = False
     depends_on_window = False
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:

@@ -21,7 +21,7 @@ from playwright.sync_api import Page
 from dashboards.devices import STATIONS
 from lab.data.streams.recorded_log import recorded_samples
 from tests.benchmarks.test_live_speed import delays_of_navigator, device
-from tests.browser.conftest import IDLE, ROOT, chromium, free_port, new_context
+from tests.browser.conftest import IDLE, ROOT, chromium, free_port, new_context, show
 
 __all__ = ["chromium"]
 
@@ -68,7 +68,7 @@ def watching(chromium, address: str) -> Page:
     page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
     page.goto(address)
     page.wait_for_function(IDLE)
-    page.get_by_role("tab", name="Live").click()
+    show(page, "Live")
     page.get_by_role("combobox", name="Source").click()
     page.get_by_role("menuitem").filter(has_text="tcp:").first.click()
     page.get_by_role("button", name="Connect", exact=True).click()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -16,6 +17,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Frame, Page, expect, sync_playwright
 
+from dashboards.page_tabs import TABS
+from dashboards.query import BESIDE
 from dashboards.visitors import VARIABLE
 
 ROOT = Path(__file__).parents[2]
@@ -88,6 +91,36 @@ def eventually(page: Page, what: Callable[[], bool]) -> None:
     while not what():
         assert time.monotonic() < end, "it did not become true"
         page.wait_for_timeout(LOOK)
+
+
+def _place_of(title: str) -> tuple[str, list[str]]:
+    """Return the tab of a page, and the titles of all pages in it."""
+    return next(
+        (tab, titles) for tab, pages in TABS.items() if title in (titles := [one.title for one in pages])
+    )
+
+
+def show(page: Page, title: str) -> None:
+    """Open a page by its title: its tab, and its part there; or a page beside the tabs."""
+    close = page.get_by_role("button", name="Close Missions")
+    if close.is_visible() and title != "Missions":
+        close.click()
+    if title in BESIDE:
+        if not page.get_by_role("button", name=f"Close {title}").is_visible():
+            page.get_by_role("button", name=re.compile(f"^{title}[,:]")).click()
+        return
+    tab, titles = _place_of(title)
+    page.get_by_role("tab", name=tab, exact=True).click()
+    if len(titles) > 1:
+        page.get_by_role("button", name=title, exact=True).click()
+
+
+def shown(page: Page, title: str) -> None:
+    """Expect that a page is open in the tabs."""
+    tab, titles = _place_of(title)
+    expect(page.get_by_role("tab", name=tab, exact=True)).to_have_attribute("aria-selected", "true")
+    if len(titles) > 1:
+        expect(page.get_by_role("button", name=title, exact=True)).to_have_attribute("aria-pressed", "true")
 
 
 def reset(page: Page) -> None:
@@ -209,7 +242,9 @@ class Keeper:
         """Turn the page back to what it showed at first, with its own controls."""
         page = self.page
         assert page is not None
-        page.get_by_role("tab", name="Errors", exact=True).click()
+        show(page, "Errors")
+        if page.get_by_role("button", name="Close Lessons").is_visible():
+            page.get_by_role("button", name="Close Lessons").click()
         page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
         wait_for(page, DRAWN)
         mission = page.get_by_role("combobox", name="Mission")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, eventually, new_context, wait_for, watched
+from tests.browser.conftest import DRAWN, eventually, new_context, show, shown, wait_for, watched
 from tests.security.conftest import own_addresses, serving
 
 pytestmark = pytest.mark.browser
@@ -57,17 +57,15 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
         bar(teacher, "follow")
-        teacher.get_by_role("tab", name="Height", exact=True).click()
+        show(teacher, "Height")
         teacher.evaluate(f"{TIME} = 42")
         wait_for(phone, f"{TIME} === 42")
-        expect(phone.get_by_role("tab", name="Height", exact=True)).to_have_attribute("aria-selected", "true")
-        phone.get_by_role("tab", name="Ground track", exact=True).click()
+        shown(phone, "Height")
+        show(phone, "Ground track")
         bar(phone, "You are on your own.")
-        teacher.get_by_role("tab", name="Errors", exact=True).click()
+        show(teacher, "Errors")
         wait_for(teacher, DRAWN)
-        expect(phone.get_by_role("tab", name="Ground track", exact=True)).to_have_attribute(
-            "aria-selected", "true"
-        )
+        shown(phone, "Ground track")
         phone.get_by_role("button", name="Return to the teacher").click()
         wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
@@ -87,7 +85,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
 def open_live(page: Page) -> None:
     """Open the page Live."""
     wait_for(page, DRAWN)
-    page.get_by_role("tab", name="Live").click()
+    show(page, "Live")
     expect(page.get_by_role("button", name="Connect", exact=True)).to_be_visible()
 
 

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 from dashboards.computing import SupersededError
 from dashboards.ensembles import ensemble
 from lab.experiment.experiment import Experiment
-from tests.browser.conftest import wait_for
+from tests.browser.conftest import show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -30,7 +30,7 @@ TABLES_FOLLOW_THE_PLOTS = """
 @pytest.mark.proof
 def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&sensors.gps.latency=0.2&navigator.latency=0")
-    page.get_by_role("tab", name="Consistency", exact=True).click()
+    show(page, "Consistency")
     expect(page.get_by_role("heading", name="The fixes are 0.20 s late")).to_be_visible()
     advice = page.get_by_text("Set “Navigator and filter: Latency the filter assumes” to 0.20")
     expect(advice).to_be_visible()
@@ -43,7 +43,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
 @pytest.mark.proof
 def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles")
-    page.get_by_role("tab", name="Consistency", exact=True).click()
+    show(page, "Consistency")
     choose(page, "10 seeds")
     expect(page.get_by_text("10 flights, seeds 1 to 10")).to_be_visible()
     expect(page.get_by_text("Judged by 10 runs")).to_be_visible()

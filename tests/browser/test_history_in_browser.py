@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import IDLE, wait_for
+from tests.browser.conftest import IDLE, show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -20,7 +20,7 @@ ENTRIES = "history.length"
 def shows(page: Page, noise: str, tab: str = "Errors") -> None:
     """Expect that the page shows a noise of the gyros and a tab, and that its address says so."""
     expect(page.get_by_role("textbox").nth(1)).to_have_value(noise)
-    expect(page.get_by_role("tab", name=tab, exact=True)).to_have_attribute("aria-selected", "true")
+    shown(page, tab)
     setting = f"&sensors.gyro.noise_density={noise}" if noise != "0.05" else ""
     view = f"&tab={tab}" if tab != "Errors" else ""
     wait_for(page, f"{ADDRESS}.replace(/&time=[0-9.]+/, '') === '{BEGUN}{setting}{view}'")
@@ -49,7 +49,7 @@ def test_back_forward_undo_redo_and_a_reload_change_page_and_address(open_page: 
     box.fill("0.2")
     box.press("Enter")
     shows(page, "0.2")
-    page.get_by_role("tab", name="Height", exact=True).click()
+    show(page, "Height")
     shows(page, "0.2", "Height")
     page.go_back()
     shows(page, "0.05")

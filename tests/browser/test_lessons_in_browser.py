@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import wait_for
+from tests.browser.conftest import show, wait_for
 from tests.cli.asking import ask
 
 pytestmark = pytest.mark.browser
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.browser
 @pytest.mark.proof
 def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&trajectory.imu_rate=50")
-    page.get_by_role("tab", name="Lessons", exact=True).click()
+    show(page, "Lessons")
     page.get_by_role("button", name="Tuning R", exact=True).click()
     formula = page.locator("math").first
     expect(formula).to_be_visible()
@@ -70,7 +70,7 @@ def test_a_homework_from_the_file_of_the_teacher_to_the_grades(
     source.write_text(HOMEWORK, encoding="utf-8")
     assert ask("homework", "make", str(source), "--out", str(source.with_suffix(".homework"))).exit_code == 0
     page = open_page("?mission=los_angeles&trajectory.imu_rate=20")
-    page.get_by_role("tab", name="Lessons", exact=True).click()
+    show(page, "Lessons")
     page.locator("input[type=file][accept='.homework']").set_input_files(source.with_suffix(".homework"))
     expect(page.get_by_text("Which faults are hidden?")).to_be_visible()
     scale = page.get_by_role("slider", name="R scale").first

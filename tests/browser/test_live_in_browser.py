@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
-from tests.browser.conftest import IDLE, wait_for
+from tests.browser.conftest import IDLE, show, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 """Size of the window [px]: a stream is drawn all the time, without a graphics card."""
@@ -45,7 +45,7 @@ VISIBLE = (
 
 def connect(page: Page) -> None:
     """Open the page Live and connect the source that it offers first, the simulated device."""
-    page.get_by_role("tab", name="Live").click()
+    show(page, "Live")
     page.get_by_role("button", name="Connect", exact=True).click()
     page.get_by_role("button", name="Disconnect").wait_for()
     wait_for(page, f"{RATES}.length > 20")

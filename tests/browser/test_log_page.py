@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 from sensor_logs import tables, write
 
-from tests.browser.conftest import wait_for
+from tests.browser.conftest import show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -32,12 +32,12 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     page.get_by_text("has no reference, so its errors are unknown").wait_for()
     page.get_by_text("nothing is simulated").wait_for()
     expect(page.get_by_text("Temperature", exact=True).first).to_be_hidden()
-    page.get_by_role("tab", name="Innovations").click()
+    show(page, "Innovations")
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
     wait_for(page, f"{source}?.data.time?.length > 20")
-    page.get_by_role("tab", name="Budget").click()
+    show(page, "Budget")
     page.get_by_text("and the error budget needs them").wait_for()
-    page.get_by_role("tab", name="Compare").click()
+    show(page, "Compare")
     page.get_by_text("There is no reference").wait_for()
     page.get_by_text("Levelled in motion").wait_for()
 

@@ -17,7 +17,7 @@ from lab.flying.airports import runway
 from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 from lab.missions.library import delete_mission
-from tests.browser.conftest import RANGE_END, wait_for
+from tests.browser.conftest import RANGE_END, show, wait_for
 
 LAST_FIGURE = """[...Bokeh.index.query((view) => view.model.type === 'Figure')]
   .filter((view) => view.el.getClientRects().length)
@@ -45,7 +45,7 @@ def part_of_montreal() -> Recording:
 
 def missions_tab(page: Page, chosen: str = "") -> None:
     """Open the page of missions, and choose the mission with this title there."""
-    page.get_by_role("tab", name="Missions", exact=True).click()
+    show(page, "Missions")
     part(page, "Library")
     page.get_by_role("textbox", name="Filter").fill("")
     if chosen:

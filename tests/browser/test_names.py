@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import IDLE, wait_for
+from tests.browser.conftest import IDLE, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -44,7 +44,7 @@ MISPLACED = """(() => {
 def test_everything_that_one_can_change_has_a_name(shared_page: Page) -> None:
     page = shared_page
     for tab, (role, name) in TABS.items():
-        page.get_by_role("tab", name=tab, exact=True).click()
+        show(page, tab)
         expect(page.get_by_role(role, name=name).first).to_be_visible()
         wait_for(page, IDLE)
         heard = page.locator("body").aria_snapshot()

@@ -7,8 +7,9 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from dashboards.page import PAGES
 from lab.views.time_plot import THIN
-from tests.browser.conftest import DATA, IDLE, wait_for
+from tests.browser.conftest import DATA, IDLE, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -43,16 +44,13 @@ WORDS = {
 
 
 def walk(page: Page) -> None:
-    """Open each tab of a page whose filter has 21 states, of which six are known exactly: they stay zero.
+    """Open each page of a simulator whose filter has 21 states, of which six are known exactly: they stay zero.
 
     `test_strangers` does so with a mission of a stranger, whose words are on the tabs too.
     """
     wait_for(page, f"{DATA}?.time?.length > 100")
-    for title in page.get_by_role("tab").all_inner_texts():
-        name = next(name for name in (*FIRST, *WORDS, "3-D") if name.casefold() == title.casefold())
-        tab = page.get_by_role("tab", name=name, exact=True)
-        tab.click()
-        expect(tab).to_have_attribute("aria-selected", "true")
+    for name in (one.title for one in PAGES):
+        show(page, name)
         for words in WORDS.get(name, ()):
             expect(page.get_by_text(words).first).to_be_visible()
         if name in FIRST:
@@ -63,9 +61,9 @@ def walk(page: Page) -> None:
         elif name not in WORDS:
             expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
         assert page.get_by_text("could not be drawn").count() == 0
-    page.get_by_role("tab", name="Covariance", exact=True).click()
+    show(page, "Covariance")
     wait_for(page, f"{TITLES}.includes('σ of the gyro scale factors [%]: zero')")
-    page.get_by_role("tab", name="Errors", exact=True).click()
+    show(page, "Errors")
     wait_for(page, f"{TITLES}[0] === {FIRST['Errors']!r}")
     wait_for(page, f"{DATA}?.position_east?.length > 100")
 

@@ -13,7 +13,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tests.browser.conftest import DRAWN, IDLE, new_context, serving, wait_for
+from tests.browser.conftest import DRAWN, IDLE, new_context, serving, show, wait_for
 from tests.browser.test_live_in_browser import connect
 
 pytestmark = pytest.mark.browser
@@ -55,7 +55,7 @@ def ports(server: psutil.Process) -> int:
 
 def leave_when(page: Page) -> None:
     wait_for(page, DRAWN)
-    page.get_by_role("tab", name="3-D", exact=True).click()
+    show(page, "3-D")
     expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
 
 
@@ -86,7 +86,7 @@ def test_a_closed_page_leaves_no_upload_and_no_recording(chromium: Browser, serv
         page = context.new_page()
         page.goto(address)
         wait_for(page, DRAWN)
-        page.get_by_role("tab", name="Missions", exact=True).click()
+        show(page, "Missions")
         page.get_by_role("button", name="Import", exact=True).click()
         page.locator("input[type=file][multiple]").set_input_files(
             {"name": "a.csv", "mimeType": "text/csv", "buffer": b"no flight"}

@@ -12,7 +12,18 @@ import netCDF4
 import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import CURVE, DATA, IDLE, PATIENCE, RANGE_END, remember, reset, wait_for, watched
+from tests.browser.conftest import (
+    CURVE,
+    DATA,
+    IDLE,
+    PATIENCE,
+    RANGE_END,
+    remember,
+    reset,
+    show,
+    wait_for,
+    watched,
+)
 from tests.browser.test_page_walk import FIRST, TITLES
 
 pytestmark = pytest.mark.browser
@@ -40,10 +51,6 @@ def noise(page: Page) -> tuple:
 ANSWER = 10_000.0
 """Longest wait for what a browser does by itself [ms]."""
 ATTEMPTS = round(PATIENCE / ANSWER)
-
-
-def show(page: Page, title: str) -> None:
-    page.get_by_role("tab", name=title, exact=True).click()
 
 
 def zoom(page: Page, plot: Locator, start: float, end: float) -> FloatRect:
@@ -259,7 +266,7 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_
     page = shared_page
     page.set_viewport_size(SMALL)
     remember_data(page)
-    tab = page.get_by_role("tab", name="Height", exact=True)
+    tab = page.get_by_role("tab", name="Flight", exact=True)
     ink = tab.evaluate("element => getComputedStyle(element).color")
     toggle = page.get_by_role("button", name="Toggle theme")
     toggle.click()

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.base.parameters.toml_file import MAX_BYTES
 from lab.missions import add_mission, mission
-from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, wait_for
+from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, show, wait_for
 from tests.browser.test_page_walk import walk
 
 pytestmark = pytest.mark.browser
@@ -169,9 +169,9 @@ def test_every_tab_shows_its_own_plots_and_what_a_mission_and_a_file_say_is_text
 ) -> None:
     page = opened(strange, f"{server}/?mission=mine&navigator.states=21")
     walk(page)
-    page.get_by_role("tab", name="Compare", exact=True).click()
+    show(page, "Compare")
     expect(page.get_by_text("stranger-title").first).to_be_visible()
-    page.get_by_role("tab", name="Missions", exact=True).click()
+    show(page, "Missions")
     card = page.locator("article[data-name='mine']")
     expect(card).to_contain_text('<img src="/stranger-title">')
     expect(page.locator("article[data-name='wreck']")).to_contain_text("stranger-key")
@@ -219,7 +219,7 @@ def test_what_a_recording_says_is_text_where_it_is_judged(
 ) -> None:
     """A file's own name is text as well: a browser hands it over as it is."""
     page = opened(strange, f"{server}/?mission=los_angeles")
-    page.get_by_role("tab", name="Missions", exact=True).click()
+    show(page, "Missions")
     page.get_by_role("button", name="Import", exact=True).first.click()
     for place, text in RECORDINGS.items():
         path = tmp_path / f"{place}<img src=stranger onerror='{RUN}'>.csv"

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, expect
 from xplane_simulator import XPlaneSimulator, montreal, standing_first
 
 from dashboards.devices import VARIABLE
-from tests.browser.conftest import IDLE, new_context, serving, wait_for
+from tests.browser.conftest import IDLE, new_context, serving, show, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 """Size of the window [px]: a stream is drawn all the time, without a graphics card."""
@@ -48,7 +48,7 @@ def address_of(xplane: XPlaneSimulator) -> str:
 
 def connect(page: Page, address: str) -> None:
     """Choose a source on the page Live, and connect it."""
-    page.get_by_role("tab", name="Live").click()
+    show(page, "Live")
     page.get_by_role("combobox").filter(has_text="Simulated device").click()
     page.get_by_role("menuitem", name=address).click()
     expect(page.get_by_text("X-Plane sends its motion")).to_be_visible()

@@ -58,6 +58,7 @@ class Live(PartOfWatched, Page):
     """Streams: rates, forces, attitude, position and innovations as they come."""
 
     title = "Live"
+    over_time = False
     depends_on_window = False
 
     def __init__(self, axis: TimeAxis, session: Session) -> None:
