@@ -52,7 +52,7 @@ window.addEventListener("beforeprint", () => {{
   const roots = Array.from(Bokeh.index.roots, (view) => view.shadow_el?.querySelector(".main-content"));
   const width = roots.find((found) => found)?.clientWidth;
   if (!width) return;
-  const columns = window.innerWidth <= {NARROW} ? "minmax(0, 1fr)" : "";
+  const columns = width <= {NARROW} ? "minmax(0, 1fr)" : "";
   const values = [`${{width}}px`, `${{window.innerHeight}}px`, Math.min(1, {PAPER} / width), columns];
   sizes.forEach((name, index) => page.setProperty(name, values[index]));
 }});

@@ -110,13 +110,13 @@ class SimulatorPage:
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._tabs = PageTabs(self._turn)
+        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._tabs = PageTabs(self._stage, self._turn)
         self._sheet = Aside(Missions, _mission_button(), SHEET, self._turn_aside)
         self._dock = Aside(Lessons, _lessons_button(), DOCK, self._turn_aside)
         self._address = Address(
             self.session, document, Shown(tuple(_BY_TITLE), self._shown_view, self._place, self._restore)
         )
-        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self._middle = pn.Row(
             self._stage, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
         )
@@ -453,8 +453,11 @@ class SimulatorPage:
                 page.appear()
 
     def _put(self, view: pn.viewable.Viewable) -> None:
+        """Lay a page out; the browser is told of another one though the same sentence stands in its place."""
         if self._stage.objects != [view]:
             self._stage[:] = [view]
+        elif self._visible is not None and self._visible is not self._pages.get(self._tabs.kind):
+            self._stage.param.trigger("objects")
 
     @contextmanager
     def _failures_shown(

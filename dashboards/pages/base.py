@@ -18,8 +18,8 @@ from lab.views.figures import TimeAxis
 GAP = 8
 AROUND = 160
 """Height of header, tabs and time bar together [px]."""
-NARROW = 1150
-"""Width of the window below which plots are in one column [px]."""
+NARROW = 700
+"""Width of the place of a page below which its plots are in one column [px]."""
 
 
 class Page(ABC):
@@ -119,7 +119,7 @@ def not_drawn(title: str, error: Exception) -> str:
 def plot_grid(
     figures: Sequence[figure], columns: int, least: int = 150, *, fill: bool = True
 ) -> pn.viewable.Viewable:
-    """Lay figures out in a grid that fills the window, in one column on narrow windows.
+    """Lay figures out in a grid that fills the window, in one column where they have little room.
 
     Parameters
     ----------
@@ -147,8 +147,10 @@ def plot_grid(
       grid-auto-rows: {share};
     }}
     .scroll-button {{ display: none !important; }}  /* Panel's own, which would take a row */
-    @media screen and (max-width: {NARROW}px) {{
-      :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
+    @media screen {{
+      @container stage (max-width: {NARROW}px) {{
+        :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
+      }}
     }}
     @media print {{
       :host {{ grid-template-columns: var(--print-columns, repeat({columns}, minmax(0, 1fr))); }}

@@ -44,7 +44,7 @@ WORDS = {
 
 
 def walk(page: Page) -> None:
-    """Open each page of a simulator whose filter has 21 states, of which six are known exactly: they stay zero.
+    """Open each page; the filter has 21 states, of which six are known exactly: they stay zero.
 
     `test_strangers` does so with a mission of a stranger, whose words are on the tabs too.
     """

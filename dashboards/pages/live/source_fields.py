@@ -58,7 +58,7 @@ _AS_SMALL = """
 """Style of a choice of several, which has no size, like that of the other fields."""
 
 _AT_WORK = f"""
-@media (max-width: {NARROW}px) {{ :host(.at-work) {{ display: none !important; }} }}
+@container stage (max-width: {NARROW}px) {{ :host(.at-work) {{ display: none !important; }} }}
 """
 """Style that leaves the room of a narrow window to the plots while a source is connected."""
 
