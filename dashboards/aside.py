@@ -98,6 +98,7 @@ class Aside:
     def _turn(self, is_open: bool) -> None:
         if is_open != self.is_open:
             self.view.visible = is_open
+            self._place.clear()  # what is hidden costs nothing, and is made anew
             self._turned()
 
 

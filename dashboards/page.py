@@ -518,9 +518,9 @@ class SimulatorPage:
         if self._settings is not None:
             self._settings.refresh()
 
-    def _go_to(self, title: str, time: float | None) -> None:
-        """Open a page, and move the cursor to a time."""
-        self._open(title)
+    def _go_to(self, title: str | None, time: float | None) -> None:
+        """Open a page, and move the cursor to a time; see `Session`."""
+        self._open(self._tabs.kind.title if title is None else title)
         if time is not None:
             self._time_bar.go(time - self._epoch)
 

@@ -81,7 +81,8 @@ class Session(param.Parameterized):
     prepare
         Called in a thread with each new result, before it is shown.
     go
-        Opens a page at a time of the flight [s].
+        Opens a page at a time of the flight [s]: by its title; empty, the page that opens first; None, what
+        is open in the tabs, without the missions over it.
     remind
         Shows a sentence above all pages; none if it is empty.
     acted
@@ -110,7 +111,7 @@ class Session(param.Parameterized):
         self._document = document
         self.homework: Homework | None = None
         self.prepare: Callable[[Result], None] = lambda _result: None
-        self.go: Callable[[str, float | None], None] = lambda _page, _time: None
+        self.go: Callable[[str | None, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
         self.acted: Callable[[], None] = lambda: None
         self.record: Callable[[str, Glide | None], None] = lambda _called, _glide: None

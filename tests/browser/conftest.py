@@ -102,12 +102,12 @@ def _place_of(title: str) -> tuple[str, list[str]]:
 
 def show(page: Page, title: str) -> None:
     """Open a page by its title: its tab, and its part there; or a page beside the tabs."""
-    close = page.get_by_role("button", name="Close Missions")
-    if close.is_visible() and title != "Missions":
-        close.click()
+    for beside in ("Missions", title) if title in BESIDE else ("Missions",):
+        close = page.get_by_role("button", name=f"Close {beside}")
+        if close.is_visible():
+            close.click()
     if title in BESIDE:
-        if not page.get_by_role("button", name=f"Close {title}").is_visible():
-            page.get_by_role("button", name=re.compile(f"^{title}[,:]")).click()
+        page.get_by_role("button", name=re.compile(f"^{title}[,:]")).click()
         return
     tab, titles = _place_of(title)
     page.get_by_role("tab", name=tab, exact=True).click()

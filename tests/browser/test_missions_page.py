@@ -19,6 +19,7 @@ from lab.missions import FlightPlan, Recording, add_mission, mission, missions, 
 from lab.missions.library import delete_mission
 from tests.browser.conftest import RANGE_END, show, wait_for
 
+ADD = re.compile("^Simulate sensors on its path")
 LAST_FIGURE = """[...Bokeh.index.query((view) => view.model.type === 'Figure')]
   .filter((view) => view.el.getClientRects().length)
   .map((view) => view.el.getBoundingClientRect()).sort((a, b) => a.bottom - b.bottom).at(-1)"""
@@ -51,6 +52,8 @@ def missions_tab(page: Page, chosen: str = "") -> None:
     if chosen:
         page.get_by_role("button", name=f"Choose {chosen}").click()
         expect(chooser(page)).to_have_text(chosen)
+        expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+        show(page, "Missions")
 
 
 def card(page: Page, name: str) -> Locator:
@@ -79,6 +82,8 @@ def test_missions_are_browsed_filtered_and_chosen(mine: Path, shared_page: Page)
     expect(chooser(page)).to_have_text("My flight")
     expect(page.get_by_text("/ 105 s")).to_be_visible()
     wait_for(page, "location.search.includes('mission=mine')")
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+    show(page, "Missions")
     expect(card(page, "mine")).to_have_class("card chosen")
 
 
@@ -165,7 +170,7 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(mine: Path, shared_page: Pa
     ).to_be_visible()
     box(page, "Name").fill("flown here")
     fly.click()
-    expect(page.get_by_text("flown here was flown for 12 s and chosen.")).to_be_visible()
+    expect(page.get_by_text("flown here was flown for 12 s and opened.")).to_be_visible()
     expect(page.get_by_text("ended during manoeuvre 1")).to_be_visible()
     expect(chooser(page)).to_have_text("A flight")
     found = mission("flown here")
@@ -223,8 +228,8 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     assert page.evaluate(f"{LAST_FIGURE}.bottom") <= report["y"], "the report covers the plots"
     page.set_viewport_size(wide)
     box(page, "Name").fill("ours")
-    page.get_by_role("button", name=re.compile("Add mission|Add anyway")).click()
-    expect(page.get_by_text("ours was added and chosen.")).to_be_visible()
+    page.get_by_role("button", name=ADD).click()
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
     expect(chooser(page)).to_have_text("Flight of our flight.csv")
     assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
     # A browser keeps the models of the preview for half a minute: they have names of their own.
@@ -252,7 +257,8 @@ def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
     missions_tab(page, "My flight")
     part(page, "Import")
     add, add_log = (
-        page.get_by_role("button").filter(has_text=text) for text in ("Add mission", "Add as log")
+        page.get_by_role("button").filter(has_text=text)
+        for text in ("Simulate sensors", "Navigate its sensors")
     )
     upload(page, capture_of("vectornav", tmp_path / "drive.bin"))
     expect(page.get_by_role("alert").filter(has_text="A sensor log")).to_be_visible()
@@ -263,10 +269,10 @@ def test_the_bytes_of_a_device_are_uploaded_and_added_as_a_log(
     upload(page, capture_of("ublox", tmp_path / "drive.ubx"))
     expect(page.get_by_text("u-blox UBX", exact=True)).to_be_visible()
     expect(page.get_by_text("The axes of the device are taken to point forward")).to_be_visible()
-    expect(page.get_by_role("button").filter(has_text=re.compile("Add mission|Add anyway"))).to_be_visible()
+    expect(page.get_by_role("button").filter(has_text=ADD)).to_be_visible()
     box(page, "Title").fill("My drive")
     add_log.click()
-    expect(page.get_by_text("drive.ubx was added and chosen.")).to_be_visible()
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
     expect(chooser(page)).to_have_text("My drive")
     assert missions()["drive.ubx"].log.duration == pytest.approx(40.0, abs=1.0)
     missions_tab(page, "My flight")
@@ -288,5 +294,5 @@ def test_x_plane_is_recorded(mine: Path, shared_page: Page) -> None:
         expect(page.get_by_text(re.compile(r"[1-9]\d* samples"))).to_be_visible()
         assert sender.done.wait(60)
         page.get_by_role("button", name="Stop").click()
-        expect(page.get_by_role("button", name=re.compile("Add mission|Add anyway"))).to_be_visible()
+        expect(page.get_by_role("button", name=ADD)).to_be_visible()
         expect(page.get_by_role("cell", name=re.compile("X-Plane"))).to_be_visible()

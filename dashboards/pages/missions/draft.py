@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
@@ -46,6 +47,8 @@ PREVIEW = """
 }
 """
 """The track beside the quantities over time, or above them where it is narrow."""
+NAVIGATE, SIMULATE = "Navigate its sensors", "Simulate sensors on its path"
+"""What a file can be added for."""
 LOG_ALONE = (
     "The file has the samples of an IMU and fixes as a device sends them, and no flight of its own: it is "
     "added as a sensor log."
@@ -72,6 +75,7 @@ class Draft:
         self._session = session
         self._job = Job()
         self._paths: tuple[Path, ...] = ()
+        self._as_log: dict[str, bool] = {}
         self._raw: RawFlight | None = None
         self._read: _Read | None = None
         self._settings = ImportSettings()
@@ -83,14 +87,10 @@ class Draft:
         self._columns = ColumnField(self._reread, self._job.say)
         self._log_report = _report_pane()
         self._naming = Naming("flight", "")
-        self._add = pmui.Button(label="Add mission", icon="add", color="primary", margin=(10, 4))
+        self._question = pn.pane.HTML("", margin=(14, 8, 0, 8), sizing_mode="stretch_width")
+        self._add = pmui.Button(label=SIMULATE, margin=(10, 4))
         self._add.on_click(lambda _event: self._start_adding(as_log=False))
-        self._add_log = pmui.Button(
-            label="Add as log",
-            variant="outlined",
-            margin=(10, 4),
-            description="Adds the IMU and GPS data in the file as a sensor log.",
-        )
+        self._add_log = pmui.Button(label=NAVIGATE, margin=(10, 4))
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
         self._body = self._layout()
         self.view = pn.Column(
@@ -118,6 +118,7 @@ class Draft:
         fields = pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE])
         return pn.Column(
             self._verdict.view,
+            self._question,
             naming,
             self._preview,
             pn.Column(reports, fields, stylesheets=[GRID], margin=0, sizing_mode="stretch_width"),
@@ -196,7 +197,7 @@ class Draft:
             self._naming.suggest(self._paths[0].name, f"Log of {self._paths[0].name}")
         else:
             self._show_flight(read.flight)
-        self._add_log.visible = read.log is not None
+        self._ask(read)
         self._log_report.object = read_log_html(read.log, self._columns.located(read.log_refused))
         self._body.visible = True
 
@@ -204,10 +205,32 @@ class Draft:
         self._raw = flight.raw
         verdict = flight.report.verdict
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
-        self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
+        self._add.label = f"{SIMULATE}, all the same" if verdict == "implausible" else SIMULATE
         self._report.object = rows_html(flight.report)
         self._units.show(flight.raw.units)
         self._preview[:] = list(_panes(flight))
+
+    def _ask(self, read: _Read) -> None:
+        """Ask what the file is, where it holds both; the button of the last answer for its kind stands out."""
+        log = read.log
+        self._add_log.visible = log is not None
+        as_log = log is not None and self._as_log.get(self._kind, True)
+        for button, stands_out in ((self._add_log, as_log), (self._add, not as_log)):
+            button.variant = "contained" if stands_out else "outlined"
+        is_open = read.flight is not None and log is not None
+        self._question.visible = is_open
+        if is_open:
+            assert log is not None
+            rate, fixes = 1 / float(np.median(np.diff(log.time))), log.gnss.time.size / max(log.duration, 1.0)
+            self._question.object = (
+                f"<b>What is this file to you?</b> It holds the samples of an IMU at {rate:.3g} Hz and "
+                f"{fixes:.2g} fixes a second, so its own sensors can be navigated; or other sensors are "
+                "simulated on its path."
+            )
+
+    @property
+    def _kind(self) -> str:
+        return self._paths[0].suffix.lower() if self._paths else ""
 
     def _start_adding(self, as_log: bool) -> None:
         read = self._read
@@ -225,12 +248,15 @@ class Draft:
             assert read.log is not None
             return add_log(read.log, name, title=title)
 
+        if read.flight is not None and read.log is not None:
+            self._as_log[self._kind] = as_log
         self._job.start("Adding", work, self._added)
 
     def _added(self, added: Mission) -> None:
         self._clear()
         self._session.library_changed(added.name)
-        self._job.say(f"{added.name} was added and chosen.", "success")
+        self._job.say(f"{added.name} was imported and opened.", "success")
+        self._session.go("", None)
 
 
 def _report_pane() -> pn.pane.HTML:

@@ -132,12 +132,14 @@ class Flying:
         )
 
     def _landed(self, flown: Mission) -> None:
-        words = f"{flown.name} was flown for {flown.duration:.0f} s and chosen."
+        words = f"{flown.name} was flown for {flown.duration:.0f} s and opened."
         if flown.ending:
             words += f" It ended early: {flown.ending}. The flight up to that point is kept."
         self._job.say(words, "warning" if flown.ending else "success")
         self._session.library_changed(flown.name)
         self._naming.suggest("flight", "A flight")
+        if not flown.ending:
+            self._session.go("", None)
 
 
 def _plans() -> Mapping[str, Mission]:

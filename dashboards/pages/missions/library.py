@@ -127,6 +127,7 @@ class Library:
             self._work.submit(self._cards.chosen)
         elif what == "choose":
             self._session.library_changed(name)
+            self._session.go(None, None)
         elif what == "filter":
             fill(self._filter, name)
         elif what == "edit" and self._may_edit:
