@@ -9,6 +9,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.session import Session
+from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, card_in_force, cards
 
 OWN = "Own settings"
@@ -30,6 +31,7 @@ class CardChooser:
         self._session = session
         self._name: str | None = None
         self._showing = False
+        self._base: tuple[tuple[str | None, bool], Experiment] | None = None
         self._widget = pmui.Select(
             label="Sensors",
             groups=_by_grade(),
@@ -58,6 +60,17 @@ class CardChooser:
     def view(self) -> pn.viewable.Viewable:
         """The widgets to place on the page."""
         return pn.Column(self._widget, self._switch, self._note, margin=0, sizing_mode="stretch_width")
+
+    @property
+    def base(self) -> Experiment:
+        """The settings before changes: those of the card in use as loaded, or else the first ones."""
+        key = (self._name, bool(self._switch.value))
+        if self._base is None or self._base[0] != key:
+            base = Experiment()
+            if self._name:
+                card(self._name, assumed=key[1]).load(base)
+            self._base = (key, base)
+        return self._base[1]
 
     def refresh(self) -> None:
         """Show whether the sensors still match the card, and which of their terms are assumed or lacking."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,10 @@ from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
 from dashboards.session import Glide, Session
+from dashboards.setting_finder import MARKED, SettingFinder, was
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
-from dashboards.widgets import ChoiceField, Field, TextField, field
+from dashboards.widgets import ChoiceField, Field, TextField, field, shown
 from lab.base.aid_table import AIDS
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
@@ -113,13 +114,17 @@ class SettingsPanel:
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
         self._cards = CardChooser(session)
+        self._found: dict[str, Field] = {}
+        self._finder = SettingFinder(self._names(), self._changed, self._rows, self._hide)
+        self._groups = pn.Column(*self._sections(), margin=0, sizing_mode="stretch_width")
         self._note = Notice(margin=(4, 0))
         self.view = pn.Column(
             self._mission.view,
             self._note.view,
             self._seed_row(),
             self._cards_row(),
-            *self._sections(),
+            self._finder.view,
+            self._groups,
             margin=(6, 14, 4, 14),
             sizing_mode="stretch_width",
         )
@@ -127,12 +132,56 @@ class SettingsPanel:
 
     def refresh(self) -> None:
         """Show the current settings; fields that show theirs already are left alone."""
-        for path, shown in self._fields.items():
-            value = self._session.experiment.get(path)
-            shown.complain("")
-            if value != shown.value:
-                shown.show(value)
+        for fields in (self._fields, self._found):
+            for path, made in fields.items():
+                value = self._session.experiment.get(path)
+                made.complain("")
+                if value != made.value:
+                    made.show(value)
+                self._mark(path, made)
+        self._finder.count()
         self._suit()
+
+    def _names(self) -> dict[str, str]:
+        """Return what each setting with a field can be found by."""
+        experiment = self._session.experiment
+        return {
+            path: f"{SECTIONS[owner][0]} {owner_settings.param[name].label} {path}"
+            for path, owner_settings, name in experiment.leaves()
+            if (owner := path.rpartition(".")[0]) in SECTIONS and path not in OF_NOTEBOOKS
+        }
+
+    def _changed(self) -> list[str]:
+        """Return the settings that differ from those of the card in use, or from the first ones."""
+        base, experiment = self._cards.base, self._session.experiment
+        return [
+            path
+            for path in self._finder.names
+            if experiment.get(path) != base.get(path) and (not self._is_log or has_effect(path))
+        ]
+
+    def _mark(self, path: str, made: Field) -> None:
+        """Mark the field of a changed setting, and say what it was."""
+        before = self._cards.base.get(path) if path in self._finder.names else None
+        differs = path in self._finder.names and before != self._session.experiment.get(path)
+        was(made.view, f"was {shown(before) or 'empty'}" if differs else "")
+
+    def _rows(self, paths: Iterable[str]) -> list[pn.viewable.Viewable]:
+        """Return a field for each of some settings, with the name of its group before the first of each."""
+        self._found, rows, group = {}, list[pn.viewable.Viewable](), ""
+        for path in paths:
+            owner = path.rpartition(".")[0]
+            if owner != group:
+                group = owner
+                rows.append(pn.pane.HTML(f"<small>{SECTIONS[owner][0]}</small>", margin=(8, 0, 0, 0)))
+            made = self._field(path, self._found)
+            self._found[path] = made
+            rows.append(made.view)
+        return rows
+
+    def _hide(self, sought: bool) -> None:
+        """Hide the groups while settings are sought; their fields show the changes made meanwhile."""
+        self._groups.visible = not sought
 
     def _offer_missions(self) -> None:
         self._mission.offer(mission_titles(missions()), self._session.experiment.mission)
@@ -153,9 +202,11 @@ class SettingsPanel:
         view.visible = not self._is_log or any(map(has_effect, paths))
         return view
 
-    def _change(self, path: str) -> Any:
+    def _change(self, path: str, fields: dict[str, Field] | None = None) -> Any:
+        fields = self._fields if fields is None else fields
+
         def change(value: Any) -> None:
-            motion = self._fields[path].motion if path in self._fields else None
+            motion = fields[path].motion if path in fields else None
             try:
                 self._session.set(path, value, Glide(path, motion) if motion else None)
             except RefusedValueError:  # the field says why
@@ -167,8 +218,17 @@ class SettingsPanel:
                 self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
+            self._follow(path, value)
 
         return change
+
+    def _follow(self, path: str, value: Any) -> None:
+        """Mark the fields of a setting that was changed, and show its value in the other one."""
+        for fields in (self._fields, self._found):
+            if path in fields:
+                if fields[path].motion is None and fields[path].value != value:
+                    fields[path].show(self._session.experiment.get(path))
+                self._mark(path, fields[path])
 
     def _seed_row(self) -> pn.viewable.Viewable:
         another = pmui.IconButton(
@@ -262,19 +322,26 @@ class SettingsPanel:
         column = pn.Column(toggle, inside, margin=0, sizing_mode="stretch_width")
         return self._suited(column, paths)
 
-    def _make(self, path: str) -> pn.viewable.Viewable:
+    def _field(self, path: str, fields: dict[str, Field]) -> Field:
+        """Return a new field of a setting, which is to be among some others."""
         owner, _, name = path.rpartition(".")
         declaration = self._session.experiment.get(owner).param[name]
+        change = self._change(path, fields)
         made: Field
         if isinstance(declaration, MatrixOrNone):
             made = CovarianceField(
-                declaration, self._change(path), lambda: matched_variances(self._session.experiment, name)
+                declaration, change, lambda: matched_variances(self._session.experiment, name)
             )
             self._session.param.watch(lambda _event: made.refresh(), "result")
         else:
-            made = field(declaration, self._change(path))
+            made = field(declaration, change)
         made.show(self._session.experiment.get(path))
-        self._fields[path] = made
+        made.view.stylesheets = [*made.view.stylesheets, MARKED]
+        self._mark(path, made)
+        return made
+
+    def _make(self, path: str) -> pn.viewable.Viewable:
+        made = self._fields[path] = self._field(path, self._fields)
         if path in self._forms:
             form = self._make_form(self._forms[path])
             both = pn.Column(made.view, form, margin=0, sizing_mode="stretch_width")
@@ -293,6 +360,7 @@ class SettingsPanel:
         for path in (*self._forms, *self._forms.values()):
             if path in self._fields:
                 self._fields[path].show(self._session.experiment.get(path))
+        self._finder.count()
 
 
 def may_change(experiment: Experiment, path: str) -> bool:

@@ -71,15 +71,15 @@ class Shortcuts:
             sx={"color": "#ffffff"},
         )
         self.button.on_click(lambda _event: self._open())
+        self._words = pn.pane.HTML("", sizing_mode="stretch_width", stylesheets=[_STYLE])
         self.list = pmui.Dialog(
-            title="INS Lab", close_on_click=True, show_close_button=True, width_option="sm"
+            self._words, title="INS Lab", close_on_click=True, show_close_button=True, width_option="sm"
         )
 
     def _open(self) -> None:
-        """Show the list; it is made when first shown."""
-        if not self.list.objects:
-            words = _ABOUT + _table("Keys", KEYS) + _table("Over a plot", PLOTS)
-            self.list[:] = [pn.pane.HTML(words, sizing_mode="stretch_width", stylesheets=[_STYLE])]
+        """Show the list; its words are sent when it is first shown."""
+        if not self._words.object:
+            self._words.object = _ABOUT + _table("Keys", KEYS) + _table("Over a plot", PLOTS)
         self.list.open = True
 
     def _asked(self, event: param.parameterized.Event) -> None:

@@ -211,7 +211,7 @@ class Draft:
         self._preview[:] = list(_panes(flight))
 
     def _ask(self, read: _Read) -> None:
-        """Ask what the file is, where it holds both; the button of the last answer for its kind stands out."""
+        """Ask what the file is, where it holds both; the last answer for its kind stands out."""
         log = read.log
         self._add_log.visible = log is not None
         as_log = log is not None and self._as_log.get(self._kind, True)
