@@ -388,6 +388,9 @@ class SimulatorPage:
                     page = self._made(aside.kind)
                     page.forget()
                     page.appear()
+            hidden = {"visibility": "hidden" if self._sheet.is_open else "visible"}
+            for part in (self._tabs.view, self._middle, self._time_bar.view):  # below the sheet
+                part.styles = {**part.styles, **hidden}
             self._show_asides()
             self._show_reminder()
         self._address.update()

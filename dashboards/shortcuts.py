@@ -83,7 +83,7 @@ class Shortcuts:
         self.list.open = True
 
     def _asked(self, event: param.parameterized.Event) -> None:
-        act, number = self._acts.get(event.new.get("what")), event.new.get("position")
+        act, number = self._acts.get(str(event.new.get("what"))), event.new.get("position")
         if act is not None and isinstance(number, int):
             act(number)
 
