@@ -12,20 +12,20 @@ from dashboards.style import ON_SCREEN, TOOLTIP, WHOLE
 
 SHEET = """
 :host { position: absolute !important; inset: 0; z-index: 6; overflow: hidden auto !important;
-        height: auto !important; width: auto !important;
+        height: auto !important; width: auto !important; min-width: 0 !important;
         background: var(--mui-palette-background-default, canvas); }
 """
 """Over all that is below the header."""
 DOCK = """
 :host { flex: 0 0 360px !important; overflow: hidden auto !important; min-height: 0 !important;
-        border-left: 1px solid rgba(128, 128, 128, .3); }
+        min-width: 0 !important; height: auto !important; border-left: 1px solid rgba(128, 128, 128, .3); }
 @media (max-width: 1000px) {
   :host { flex: 0 0 46% !important; border-left: 0; border-top: 2px solid rgba(128, 128, 128, .4); }
 }
 """
 """At the right of the plots; on narrow windows below them."""
 BESIDE = """
-:host { flex: 1 1 0 !important; min-height: 0 !important; align-items: stretch; }
+:host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important; align-items: stretch; }
 @media (max-width: 1000px) { :host { flex-direction: column !important; } }
 @media print { :host { display: block !important; height: auto !important; } }
 """

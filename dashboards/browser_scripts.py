@@ -7,7 +7,7 @@ from bokeh.events import ConnectionLost, DocumentReady
 from bokeh.models.callbacks import CustomJS
 
 from dashboards.pages.base import NARROW
-from dashboards.style import THEME_OF_THE_SYSTEM
+from dashboards.style import ROOM_FOR_PLOTS, THEME_OF_THE_SYSTEM
 from dashboards.upload import SAME_FILE_AGAIN
 
 PAPER = 1040
@@ -63,5 +63,7 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + PRINT))
+    document.js_on_event(
+        DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + ROOM_FOR_PLOTS + PRINT)
+    )
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

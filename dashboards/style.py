@@ -59,7 +59,16 @@ DRESS: dict[str, Any] = {
     "& .MuiAppBar-root .MuiIconButton-root": {"color": "#ffffff"},
     "& .MuiToolbar-root": {"minHeight": "48px !important"},
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
-    "@media (max-width: 480px)": {"& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"}},
+    "@media (max-width: 480px)": {
+        "& .MuiToolbar-root": {"minHeight": "88px !important"},
+        "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"},
+        "& .MuiAppBar-root .MuiToolbar-root": {"flexWrap": "wrap", "padding": "0 6px"},
+        "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root": {
+            "order": 9, "flex": "1 0 100%", "minWidth": 0, "maxWidth": "100%", "height": "40px",
+            "overflow": "auto hidden", "scrollbarWidth": "none",
+        },
+        "& .MuiAppBar-root .MuiToolbar-root > button:last-child": {"marginLeft": "auto"},
+    },
     "@media print": {
         "&, & .main, & .main > div, & .main-content": {
             "display": "block !important", "width": "auto !important", "height": "auto !important",
@@ -68,11 +77,12 @@ DRESS: dict[str, Any] = {
         "& .header, & nav, & .main .MuiToolbar-root": {"display": "none !important"},
     },
 }  # fmt: skip
-"""A flat, dark header; paper has neither header nor settings."""
+"""A flat, dark header, of two rows on a phone; paper has neither header nor settings."""
 
 FRAME = """
 :host { display: flex !important; flex-direction: column; overflow: hidden; position: relative;
-        height: calc(100vh - 48px) !important; min-height: 0 !important; }
+        height: calc(100vh - 48px) !important; min-height: 0 !important; min-width: 0 !important; }
+@media (max-width: 480px) { :host { height: calc(100vh - 88px) !important; } }
 @media print {
   :host { display: block !important; overflow: visible; height: auto !important; max-width: none !important;
           width: var(--print-width, 100%) !important; zoom: var(--print-zoom, 1); }
@@ -87,7 +97,7 @@ ON_SCREEN = "@media print { :host { display: none !important; } }"
 """What is of no use on paper."""
 
 STAGE = """
-:host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important;
+:host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important; overflow: hidden auto !important;
         container: stage / inline-size; position: relative; }
 :host([data-waiting]) > * { visibility: hidden; }
 :host([data-waiting])::after { content: attr(data-waiting); position: absolute; inset: 24px; opacity: .7; }
@@ -124,3 +134,8 @@ if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: da
 }
 """
 """Begins with the dark theme where the reader's system has one, unless the address names a theme."""
+
+ROOM_FOR_PLOTS = """
+if (frame && window.innerWidth < 1100) frame.data.sidebar_open = false;
+"""
+"""Begins without the settings where they would take the room of the plots; `frame` is that of before."""
