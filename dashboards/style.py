@@ -61,9 +61,8 @@ DRESS: dict[str, Any] = {
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
     "@media (max-width: 480px)": {
         "& .MuiToolbar-root": {"minHeight": "88px !important"},
-        "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"},
         "& .MuiAppBar-root .MuiToolbar-root": {"flexWrap": "wrap", "padding": "0 6px"},
-        "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root": {
+        "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root:last-of-type": {
             "order": 9, "flex": "1 0 100%", "minWidth": 0, "maxWidth": "100%", "height": "40px",
             "overflow": "auto hidden", "scrollbarWidth": "none",
         },
