@@ -42,7 +42,7 @@ class CardChooser:
             description="Loads the datasheet of a real sensor, and the number of filter states it needs.",
         )
         self._switch = pmui.Switch(
-            label="Assume what the datasheet lacks",
+            label="Fill gaps in the datasheet with typical values",
             value=True,
             description="On: terms without a number in the datasheet get values typical of the sensor's "
             "grade. Off: they are zero.",

@@ -81,8 +81,8 @@ OF_NOTEBOOKS = frozenset({"navigator.own_states"})
 """Settings without a field: a visitor of a page cannot declare states, which needs a function."""
 
 OF_A_LOG = (
-    "A sensor log: nothing is simulated. The settings of the sensors are what the filter assumes about "
-    "them. Settings without effect are hidden."
+    "Recorded data: the settings of the sensors tell the filter what to assume. Those without effect are "
+    "hidden."
 )
 
 

@@ -96,8 +96,8 @@ ON_SCREEN = "@media print { :host { display: none !important; } }"
 """What is of no use on paper."""
 
 STAGE = """
-:host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important; overflow: hidden auto !important;
-        container: stage / inline-size; position: relative; }
+:host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important;
+        overflow: hidden auto !important; container: stage / inline-size; position: relative; }
 :host([data-waiting]) > * { visibility: hidden; }
 :host([data-waiting])::after { content: attr(data-waiting); position: absolute; inset: 24px; opacity: .7; }
 @media print { :host { height: auto !important; overflow: visible !important; } }

@@ -276,7 +276,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
         f"<p>{escape(as_seen(one.sentence))} {_bold(one.counsel)}</p>" for one in verdict.suggestions
     )
     same = verdict.basis == by_innovations.basis  # as for a sensor log
-    alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
+    alone = "" if same else f" Without the truth, by the innovations alone: {by_innovations.headline}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
         f"<h2>{escape(as_seen(verdict.headline))}</h2>{findings}"
@@ -312,8 +312,8 @@ def whiteness_html(table: pd.DataFrame) -> str:
         "Innovations [σ]",
         f"mean, ±{limits['mean ±']:.{digits}f}",
         f"variance, {limits['variance from']:.{digits}f} to {limits['variance to']:.{digits}f}",
-        f"Q, {limits['lags']:.0f} lags",
-        "p (white)",
+        f"Ljung-Box, {limits['lags']:.0f} lags",
+        "p-value",
     )
     rows = []
     for row in table.to_dict("records"):

@@ -12,8 +12,8 @@ FIELD = "class"
 MOST_FIELDS = 200
 """Most fields of an address that are read, as of the settings."""
 HERE_ONLY = (
-    "Only this computer reaches this address. For students, start the server with --address 0.0.0.0, or open "
-    "this page by the name of the proxy before it."
+    "Students cannot reach this address. Start the server with --address 0.0.0.0, or open this page by its "
+    "public name."
 )
 
 _listening: list[str] = []

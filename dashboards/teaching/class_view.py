@@ -60,7 +60,7 @@ def students_html(tally: Tally, lesson: Lesson | None, *, with_names: bool) -> s
         Whether the names are shown; a teacher whose screen is projected does not show them.
     """
     if lesson is None:
-        steps = "<p>Open a lesson: then the students who have solved each step are counted here.</p>"
+        steps = "<p>Open a lesson to see how many students have solved each step.</p>"
     else:
         rows = "".join(
             f'<tr><td>{number + 1}</td><td>{escape(step.title)}</td><td class="count">'

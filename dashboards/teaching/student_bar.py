@@ -24,7 +24,7 @@ from dashboards.teaching.school_class import SchoolClass, Seat
 FOLLOWING = "You follow your teacher."
 KEPT = "You follow your teacher. Your own settings are kept."
 WAITING = "Your teacher has not shown anything yet."
-OWN_WAY = "You are on your own. Your teacher goes on."
+OWN_WAY = "You are exploring. Your teacher continues."
 ENDED = "The class has ended. Your page stays as it is."
 
 
@@ -226,7 +226,7 @@ class StudentBar:
             if self._words.object != escape(text):
                 self._words.object = escape(text)
                 self._turn.param.update(
-                    label="Wander off" if follows else "Return to the teacher",
+                    label="Explore on my own" if follows else "Return to the teacher",
                     icon="directions_walk" if follows else "school",
                     variant="outlined" if follows else "contained",
                     visible=not ended,

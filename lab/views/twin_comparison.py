@@ -100,8 +100,8 @@ def twin_html(found: TwinComparison) -> str:
         words = f"<p>{first}</p><ul>{''.join(f'<li>{escape(one)}</li>' for one in said)}</ul>"
     else:
         words = (
-            f"<p>None of {count} quantities differs by more than chance explains: "
-            f"{where}, the simulated sensors do as the real ones.</p>"
+            f"<p>All {count} quantities agree within chance: {where}, the simulated sensors behave like the "
+            "real ones.</p>"
         )
     head = "<tr><th>Quantity</th><th>Real</th><th>Simulated</th><th>Real / simulated</th></tr>"
     rows = "".join(_row(one) for one in found.differences)

@@ -62,7 +62,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         wait_for(phone, f"{TIME} === 42")
         shown(phone, "Height")
         show(phone, "Ground track")
-        bar(phone, "You are on your own.")
+        bar(phone, "You are exploring.")
         show(teacher, "Errors")
         wait_for(teacher, DRAWN)
         shown(phone, "Ground track")

@@ -30,7 +30,7 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     (folder / "ref.csv").unlink()
     page = open_page("?mission=blind", drawn=False)
     page.get_by_text("has no reference, so its errors are unknown").wait_for()
-    page.get_by_text("nothing is simulated").wait_for()
+    page.get_by_text("Recorded data:").wait_for()
     expect(page.get_by_text("Temperature", exact=True).first).to_be_hidden()
     show(page, "Innovations")
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"

@@ -133,7 +133,7 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(mine: Path, shared_page: Pa
     add_mission(shipped.recording, "again", title=shipped.title, flight=shipped.flight)
     missions_tab(page, "My flight")
     part(page, "Fly")
-    page.get_by_role("combobox", name="Plan of").click()
+    page.get_by_role("combobox", name="Start from").click()
     expect(page.get_by_role("menuitem", name="Los Angeles", exact=True)).to_be_visible()
     page.get_by_role("menuitem", name="Los Angeles (again)").click()
     fly = page.get_by_role("button", name="Fly this plan")

@@ -81,7 +81,7 @@ class AxesPart(PartOfWatched):
         self._rights = pn.pane.HTML(
             f"<p>{OTHERS_AXES}</p>", visible=False, margin=(4, 10), sizing_mode="stretch_width"
         )
-        self._anew = pmui.Button(label="Begin anew", icon="restart_alt", **_SMALL)
+        self._anew = pmui.Button(label="Start over", icon="restart_alt", **_SMALL)
         self._anew.on_click(lambda _event: self._forget())
         self.view = pn.Column(
             pn.pane.HTML(_INTRODUCTION, margin=(4, 10), sizing_mode="stretch_width"),
@@ -121,7 +121,7 @@ class AxesPart(PartOfWatched):
         self._use.disabled = self._found is None or watched is None or not may
 
     def _row(self, name: str) -> pn.Row:
-        label = "Turn, then: take" if name in TURNS else "Hold still: take"
+        label = "Turn, then capture" if name in TURNS else "Hold still, then capture"
         button = pmui.Button(label=label, **_SMALL, **sized(150))
         button.on_click(lambda _event: self._accept(name))
         shown = pn.pane.HTML("", margin=(8, 6), sizing_mode="stretch_width")

@@ -190,7 +190,7 @@ class Recorder(PartOfWatched):
             path, name, title, station, warning = self._stopped.popleft()
             try:
                 made.append(add_log(log_of_recording(path), free_name(name), title=title).name)
-                outcome = f"{made[-1]} is in the library now: choose under Missions."
+                outcome = f"Saved to the library as {made[-1]}: open it under Missions."
             except (ValueError, OSError) as error:
                 outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
                 problems.append(outcome)
@@ -208,7 +208,7 @@ class Recorder(PartOfWatched):
     def _made(self, outcome: tuple[list[str], list[str], list[str]]) -> None:
         made, warnings, problems = outcome
         are = "is" if len(made) == 1 else "are"
-        known = [f"{', '.join(made)} {are} in the library now: choose under Missions."] if made else []
+        known = [f"{', '.join(made)} {are} in the library: open it under Missions."] if made else []
         if known or problems:  # else the job before made these missions too
             if self._station is not None:
                 self._heard = self._station.recorded  # the last of them, told here with the others

@@ -137,7 +137,7 @@ class SourceFields:
         )
         size = sized(220)
         self._faults = pmui.MultiChoice(
-            label="Misbehaviour",
+            label="Simulated fault",
             options=list(FAULTS),
             value=[],
             variant="outlined",

@@ -102,8 +102,8 @@ class TwinPart(PartOfWatched):
             if length < LEAST_STREAM:
                 return f"A comparison needs {LEAST_STREAM - length:.0f} s more of the stream.", False
             return (
-                "The last two minutes are navigated and smoothed. The motion found is simulated ten times, "
-                "so that chance is known. Noise, lines, innovations and drift are compared.",
+                "The last two minutes are smoothed, then simulated ten times to see how much varies by "
+                "chance. Noise, lines, innovations and drift are compared.",
                 True,
             )
         with station.growing() as growing:

@@ -46,7 +46,7 @@ class UnfinishedPart:
         self._document = pn.state.curdoc
         self._periodic: Any = None
         small: dict[str, Any] = {"size": "small", "margin": (10, 4)}
-        self._choice = pmui.Select(label="Not finished recording", size="small", margin=(8, 4), **sized(330))
+        self._choice = pmui.Select(label="Unfinished recording", size="small", margin=(8, 4), **sized(330))
         self._name = pmui.TextInput(
             label="Name", value="recording", size="small", variant="outlined", margin=(8, 4), **sized(190)
         )

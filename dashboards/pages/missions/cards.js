@@ -36,6 +36,7 @@ export function render({model}) {
     const drawn = drawings.get(box.dataset.name)
     if (!drawn) return
     const face = box.querySelector(".face")
+    face.title = mission.origin
     face.disabled = Boolean(drawn.problem)
     face.querySelector(".picture").innerHTML = drawn.picture
     face.querySelector(".picture").hidden = Boolean(drawn.problem)
@@ -62,13 +63,14 @@ export function render({model}) {
     box.dataset.words = mission.words
     const face = made("button", "face")
     face.setAttribute("aria-label", `Choose ${mission.title}`)
+    face.title = mission.origin
     face.disabled = Boolean(mission.problem)
     face.onclick = () => act("choose", mission.name)
     const picture = made("div", "picture")
     picture.hidden = Boolean(mission.problem)
     const head = made("div", "head")
     head.append(made("span", "title", mission.title), made("span", "duration"))
-    face.append(picture, head, made("div", "origin", mission.origin), made("div", "problem", mission.problem))
+    face.append(picture, head, made("div", "about", mission.about), made("div", "problem", mission.problem))
     const foot = made("div", "foot")
     foot.append(made("code", "name", mission.name))
     for (const tag of mission.tags) {

@@ -107,6 +107,7 @@ def all_cards(editable: bool) -> list[dict[str, Any]]:
             name in own,
             title=mission.title or name,
             origin=mission.origin,
+            about=mission.description.strip() or mission.origin,
             tags=list(mission.tags),
             more=f"{mission.description} {mission.aircraft} {mission.airport}",
             recorded=_stamp(mission.recording_path),
@@ -122,6 +123,7 @@ def _card(
     *,
     title: str = "",
     origin: str = "",
+    about: str = "",
     tags: list[str] | None = None,
     more: str = "",
     recorded: str = "",
@@ -131,6 +133,7 @@ def _card(
     return {
         "name": name,
         "title": title or name,
+        "about": about,
         "origin": origin,
         "tags": tags or [],
         "own": own,

@@ -44,7 +44,7 @@ class Flying:
         self._job = Job(self._cancelled.set)
         plans = _plans()
         self._load = pmui.Select(
-            label="Plan of",
+            label="Start from",
             options=mission_titles(plans),
             **_SMALL,
             margin=(6, 4),

@@ -231,7 +231,7 @@ class Source:
             return self._state, self._why
         remark = str(getattr(self._transport, "remark", ""))
         if silent > (SILENCE_OF_FIXES if end.fix and not end.imu else SILENCE):
-            return STALE, f"Nothing has come for {silent:.1f} s. {remark}".rstrip()
+            return STALE, f"No data for {silent:.1f} s. {remark}".rstrip()
         if why := self._progress.missing_reason(
             now, self._reception, is_serial=self.address.startswith("serial:")
         ):

@@ -91,7 +91,7 @@ class SimulatedTransport:
         over = self.device.finished
         chunk = self._line.read(longest)
         if over and not chunk.data:
-            raise EOFError("The flight is over.")
+            raise EOFError("The flight has ended.")
         return chunk
 
     def close(self) -> None:

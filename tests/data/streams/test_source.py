@@ -196,7 +196,7 @@ def test_silence_is_stale() -> None:
     with source:
         until(lambda: source.end.imu == 50)
         until(lambda: source.status.state == STALE)
-        assert "Nothing has come for" in source.status.sentence
+        assert "No data for" in source.status.sentence
 
 
 def test_a_device_that_is_not_there_is_waited_for() -> None:
