@@ -19,6 +19,7 @@ from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
 from dashboards.pages.models import Models
+from dashboards.pages.sensor_cards import SensorCards
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.style import ON_SCREEN
@@ -28,7 +29,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Flight": (GroundTrack, Height, View3D),
     "Errors": (Errors, Covariance),
     "Filter": (Consistency, Innovations, SensorErrors, Budget),
-    "Sensors": (Allan,),
+    "Sensors": (SensorCards, Allan),
     "Compare": (Compare, Models),
     "Live": (Live,),
 }

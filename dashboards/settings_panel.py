@@ -105,7 +105,6 @@ class SettingsPanel:
         self._views: list[tuple[pn.viewable.Viewable, list[str]]] = []
         forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
         self._forms = {setting: path for path, setting in forms.items()}
-        session.on_settings(self.refresh)
         session.on_idle(self._refresh_forms)
         session.on_library(self._offer_missions)
         self._mission = ChoiceField(
@@ -114,6 +113,7 @@ class SettingsPanel:
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
         self._cards = CardChooser(session)
+        session.on_settings(self.refresh)  # once the chooser knows the card
         self._found: dict[str, Field] = {}
         self._finder = SettingFinder(self._names(), self._changed, self._rows, self._hide)
         self._groups = pn.Column(*self._sections(), margin=0, sizing_mode="stretch_width")

@@ -60,7 +60,7 @@ class Shortcuts:
     """
 
     def __init__(self, keys: HistoryBar, acts: Mapping[str, Callable[[int], None]]) -> None:
-        self._acts = {**acts, "help": lambda _number: self._open()}
+        self._acts: dict[str, Callable[[int], None]] = {**acts, "help": lambda _number: self._open()}
         keys.param.watch(self._asked, "asked")
         self.button = pmui.IconButton(
             icon="help_outline",

@@ -30,13 +30,6 @@ ASSUMED = "*"
 FOOT = f"{ASSUMED} assumed: a value typical of the grade, since the card has no source"
 """Legend of the mark, below a table."""
 
-_COLUMNS = (
-    ("gyro", "noise_density", "gyro noise"),
-    ("gyro", "flicker", "gyro bias"),
-    ("accelerometer", "noise_density", "accel. noise"),
-    ("accelerometer", "flicker", "accel. bias"),
-)
-
 
 def list_cards(
     name: Annotated[
@@ -67,13 +60,13 @@ def list_cards(
 
 def _cards(cards: Sequence[Card]) -> str:
     """Return the cards as a table: white noise and bias instability, in the units of the settings."""
+    from lab.sensors.cards import KEY_TERMS  # noqa: PLC0415 - takes half a second
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
     suite = SensorSuite().groups()
-    units = [suite[group].param[term].unit for group, term, _ in _COLUMNS]
-    titles = [f"{title} [{unit}]" for (_, _, title), unit in zip(_COLUMNS, units, strict=True)]
+    titles = [f"{title} [{suite[group].param[term].unit}]" for group, term, title in KEY_TERMS]
     rows = [
-        (card.name, card.grade, *(_marked(card, group, term) for group, term, _ in _COLUMNS))
+        (card.name, card.grade, *(_marked(card, group, term) for group, term, _ in KEY_TERMS))
         for card in cards
     ]
     text = table(("name", "grade", *titles), rows, right={2, 3, 4, 5})

@@ -42,6 +42,13 @@ CLASSIC = "MEMSense AccelRate3D"
 """The card of the default settings."""
 ALIGNMENT = 30.0
 """Rest before the flight that goes with a card [s]: autopilots take 10 to 60 s. The classic card has none."""
+KEY_TERMS = (
+    ("gyro", "noise_density", "gyro noise"),
+    ("gyro", "flicker", "gyro bias"),
+    ("accelerometer", "noise_density", "accel. noise"),
+    ("accelerometer", "flicker", "accel. bias"),
+)
+"""The terms by which cards are told apart, with their titles in tables."""
 EXPECTED = (
     "noise_density",
     "flicker",

@@ -85,5 +85,6 @@ def test_of_a_loaded_card_only_what_differs_from_the_card_is_changed(walk: Walk)
     panel._cards._load("ADIS16470")
     assert session.experiment.sensors != Experiment().sensors
     assert panel._changed() == []
+    assert panel._finder._only.label == "Changed"
     panel._fields[NOISE]._box.value = "0.3"
     assert panel._changed() == [NOISE]

@@ -25,6 +25,7 @@ PAGES = (
     "Innovations",
     "Consistency",
     "Sensor errors",
+    "Cards",
     "Allan",
     "Models",
     "Ground track",
