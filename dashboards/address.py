@@ -34,7 +34,7 @@ from dashboards.teaching.class_link import FIELD
 from dashboards.teaching.moment import Place
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
-from lab.missions import missions
+from lab.missions import MissionError, missions
 
 SOON, PERIOD = 50, 500
 """Time until a change is in the address, so that a reload keeps it, and the same while a setting changes all
@@ -241,7 +241,8 @@ class Address:
     def _restore(self, state: State) -> None:
         """Show a state of the history; a mission that is gone is replaced by the present one."""
         experiment, _ = experiment_of_query(state.settings)
-        mission, gone = experiment.mission, experiment.mission not in missions()
+        mission = experiment.mission
+        gone = mission not in missions() and not self._is_back(mission)
         if gone:
             experiment.mission = self._session.experiment.mission
         self._walking = True
@@ -252,6 +253,13 @@ class Address:
         self._history.amend(self._state())
         if gone:
             self._session.problem = f"The mission {mission!r} is not there any more. All else is restored."
+
+    def _is_back(self, mission: str) -> bool:
+        """Bring a mission back that was deleted on this page; return whether it is there again."""
+        try:
+            return self._session.bring_back(mission)
+        except MissionError:  # another one has its place
+            return False
 
     def _write(self) -> None:
         self._waits = False

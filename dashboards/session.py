@@ -19,6 +19,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
 from lab.missions import missions, names_in_words
+from lab.missions.library import DeletedMission, take_mission_away
 
 PATIENCE = 500
 """Time after which the page shows the progress of a run [ms]."""
@@ -123,6 +124,7 @@ class Session(param.Parameterized):
         self._on_rest: list[Callable[[], None]] = []
         self._on_library: list[Callable[[], None]] = []
         self._on_run: list[Callable[[], None]] = []
+        self._deleted: dict[str, DeletedMission] = {}
         self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: tuple[Experiment, Outcome] | None = None
@@ -164,6 +166,35 @@ class Session(param.Parameterized):
             self.change("mission", chosen)
         for callback in (*self._on_library, *self._on_settings):
             callback()
+
+    def delete_mission(self, name: str) -> None:
+        """Delete a mission of the user's own; this session can bring it back until it ends.
+
+        Raises
+        ------
+        MissionError
+            If it cannot be deleted.
+        """
+        deleted = take_mission_away(name)
+        before, self._deleted[name] = self._deleted.get(name), deleted
+        if before is not None:
+            before.forget()
+
+    def bring_back(self, name: str) -> bool:
+        """Bring a mission back that this session has deleted; return whether it is there again.
+
+        Raises
+        ------
+        MissionError
+            If another one has taken its place, or the folder cannot be written.
+        """
+        deleted = self._deleted.get(name)
+        if deleted is None:
+            return False
+        deleted.restore()
+        del self._deleted[name]
+        self.library_changed()
+        return True
 
     def compute(self) -> None:
         """Run the current settings in the background."""
@@ -266,6 +297,8 @@ class Session(param.Parameterized):
     def close(self) -> None:
         """End the session: deliver no more, and drop the result."""
         self._closed = True
+        for deleted in self._deleted.values():
+            deleted.forget()
         self._runs.close()
         self._arrived = None
         with param.parameterized.discard_events(self):

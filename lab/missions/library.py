@@ -254,11 +254,55 @@ def describe_mission(
     return mission(path)
 
 
-def delete_mission(name: str) -> None:
-    """Delete a mission of the user's own: its TOML file and its recording, or the files of its log.
+class DeletedMission:
+    """The files of a mission that was deleted, which may still be brought back.
 
-    A recording that another mission names stays, and so does whatever else is in a log's folder. Of a link
-    only the link goes.
+    Parameters
+    ----------
+    name
+        Name of the mission.
+    kept
+        Where each file is now, and where it was.
+    holding
+        Holds the folder where they are; closed, the folder goes with what is in it.
+    """
+
+    def __init__(self, name: str, kept: Sequence[tuple[Path, Path]], holding: contextlib.ExitStack) -> None:
+        self.name = name
+        self._kept = tuple(kept)
+        self._holding = holding
+
+    def restore(self) -> None:
+        """Bring the mission back with its files.
+
+        Raises
+        ------
+        MissionError
+            If a file has taken the place of one of these, or the folder cannot be written.
+        """
+        if not self._kept:
+            raise MissionError(f"mission {self.name}: its files are gone")
+        folder = self._kept[0][0].parent.parent
+        with file_errors_reported(folder), folder_lock(folder):
+            for _, place in self._kept:
+                if place.exists():
+                    raise MissionError(f"{place}: not brought back, because another file is there now")
+            for file, place in self._kept:
+                place.parent.mkdir(exist_ok=True)
+                file.rename(place)
+        self.forget()
+
+    def forget(self) -> None:
+        """Delete the files for good."""
+        self._kept = ()
+        self._holding.close()
+
+
+def take_mission_away(name: str) -> DeletedMission:
+    """Delete a mission of the user's own, and keep its files until they are forgotten or brought back.
+
+    The files are its TOML file and its recording, or those of its log. A recording that another mission names
+    stays, and so does whatever else is in a log's folder. Of a link only the link goes.
 
     Raises
     ------
@@ -266,23 +310,36 @@ def delete_mission(name: str) -> None:
         If it is not the user's own, or a file cannot be deleted.
     """
     path = own_place(name)
-    with file_errors_reported(path.parent), folder_lock(path.parent):
-        if path.is_symlink():
-            path.unlink()
-        elif not path.is_dir():
-            recordings = _recordings_named(path)
-            path.unlink()
-            _remove_unused(recordings)
-        else:
-            _delete_log(path)
+    with contextlib.ExitStack() as holding, file_errors_reported(path.parent), folder_lock(path.parent):
+        folder = holding.enter_context(temporary_folder(path.parent))
+        kept = [(folder / str(number), place) for number, place in enumerate(_files_of(path))]
+        for file, place in kept:
+            place.rename(file)
+        if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
+            path.rmdir()
+        return DeletedMission(name, kept, holding.pop_all())
 
 
-def _delete_log(folder: Path) -> None:
-    for file in {*_recordings_named(folder), *(folder / name for name in _LOG_FILES)}:
-        file.unlink(missing_ok=True)
-    (folder / DESCRIPTION_FILE).unlink(missing_ok=True)
-    if not any(folder.iterdir()):
-        folder.rmdir()
+def delete_mission(name: str) -> None:
+    """Delete a mission of the user's own for good; see `take_mission_away`.
+
+    Raises
+    ------
+    MissionError
+        If it is not the user's own, or a file cannot be deleted.
+    """
+    take_mission_away(name).forget()
+
+
+def _files_of(path: Path) -> list[Path]:
+    """Return the files that go with a mission; its description, by which it is found, is the first."""
+    if path.is_symlink():
+        return [path]
+    if path.is_dir():
+        found = [path / DESCRIPTION_FILE, *_recordings_named(path), *(path / name for name in _LOG_FILES)]
+    else:
+        found = [path, *(one for one in _recordings_named(path) if not named_by_others(one, path))]
+    return [one for one in dict.fromkeys(found) if one.exists() or one.is_symlink()]
 
 
 def _own_folder_unless_shipped() -> Path | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import tracemalloc
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from panel.io.state import set_curdoc
@@ -16,6 +17,7 @@ from dashboards.query import View, query, query_of_view, view_of_query
 from dashboards.session import Glide
 from dashboards.settings_panel import RESETS, SettingsPanel
 from lab.experiment.experiment import Experiment
+from lab.missions import add_mission, mission, missions
 from lab.sensors.cards import card, cards
 
 NOISE, Q, R = "sensors.gyro.noise_density", "navigator.q_scale", "navigator.r_scale"
@@ -332,3 +334,19 @@ def test_a_reset_is_of_a_group_or_of_everything_and_is_undone(walk: Walk) -> Non
         assert walk.sent()["undone"] == f"Reset: {title}"
         walk.ask("undo")
         assert session.experiment.to_dict() == changed
+
+
+def test_undo_brings_a_deleted_mission_back_with_its_files(walk: Walk, own_missions: Path) -> None:
+    add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
+    session = walk.page.session
+    session.change("mission", "mine")
+    files = {path.name: path.read_bytes() for path in own_missions.iterdir() if path.is_file()}
+    session.delete_mission("mine")
+    session.library_changed("montreal")
+    assert "mine" not in missions()
+    walk.ask("undo")
+    assert session.experiment.mission == "mine"
+    assert {path.name: path.read_bytes() for path in own_missions.iterdir() if path.is_file()} == files
+    session.delete_mission("mine")
+    session.close()
+    assert list(own_missions.glob("**/*.csv*")) == []

@@ -36,6 +36,7 @@ from lab.missions.library import (
     free_name,
     own_names,
     rename_mission,
+    take_mission_away,
 )
 from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name, without_archive
@@ -486,3 +487,31 @@ def test_logs_are_renamed_described_and_deleted(own, outside):
     assert files(own) == ["full", "other", "other/notes.txt"]
     assert outside.read_text() == "precious"
     assert list(missions()) == ["los_angeles", "montreal", "pacific"]
+
+
+def test_a_deleted_mission_is_brought_back_unless_another_took_its_place(own):
+    add_mission(circle(), "one", title="One")
+    before = {path.name: path.read_bytes() for path in own.iterdir() if path.is_file()}
+    taken = take_mission_away("one")
+    assert "one" not in missions()
+    taken.restore()
+    assert {path.name: path.read_bytes() for path in own.iterdir() if path.is_file()} == before
+    with pytest.raises(MissionError, match="its files are gone"):
+        taken.restore()
+    taken = take_mission_away("one")
+    add_mission(circle(), "one", title="Another")
+    with pytest.raises(MissionError, match="another file is there now"):
+        taken.restore()
+    assert mission("one").title == "Another"
+    taken.forget()
+    assert sorted(path.name for path in own.iterdir()) == sorted(before)
+
+
+def test_a_deleted_log_is_brought_back_into_its_folder(own):
+    own.mkdir()
+    write(own / "drive", tables(60, 80))
+    before = {path.relative_to(own): path.read_bytes() for path in (own / "drive").iterdir()}
+    taken = take_mission_away("drive")
+    assert "drive" not in missions()
+    taken.restore()
+    assert {path.relative_to(own): path.read_bytes() for path in (own / "drive").iterdir()} == before

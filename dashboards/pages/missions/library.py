@@ -18,7 +18,7 @@ from dashboards.session import Session
 from dashboards.visitors import may_edit
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
-from lab.missions import MissionError, delete_mission, describe_mission, missions, rename_mission
+from lab.missions import MissionError, describe_mission, missions, rename_mission
 from lab.missions.library import own_place
 
 FIELD: dict[str, Any] = {
@@ -62,10 +62,16 @@ class Library:
         self._deleting.body[:] = [self._what]
         self._about = ""
         self._message = Notice(closeable=True)
+        self._gone = ""
+        self._back = pmui.Button(
+            label="Undo: bring it back", icon="undo", size="small", variant="outlined", visible=False
+        )
+        self._back.on_click(lambda _event: self._bring_back())
         # Without dialogs in the page, a hand-made message has no button to press.
         dialogs = [self._changing.view, self._deleting.view] if self._may_edit else []
         self.view = pn.Column(
             self._message.view,
+            self._back,
             self._filter,
             self._cards,
             *dialogs,
@@ -164,6 +170,15 @@ class Library:
 
         return Act(work, done)
 
+    def _bring_back(self) -> None:
+        """Bring the mission back that was deleted last."""
+        self._back.visible = False
+        try:
+            if self._session.bring_back(self._gone):
+                self._say(f"{self._gone} is there again.")
+        except MissionError as error:
+            self._message.say(str(error))
+
     def _open_deleting(self, name: str) -> None:
         try:
             place = own_place(name)
@@ -181,7 +196,8 @@ class Library:
 
         def done(_nothing: None) -> None:
             self._say(f"{name} was deleted.")
+            self._back.visible, self._gone = True, name
             was_chosen = self._session.experiment.mission == name
             self._session.library_changed(Experiment().mission if was_chosen else None)
 
-        return Act(lambda _progress: delete_mission(name), done)
+        return Act(lambda _progress: self._session.delete_mission(name), done)
