@@ -27,13 +27,14 @@ from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
 from dashboards.pages.compare import Compare
 from dashboards.pages.consistency import Consistency
+from dashboards.pages.flight import Flight
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
-from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
+from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
 from dashboards.query import View, query, with_settings_of
@@ -78,7 +79,7 @@ PAGES: tuple[type[Page], ...] = (
     Allan,
     Models,
     GroundTrack,
-    Height,
+    Flight,
     View3D,
     Budget,
     Compare,

@@ -208,7 +208,7 @@ async def _act(teacher: Teacher, kind: str, number: int) -> Callable[[Page], boo
         seconds = 1.0 + number % 100 + 0.25
         await teacher.look_at(seconds)
         return lambda page: page.has(f'"attr":"location","new":{seconds}')
-    title = "Height" if kind == "another tab" else "Errors"
+    title = "Flight" if kind == "another tab" else "Errors"
     await teacher.turn_to(title)
     return lambda page: page.has(f'"attr":"active","new":{TITLES.index(title)}') and page.has('"Figure"')
 

@@ -24,8 +24,8 @@ FIRST = {
     "Consistency": "NEES: errors of all states, normalised",
     "Sensor errors": "Gyro bias, x [°/s]",
     "Allan": "Gyros, dashed: as set",
-    "Ground track": "Ground track, UTM zone 11 north",
-    "Height": "Height above the ellipsoid [m]",
+    "Ground track": "Ground track",
+    "Flight": "Height above the ellipsoid [m]",
     "Live": "Angular rate [°/s]: none yet",
     "Budget": "Parts of the variance of heading [%]",
 }

@@ -113,8 +113,8 @@ def test_the_last_step_leads_to_the_next_lesson(walk: Walk) -> None:
 
 def test_look_opens_the_page_at_the_time_and_the_reminder_stays(walk: Walk) -> None:
     click(walk, "Of <b>mine</b>")
-    click(walk, "Look at Height at 40 s")
-    assert walk.title == "Height"
+    click(walk, "Look at Flight at 40 s")
+    assert walk.title == "Flight"
     assert walk.page.axis.time == 40.0
     assert walk.page._reminder is not None
     assert "Of <b>mine</b>, step 1 of 2: One." in walk.page._reminder.text
