@@ -34,6 +34,7 @@ from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
+from dashboards.pages.overview import Overview
 from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
@@ -71,6 +72,7 @@ _TAB = {"minWidth": "0", "padding": "12px 5px", "fontSize": "0.8125rem", "letter
 
 PAGES: tuple[type[Page], ...] = (
     Missions,
+    Overview,
     Errors,
     Covariance,
     Innovations,

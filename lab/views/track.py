@@ -55,12 +55,13 @@ class TrackFigure:
             "north of the start [m]",
             height=420,
             match_aspect=True,
-            x_range=DataRange1d(range_padding=0.06),
-            y_range=DataRange1d(range_padding=0.06),
+            x_range=DataRange1d(range_padding=0.1),
+            y_range=DataRange1d(range_padding=0.1),
             tools=[PanTool(), zoom := WheelZoomTool(), ResetTool(), SaveTool()],
         )
         fig = self.figure
-        fig.toolbar_location, fig.toolbar.active_scroll = "right", zoom
+        fig.toolbar_location = "right"
+        fig.toolbar.update(active_scroll=zoom, logo=None)
         fig.xaxis.ticker = BasicTicker(desired_num_ticks=4)
         fig.axis.formatter = CustomJSTickFormatter(
             code="return tick.toLocaleString('en').replaceAll(',', '\\u2009')"

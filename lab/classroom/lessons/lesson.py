@@ -20,6 +20,7 @@ from lab.experiment.result import Result
 
 PAGES = (
     "Missions",
+    "Overview",
     "Errors",
     "Covariance",
     "Innovations",
