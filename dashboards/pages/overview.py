@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
+from bokeh.models.tickers import BasicTicker
 
 from dashboards.history import change_in_words
 from dashboards.overview_head import OverviewHead
@@ -100,6 +101,8 @@ class Overview(ComputedPage):
             self._figures[plots] = TimeFigures(plots, self.axis, buckets=500)
             for fig in self._figures[plots].figures:
                 fig.min_height = LEAST
+                if isinstance(fig.yaxis[0].ticker, BasicTicker):
+                    fig.yaxis[0].ticker.desired_num_ticks = 4
         return self._figures[plots]
 
     def _parts(self) -> list[pn.viewable.Viewable]:
@@ -212,13 +215,13 @@ def with_outage(outages: list[tuple[float, float]], result: Result) -> list[tupl
     middle = result.epoch + float(result.time[0] + result.time[-1]) / 2
     start, end = round(middle - OUTAGE / 2, 1), round(middle + OUTAGE / 2, 1)
     touching = [one for one in outages if one[0] <= end and start <= one[1]]
-    whole = (min(start, *(one[0] for one in touching), start), max(end, *(one[1] for one in touching), end))
+    whole = min([start, *(one[0] for one in touching)]), max([end, *(one[1] for one in touching)])
     return sorted([whole, *(one for one in outages if one not in touching)])
 
 
 def settings_html(experiment: Experiment) -> str:
     """Return which settings differ from the defaults, from what to what."""
-    changed = parse_qsl(query(experiment))
+    changed = [one for one in parse_qsl(query(experiment)) if one[0] != "mission"]
     if not changed:
         return "All settings have their defaults."
     named = [change_in_words("", urlencode([one])) for one in changed[:MOST_SETTINGS]]

@@ -88,7 +88,7 @@ def numbers_of(result: Result) -> list[Number]:
         innovations, time = result.innovations, result.time
         squares = np.nansum(innovations["position"].values ** 2, axis=1)
         fixes, rejected = result.fixes.time.size, np.count_nonzero(result.solution_arrays.fix_rejected)
-        used = squares[np.isfinite(innovations["position"].values).any(axis=1)]
+        used = squares[np.isfinite(innovations["nis"].values)]
         rms = float(np.sqrt(used.mean())) if used.size else np.nan
         return [
             Number(_shown(rms, "m"), "Position innovations, rms", "See them", "Innovations"),
@@ -108,28 +108,30 @@ def numbers_of(result: Result) -> list[Number]:
                 "Allan",
             ),
         ]
-    table = result.summary
-    rms = dict(zip(table["quantity"], table["rms"], strict=True))
-
-    def together(*names: str) -> float:
-        return float(np.sqrt(sum(rms.get(name, np.nan) ** 2 for name in names)))
-
     missing = result.missing_reason("coverage")
     inside = np.nan if missing else float(result.coverage["within ±3σ [%]"].mean())
     nees = _mean_of(result, "consistency", "nees")
-    position, velocity = (
-        together(*(f"{kind} {axis}" for axis in axes))
-        for kind, axes in (("position", ("east", "north")), ("velocity", ("east", "north", "up")))
-    )
-    heading = together("attitude heading")
+    (east, north, _up), velocities, (_roll, _pitch, heading) = _mean_squares(result)
     return [
-        Number(_shown(position, "m"), "Horizontal position, rms", "See the errors", "Errors"),
-        Number(_shown(velocity, "m/s"), "Velocity, rms", "See the errors", "Errors"),
-        Number(_shown(heading, "°"), "Heading, rms", "See its sources", "Budget"),
+        Number(_shown(np.sqrt(east + north), "m"), "Horizontal position, rms", "See the errors", "Errors"),
+        Number(_shown(np.sqrt(velocities.sum()), "m/s"), "Velocity, rms", "See the errors", "Errors"),
+        Number(_shown(np.sqrt(heading), "°"), "Heading, rms", "See its sources", "Budget"),
         Number(_shown(inside, "%"), "Inside 3σ, expected 99.7", "See σ", "Covariance"),
         Number(_shown(nees), "NEES, expected 1", "Read the verdict", "Consistency"),
         Number(_shown(nis), "NIS, expected 1", "See innovations", "Innovations"),
     ]
+
+
+def _mean_squares(result: Result) -> FloatArray:
+    """Return the mean squares (3, 3) of the errors of position, velocity and attitude; NaN if unknown."""
+    sums, counts = np.zeros((3, 3)), np.zeros((3, 3))
+    for part in result.parts():  # of a long flight, the errors are not kept
+        for number, kind in enumerate(("position", "velocity", "attitude")):
+            errors = part.errors[kind].values
+            known = np.isfinite(errors)
+            sums[number] += np.sum(errors**2, axis=0, where=known)
+            counts[number] += np.count_nonzero(known, axis=0)
+    return np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0)
 
 
 def _mean_of(result: Result, group: str, name: str) -> float:
@@ -159,11 +161,11 @@ def sentences_of(result: Result) -> str:
         )
     if result.missing_reason("errors"):
         return (
-            f"A recorded flight, “{title}”, without a reference, so the true errors are unknown. "
+            f"A sensor log, “{title}”, without a reference, so the true errors are unknown. "
             "Points: how far the fixes are from the navigation; shade: how far the filter expects them to be."
         )
     return (
-        f"A recorded flight, “{title}”, with a reference. "
+        f"A sensor log, “{title}”, with a reference. "
         "Blue: how far the navigation is from it; shade: how far it believes to be."
     )
 

@@ -16,6 +16,7 @@ from bokeh.models.tools import HoverTool, PanTool, ResetTool, SaveTool, WheelZoo
 
 from lab.base.arrays import FloatArray
 from lab.motion.truth.trajectory import Truth
+from lab.navigation.solution import Solution
 from lab.views.envelope import thin_path
 from lab.views.figures import plain_figure
 from lab.views.legend import add_legend
@@ -28,6 +29,9 @@ POINTS = 1000
 """Largest number of drawn points of a path: more than one for each pixel of a side of the figure."""
 SAMPLES = 2**13
 """Samples of a path among which its points are chosen."""
+
+NOWHERE = np.zeros((0, 2)), np.zeros(0)
+"""Points and times of a path that is not known."""
 
 Columns = dict[str, FloatArray]
 
@@ -43,7 +47,7 @@ class TrackFigure:
 
     def __init__(self) -> None:
         self._true, self._estimated, self._fixes, self._now = (
-            ColumnDataSource(_columns(np.zeros((0, 2)), np.zeros(0))) for _ in range(4)
+            ColumnDataSource(_columns(*NOWHERE)) for _ in range(4)
         )
         self._ends = ColumnDataSource({"east": [], "north": [], "marker": [], "word": []})
         self._held = ColumnDataSource({"east": [], "north": [], "colour": []})
@@ -95,11 +99,10 @@ class TrackFigure:
         self._truth_entry.update(visible=truth is not None, label=value(result.truth_word))
         if truth is None or truth is not self._truth:  # it is the same for most changes of settings
             self._truth = truth
-            position = np.zeros((0, 3)) if truth is None else truth.position
-            self._true.data = _path(result, position, result.time)
-        self._estimated.data = _path(result, result.solution_arrays.position, result.time)
+            self._true.data = _columns(*NOWHERE) if truth is None else _path(result, truth, result.time)
+        self._estimated.data = _path(result, result.solution_arrays, result.time)
         self._fixes.data = _columns(_on_map(result, result.fixes.position), result.fixes.time)
-        beside = [_path(result, one.solution_arrays.position, one.time) for one in held]
+        beside = [_path(result, one.solution_arrays, one.time) for one in held]
         if beside or self._held.data["colour"]:
             lines = {name: [one[name] for one in beside] for name in ("east", "north")}
             self._held.data = {**lines, "colour": list(HELD[: len(beside)])}
@@ -128,12 +131,13 @@ def _on_map(result: Result, position: FloatArray) -> FloatArray:
     return np.stack(result.projection._replace(zone=0).project(position), axis=-1)
 
 
-def _path(result: Result, position: FloatArray, time: FloatArray) -> Columns:
+def _path(result: Result, path: Truth | Solution, time: FloatArray) -> Columns:
     """Return the columns of a path whose points were thinned."""
-    some = np.linspace(0, len(position) - 1, min(len(position), SAMPLES)).astype(np.intp)
-    points, times = _on_map(result, position[some]), time[some]
+    some = np.linspace(0, time.size - 1, min(time.size, SAMPLES)).astype(np.intp)
+    position = path.taken(some).position if isinstance(path, Truth) else path.position[some]
+    points = _on_map(result, position)
     kept = thin_path(points, POINTS)
-    return _columns(points[kept], times[kept])
+    return _columns(points[kept], time[some][kept])
 
 
 def _columns(points: FloatArray, time: FloatArray) -> Columns:

@@ -18,6 +18,7 @@ TITLES = (
 )
 """The titles of all figures, without the figures of merit behind them."""
 FIRST = {
+    "Overview": "Ground track",
     "Errors": "Position error, east [m]",
     "Covariance": "σ of the position [m]",
     "Innovations": "Position innovation, east [m]",
@@ -56,7 +57,7 @@ def walk(page: Page) -> None:
         for words in WORDS.get(name, ()):
             expect(page.get_by_text(words).first).to_be_visible()
         if name in FIRST:
-            others = [first for other, first in FIRST.items() if other != name]
+            others = [first for first in FIRST.values() if first != FIRST[name]]
             wait_for(page, f"{TITLES}[0] === {FIRST[name]!r}")
             wait_for(page, f"{IDLE} && !{TITLES}.some((title) => {others!r}.includes(title))")
             expect(page.locator("canvas").first).to_be_visible()

@@ -100,22 +100,12 @@ def test_a_magnetometer_shows_its_heading() -> None:
     assert np.sqrt(np.mean(off**2)) < 3
 
 
-def test_parts_of_a_long_flight_are_drawn_as_the_whole(
-    equipped: Result, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def columns() -> dict[str, np.ndarray]:
-        axis = TimeAxis()
-        axis.span(float(equipped.time[-1]))
-        figures = TimeFigures(FLIGHT, axis)
-        figures.show(equipped)
-        return {name: np.asarray(values) for name, values in figures._sources["time"].source.data.items()}
-
-    whole = columns()
-    monkeypatch.setattr("lab.run.run.LONG", 1000)
-    monkeypatch.setattr("lab.views.figures.AT_ONCE", 500)
-    assert equipped.is_long
-    for name, values in columns().items():
-        np.testing.assert_allclose(values, whole[name], atol=1e-4, err_msg=name)
+def test_a_long_flight_is_read_in_parts(equipped: Result) -> None:
+    part = equipped.part(1999, 3000)
+    for plot in FLIGHT:
+        for curve in plot.curves:
+            whole = curve.read(equipped)[2000:3000]
+            np.testing.assert_allclose(curve.read(part)[1:], whole, atol=1e-9, err_msg=curve.name)
 
 
 @pytest.mark.parametrize("has_reference", [False, True])
