@@ -62,8 +62,8 @@ class OverviewHead(JSComponent):
         self._act = act
         self.param.watch(lambda event: self._act(str(event.new.get("key"))), "asked")
 
-    def show(self, sentences: str, actions: list[tuple[str, str]], numbers: list[tuple[str, ...]]) -> None:
-        """Show sentences, buttons and figures."""
+    def fill(self, sentences: str, actions: list[tuple[str, str]], numbers: list[tuple[str, ...]]) -> None:
+        """Fill in sentences, buttons and figures."""
         content = {"sentences": sentences, "actions": actions, "numbers": numbers}
         if content != self.content:
             self.content = content

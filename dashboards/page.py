@@ -27,7 +27,7 @@ from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
 from dashboards.pages.compare import Compare
 from dashboards.pages.consistency import Consistency
-from dashboards.pages.flight import Flight
+from dashboards.pages.flight import FlightPlots
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
@@ -81,7 +81,7 @@ PAGES: tuple[type[Page], ...] = (
     Allan,
     Models,
     GroundTrack,
-    Flight,
+    FlightPlots,
     View3D,
     Budget,
     Compare,

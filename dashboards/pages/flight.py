@@ -8,7 +8,7 @@ from lab.views.flight_plots import FLIGHT, sensor_plots
 from lab.views.quantities import TEMPERATURE, kinds_of
 
 
-class Flight(TimePlots):
+class FlightPlots(TimePlots):
     """Height, speed, attitude, rates, specific force and other sensors: estimated, true and measured."""
 
     title = "Flight"

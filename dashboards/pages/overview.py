@@ -143,13 +143,13 @@ class Overview(ComputedPage):
 
     def clear(self) -> None:
         """Show no figures."""
-        self._head.show("", [], [])
+        self._head.fill("", [], [])
 
     def paint(self, result: Result, content: _Content) -> str:
         """Show the figures; return the settings that differ."""
         numbers = [(one.page, one.value, one.label, one.step) for one in content.numbers]
         keyed = [(f"{number} {page}", *rest) for number, (page, *rest) in enumerate(numbers)]
-        self._head.show(content.sentences, self._actions(), keyed)
+        self._head.fill(content.sentences, self._actions(), keyed)
         return settings_html(result.experiment)
 
     def release(self) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.aid_table import AIDS
-from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation.aids import HEADING, HEIGHT, MAGNETIC, NAMES, SENSORS, SHOWN
 from lab.views.quantities import (
@@ -22,7 +21,7 @@ from lab.views.quantities import (
     TRUTH,
 )
 from lab.views.quantities import HEIGHT as OF_HEIGHT
-from lab.views.time_plot import AID_CLOCKS, Curve, Reader, TimePlot
+from lab.views.time_plot import AID_CLOCKS, Curve, FloatArray, Reader, TimePlot
 
 if TYPE_CHECKING:
     from lab.experiment.result import Result

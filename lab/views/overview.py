@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
 from lab.sensors.cards import card_in_force, cards
 from lab.views.flight_plots import horizontal, series
 from lab.views.quantities import BLUE, CONSISTENCY, COVARIANCE, ERRORS
-from lab.views.time_plot import Band, Curve, TimePlot
+from lab.views.time_plot import Band, Curve, FloatArray, TimePlot
 
 if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
@@ -31,7 +30,7 @@ class Bound(Band):
 
 def _length(vectors: FloatArray) -> FloatArray:
     """Return the lengths (n,) of vectors (n, 3)."""
-    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", vectors, vectors)))
 
 
 def _of_length(variable: str, title: str, unit: str, length: Callable[[FloatArray], FloatArray]) -> TimePlot:
@@ -131,7 +130,7 @@ def _mean_squares(result: Result) -> FloatArray:
             known = np.isfinite(errors)
             sums[number] += np.sum(errors**2, axis=0, where=known)
             counts[number] += np.count_nonzero(known, axis=0)
-    return np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0)
+    return np.asarray(np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0))
 
 
 def _mean_of(result: Result, group: str, name: str) -> float:

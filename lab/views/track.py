@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.core.properties import value
@@ -70,7 +70,7 @@ class TrackFigure:
         fig.axis.formatter = CustomJSTickFormatter(
             code="return tick.toLocaleString('en').replaceAll(',', '\\u2009')"
         )
-        place = {"x": "east", "y": "north"}
+        place: dict[str, Any] = {"x": "east", "y": "north"}
         estimated = fig.add_glyph(self._estimated, Line(**place, line_color=ESTIMATE, line_width=2.2))
         true = fig.add_glyph(self._true, Line(**place, line_color=TRUTH, line_width=1.6, line_dash="dashed"))
         fixes = fig.add_glyph(
