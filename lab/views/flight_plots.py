@@ -64,16 +64,16 @@ def horizontal(vectors: FloatArray) -> FloatArray:
 
 def _angle(number: int) -> Callable[[FloatArray], FloatArray]:
     """Return what takes one of three angles [°], with a gap where it jumps at ±180°."""
+    return lambda angles: with_gaps(angles[:, number])
 
-    def take(angles: FloatArray) -> FloatArray:
-        values = angles[:, number]
-        jumps = np.flatnonzero(np.abs(np.diff(values)) > 180.0)
-        if 0 < jumps.size <= TURNS:
-            values = values.copy()
-            values[jumps] = np.nan
-        return values
 
-    return take
+def with_gaps(angles: FloatArray) -> FloatArray:
+    """Return angles (n,) [°] with a gap where they jump at ±180°, so that no line crosses the plot."""
+    jumps = np.flatnonzero(np.abs(np.diff(angles)) > 180.0)
+    if 0 < jumps.size <= TURNS:
+        angles = angles.copy()
+        angles[jumps] = np.nan
+    return angles
 
 
 def _flown(
@@ -161,7 +161,10 @@ def _aid(variable: str, kind: int) -> Reader:
             else:
                 expected = result.aids.value[rows] + innovation
             values = expected if variable == "estimate" else expected - innovation
-        return scale * (wrap(values) if unit == "°" else values)
+        if unit != "°":
+            return scale * values
+        angles = scale * wrap(values)
+        return angles if variable == "measured" else with_gaps(angles)
 
     return read
 

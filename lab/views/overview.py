@@ -107,10 +107,8 @@ def numbers_of(result: Result) -> list[Number]:
                 "Allan",
             ),
         ]
-    missing = result.missing_reason("coverage")
-    inside = np.nan if missing else float(result.coverage["within ±3σ [%]"].mean())
     nees = _mean_of(result, "consistency", "nees")
-    (east, north, _up), velocities, (_roll, _pitch, heading) = _mean_squares(result)
+    (east, north, _up), velocities, (_roll, _pitch, heading), inside = _of_errors(result)
     return [
         Number(_shown(np.sqrt(east + north), "m"), "Horizontal position, rms", "See the errors", "Errors"),
         Number(_shown(np.sqrt(velocities.sum()), "m/s"), "Velocity, rms", "See the errors", "Errors"),
@@ -121,16 +119,22 @@ def numbers_of(result: Result) -> list[Number]:
     ]
 
 
-def _mean_squares(result: Result) -> FloatArray:
-    """Return the mean squares (3, 3) of the errors of position, velocity and attitude; NaN if unknown."""
-    sums, counts = np.zeros((3, 3)), np.zeros((3, 3))
+def _of_errors(result: Result) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return the mean squares (3,) of the errors of position, velocity and attitude, and percent inside 3σ.
+
+    What is unknown is NaN.
+    """
+    sums, counts, inside = np.zeros((3, 3)), np.zeros((3, 3)), 0
     for part in result.parts():  # of a long flight, the errors are not kept
         for number, kind in enumerate(("position", "velocity", "attitude")):
-            errors = part.errors[kind].values
+            errors, sigma = part.errors[kind].values, part.sigma[kind].values
             known = np.isfinite(errors)
             sums[number] += np.sum(errors**2, axis=0, where=known)
             counts[number] += np.count_nonzero(known, axis=0)
-    return np.asarray(np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0))
+            inside += np.count_nonzero(np.abs(errors) <= 3 * sigma)
+    squares = np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0)
+    is_known = counts.all() and not result.missing_reason("coverage")
+    return squares[0], squares[1], squares[2], 100 * inside / counts.sum() if is_known else np.nan
 
 
 def _mean_of(result: Result, group: str, name: str) -> float:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 POINTS = 1000
 """Largest number of drawn points of a path: more than one for each pixel of a side of the figure."""
-SAMPLES = 2**13
+SAMPLES = 2**12
 """Samples of a path among which its points are chosen."""
 
 NOWHERE = np.zeros((0, 2)), np.zeros(0)

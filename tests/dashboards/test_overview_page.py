@@ -92,6 +92,9 @@ def test_a_simulated_flight_at_a_glance(walk: Walk) -> None:
     assert float(found["Horizontal position, rms"].split("\u2009")[0]) == pytest.approx(expected, rel=5e-3)
     velocity = np.sqrt(np.mean(np.sum(result.errors["velocity"].values ** 2, axis=1)))
     assert float(found["Velocity, rms"].split("\u2009")[0]) == pytest.approx(velocity, rel=5e-3)
+    inside = result.coverage["within ±3σ [%]"].mean()
+    shown = float(found["Inside 3σ, expected 99.7"].split("\u2009")[0])
+    assert shown == pytest.approx(inside, abs=0.06)
     nis = np.nanmean(result.innovations["nis"].values) / result.innovations["nis"].attrs["degrees"]
     assert float(found["NIS, expected 1"]) == pytest.approx(nis, rel=5e-3)
     assert "IMU rate" in walk.text()  # a setting that differs
