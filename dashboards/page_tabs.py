@@ -15,18 +15,21 @@ from dashboards.pages.base import Page
 from dashboards.pages.budget import Budget
 from dashboards.pages.compare import Compare
 from dashboards.pages.consistency import Consistency
+from dashboards.pages.flight import FlightPlots
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
 from dashboards.pages.models import Models
+from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
-from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
+from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.style import ON_SCREEN
 from dashboards.titled import Tabs
 
 TABS: dict[str, tuple[type[Page], ...]] = {
-    "Flight": (GroundTrack, Height, View3D),
+    "Overview": (Overview,),
+    "Flight": (FlightPlots, GroundTrack, View3D),
     "Errors": (Errors, Covariance),
     "Filter": (Consistency, Innovations, SensorErrors, Budget),
     "Sensors": (SensorCards, Allan),
@@ -34,7 +37,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Live": (Live,),
 }
 """The pages of each tab, by what is written on it."""
-FIRST: type[Page] = Errors
+FIRST: type[Page] = Overview
 """The page that opens first."""
 IN_TABS = tuple(chain.from_iterable(TABS.values()))
 

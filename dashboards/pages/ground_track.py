@@ -10,7 +10,7 @@ from lab.views.track import TrackFigure
 
 
 class GroundTrack(Page):
-    """True and estimated path and the GPS fixes, in metres."""
+    """True and estimated path and the GPS fixes, in metres from the start."""
 
     title = "Ground track"
     seen = ("track",)
@@ -21,13 +21,9 @@ class GroundTrack(Page):
         self._track = TrackFigure()
         return plot_grid([self._track.figure], 1, least=420)
 
-    def prepare(self, result: Result) -> None:
-        """Compute the projected paths of the result."""
-        _ = result.drawn_track, result.gps
-
     def draw(self, result: Result) -> None:
         """Draw a result."""
-        self._track.show(result, self.axis.time)
+        self._track.show(result, self.axis.time, self.held())
 
     def release(self) -> None:
         """Refer to no result any more; the aircraft stays where it is."""

@@ -12,7 +12,6 @@ from lab.views.figures import TimeFigures
 from lab.views.quantities import (
     COVARIANCE,
     ERRORS,
-    HEIGHT,
     SCALE_COVARIANCE,
     SCALE_ERRORS,
     SENSOR_ERRORS,
@@ -104,12 +103,3 @@ class SensorErrors(TimePlots):
         """Return the plots for a result; the temperature has the full width."""
         rest = (TEMPERATURE,) if result.has_temperature else ()
         return (self.of_imu(result) + further_plots(result.blocks), *rest)
-
-
-class Height(TimePlots):
-    """Height and vertical velocity: estimated, true, and of the fixes."""
-
-    title = "Height"
-    plots = HEIGHT
-    seen = ("solution", "truth")
-    columns = 1

@@ -19,14 +19,15 @@ TITLES = (
 )
 """The titles of all figures, without the figures of merit behind them."""
 FIRST = {
+    "Overview": "Ground track",
     "Errors": "Position error, east [m]",
     "Covariance": "σ of the position [m]",
     "Innovations": "Position innovation, east [m]",
     "Consistency": "NEES: errors of all states, normalised",
     "Sensor errors": "Gyro bias, x [°/s]",
     "Allan": "Gyros, dashed: as set",
-    "Ground track": "Ground track, UTM zone 11 north",
-    "Height": "Height above the ellipsoid [m]",
+    "Ground track": "Ground track",
+    "Flight": "Height above the ellipsoid [m]",
     "Live": "Angular rate [°/s]: none yet",
     "Budget": "Parts of the variance of heading [%]",
 }
@@ -54,7 +55,7 @@ def walk(page: Page) -> None:
         for words in WORDS.get(name, ()):
             expect(page.get_by_text(words).first).to_be_visible()
         if name in FIRST:
-            others = [first for other, first in FIRST.items() if other != name]
+            others = [first for first in FIRST.values() if first != FIRST[name]]
             wait_for(page, f"{TITLES}[0] === {FIRST[name]!r}")
             wait_for(page, f"{IDLE} && !{TITLES}.some((title) => {others!r}.includes(title))")
             expect(page.locator("canvas").first).to_be_visible()

@@ -133,7 +133,7 @@ def room() -> Iterator[Room]:
 def test_students_see_settings_tab_and_time_without_another_run(room: Room) -> None:
     early = room.student()
     before = dict(CACHE.computed)
-    room.teacher.open("Height")
+    room.teacher.open("Flight")
     room.teacher.page._time_bar.go(42.0)
     room.set(NOISE, 0.2)
     late = room.student()  # sees the present state at once
@@ -141,7 +141,7 @@ def test_students_see_settings_tab_and_time_without_another_run(room: Room) -> N
         settle(student)
         assert student.page.session.experiment.to_dict() == room.teacher.page.session.experiment.to_dict()
         assert student.page.session.result is room.teacher.page.session.result
-        assert (student.title, student.page.axis.time) == ("Height", 42.0)
+        assert (student.title, student.page.axis.time) == ("Flight", 42.0)
         assert words(student) == FOLLOWING
     assert CACHE.computed["navigation"] == before["navigation"] + 1  # the teacher's
     room.look()
@@ -191,7 +191,7 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
     page, shown = student.page, room.school_class.moment
     for act in (
         lambda: page.session.change("seed", 5),
-        lambda: page._open("Height"),
+        lambda: page._open("Flight"),
         lambda: page.session.accept(Experiment().update(FLIGHT)),
         lambda: lessons(student)._open(("shipped", "04-tuning-r")),
     ):
@@ -298,7 +298,7 @@ def test_a_check_of_a_student_who_follows_counts(room: Room) -> None:
 def test_a_teacher_who_reloads_leads_on_from_where_the_class_is(room: Room) -> None:
     student = room.student()
     room.set(NOISE, 0.2)
-    room.teacher.open("Height")
+    room.teacher.open("Flight")
     room.look()
     shown = room.school_class.moment
     again = room.teacher_again()
@@ -309,7 +309,7 @@ def test_a_teacher_who_reloads_leads_on_from_where_the_class_is(room: Room) -> N
     again = room.teacher_again()
     settle(again, student)
     assert isinstance(again.page._class._bar, TeacherBar)
-    assert again.title == "Height"
+    assert again.title == "Flight"
     assert again.page.session.experiment.get(NOISE) == 0.2
     found = CLASSES.find(room.code)
     assert found is not None

@@ -125,11 +125,11 @@ def test_time_zoom_and_runs_are_in_the_address_and_no_entries(walk: Walk) -> Non
     walk.page._time_bar.go(12.5)
     walk.page.axis.show(10, 60)
     walk.page.session.runs = 30
-    walk.open("Height")
+    walk.open("Flight")
     sent = walk.sent()
     assert (sent["pushed"], sent["position"]) == ([], 1)
-    assert sent["search"] == f"?{NOISE}=0.2&tab=Height&time=12.5&zoom=10-60&runs=30"
-    assert walk.page._address.view == View("Height", 12.5, (10.0, 60.0), 30)
+    assert sent["search"] == f"?{NOISE}=0.2&tab=Flight&time=12.5&zoom=10-60&runs=30"
+    assert walk.page._address.view == View("Flight", 12.5, (10.0, 60.0), 30)
     walk.ask("undo")  # which compares the same stretch before and after
     assert walk.page._shown_view() == View("", 12.5, (10.0, 60.0), 30)
 
@@ -174,11 +174,11 @@ class _Frame:
     ["tab=Atlantis", "time=-1", "time=nan", "time=1e400", "zoom=5-5", "zoom=9-2", "zoom=a-b", "runs=7"],
 )
 def test_a_wrong_part_of_a_view_is_reported_and_the_others_hold(text: str) -> None:
-    view, problems = view_of_query(f"tab=Height&time=3&{text}&seed=4", TITLES)
+    view, problems = view_of_query(f"tab=Flight&time=3&{text}&seed=4", TITLES)
     assert len(problems) == 1
     assert "accepted is" in problems[0]
-    assert view == View() or (view.tab or "Height", view.time or 3.0, view.zoom, view.runs) == (
-        "Height",
+    assert view == View() or (view.tab or "Flight", view.time or 3.0, view.zoom, view.runs) == (
+        "Flight",
         3,
         None,
         1,
@@ -235,8 +235,8 @@ def test_after_undo_a_step_of_the_same_slider_is_a_new_entry() -> None:
 
 def test_settings_that_do_not_change_are_no_entry() -> None:
     history = History(state(f"{Q}=2"))
-    history.record(state(f"{Q}=2", tab="Height"), "Sensors: the same again")
-    assert (history.position, history.undone, history.present.tab) == (0, "", "Height")
+    history.record(state(f"{Q}=2", tab="Flight"), "Sensors: the same again")
+    assert (history.position, history.undone, history.present.tab) == (0, "", "Flight")
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ trajectory.imu_rate = 50
 title = "One"
 text = "<img src=x> and $R$: change `navigator.r_scale`, not `title`"
 settings = { navigator.r_scale = 0.1 }
-page = "Height"
+page = "Flight"
 time = 40
 check = "0.8 < nis < 1.25"
 hint = "A hint."
@@ -113,9 +113,9 @@ def test_the_last_step_leads_to_the_next_lesson(walk: Walk) -> None:
 
 def test_look_opens_the_page_beside_the_lesson_and_a_closed_dock_leaves_a_reminder(walk: Walk) -> None:
     click(walk, "Of <b>mine</b>")
-    click(walk, "Look at Height at 40 s")
+    click(walk, "Look at Flight at 40 s")
     assert walk.title == "Lessons"
-    assert walk.page._tabs.kind.title == "Height"
+    assert walk.page._tabs.kind.title == "Flight"
     assert walk.page.axis.time == 40.0
     assert walk.page._reminder is None
     walk.page._dock.close()

@@ -16,7 +16,8 @@ from dashboards.ensembles import ensemble
 from dashboards.page import PAGES
 from dashboards.pages.base import Page
 from dashboards.pages.consistency import Consistency
-from dashboards.pages.time_plots import Covariance, Errors, Height
+from dashboards.pages.flight import FlightPlots
+from dashboards.pages.time_plots import Covariance, Errors
 from lab.analysis.verdicts.verdict import Verdict
 from lab.experiment.ensembles import seeds
 from lab.experiment.ensembles.ensemble import Ensemble
@@ -281,7 +282,7 @@ def test_a_page_that_fails_says_so_in_its_place_and_leaves_no_other_plots(
         raise OverflowError("cannot convert <b>infinity</b>")
 
     before, after = experiment(seed=2), experiment(seed=3)
-    other = "Height" if kind is not Height else "Errors"
+    other = "Flight" if kind is not FlightPlots else "Errors"
     walk.run(before)
     walk.open(other)
     with pytest.MonkeyPatch.context() as patch:

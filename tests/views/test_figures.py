@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pymap3d
 import pytest
 from bokeh.models import ColumnDataSource
 from hypothesis import given
@@ -125,15 +126,25 @@ def test_autocorrelation_has_its_band(result: Result) -> None:
     assert box.top == -box.bottom == pytest.approx(1.96 / np.sqrt(result.fixes.time.size), rel=0.02)
 
 
-def test_the_track_follows_the_cursor(result: Result) -> None:
+def test_the_track_is_in_metres_from_the_start(result: Result) -> None:
     track = TrackFigure()
-    track.show(result, 0.0)
+    track.show(result, 0.0, [result])
     track.show_time(100.0)
-    estimated = result.track.sel(path="estimated").sel(time=100.0, method="nearest")
-    data = track._now.data
-    assert data["easting"][0] == pytest.approx(float(estimated["easting"]), abs=1e-6)
-    assert data["northing"][0] == pytest.approx(float(estimated["northing"]), abs=1e-6)
+    truth, estimate = result.truth, result.solution
+    place = [estimate[name].sel(time=100.0, method="nearest") for name in ("latitude", "longitude")]
+    start = [float(truth[name][0]) for name in ("latitude", "longitude")]
+    east, north, _ = pymap3d.geodetic2enu(*map(float, place), 0.0, *start, 0.0)
+    assert track._now.data["east"][0] == pytest.approx(east, abs=1e-2)
+    assert track._now.data["north"][0] == pytest.approx(north, abs=1e-2)
+    assert abs(track._true.data["east"][0]) < 1e-3 > abs(track._true.data["north"][0])
+    assert list(track._ends.data["word"]) == ["start", "end"]
+    assert track._ends.data["east"][1] == pytest.approx(track._estimated.data["east"][-1], rel=1e-6)
+    assert np.array_equal(track._held.data["north"][0], track._estimated.data["north"])
     assert track.figure.match_aspect
+    sent = track._true.data
+    track.show(result, 0.0)
+    assert track._true.data is sent, "the same truth is not sent again"
+    assert track._held.data["colour"] == []
 
 
 def test_averages_of_an_ensemble_are_drawn_in_their_narrower_interval(axis: TimeAxis) -> None:

@@ -20,6 +20,7 @@ from lab.experiment.result import Result
 
 PAGES = (
     "Missions",
+    "Overview",
     "Errors",
     "Covariance",
     "Innovations",
@@ -29,14 +30,14 @@ PAGES = (
     "Allan",
     "Models",
     "Ground track",
-    "Height",
+    "Flight",
     "3-D",
     "Budget",
     "Compare",
     "Live",
 )
 """Titles of the pages that a step may show."""
-RENAMED = {"Summary": "Compare"}
+RENAMED = {"Summary": "Compare", "Height": "Flight"}
 """Titles of older lessons, and the pages that took their place."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."

@@ -1,0 +1,229 @@
+"""Overview: at a glance where the flight went, how good its navigation is, and what to do next."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import NamedTuple, Self
+from urllib.parse import parse_qsl, urlencode
+
+import panel as pn
+from bokeh.models.tickers import BasicTicker
+
+from dashboards.history import change_in_words
+from dashboards.overview_head import OverviewHead
+from dashboards.pages.base import AROUND, NARROW
+from dashboards.pages.computed import ComputedPage
+from dashboards.query import query
+from dashboards.session import Session
+from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import Progress
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.overview import BY_INNOVATIONS, OVERVIEW, Number, numbers_of, sentences_of
+from lab.views.time_plot import TimePlot
+from lab.views.track import TrackFigure
+
+OUTAGES, Q_SCALE = "sensors.gps.outages", "navigator.q_scale"
+OUTAGE = 20.0
+"""Length of the outage of the first button, in the middle of the flight [s]."""
+FOOLED = 0.1
+"""By what the second button multiplies Q."""
+MOST_SETTINGS = 6
+"""Most settings that differ from the defaults and are named."""
+
+LEAST = 125
+"""Least height of a plot [px]."""
+
+_GRID = f"""
+:host {{
+  display: grid !important; gap: 8px; min-height: calc(var(--print-height, 100vh) - {AROUND}px) !important;
+  height: auto !important; grid-template-columns: minmax(0, 5fr) minmax(0, 6fr);
+  grid-template-rows: max-content max-content minmax({3 * LEAST + 16}px, 3fr) minmax({LEAST}px, 1fr);
+  grid-template-areas: "head head" "words words" "track plots" "nis nis";
+}}
+:host > .head {{ grid-area: head; }}
+:host > .words {{ grid-area: words; }}
+:host > .track {{ grid-area: track; }}
+:host > .plots {{ grid-area: plots; }}
+:host > .nis {{ grid-area: nis; }}
+.scroll-button {{ display: none !important; }}
+@media screen and (max-width: {NARROW}px) {{
+  :host {{
+    grid-template-columns: minmax(0, 1fr); grid-template-rows: max-content max-content 560px 380px 180px;
+    grid-template-areas: "head" "words" "plots" "track" "nis";
+  }}
+}}
+"""
+_PLOTS = ":host { display: flex; flex-direction: column; gap: 8px; min-height: 0 !important; }"
+_WORDS = "p { margin: 0; font: 13px/1.4 Roboto, sans-serif; opacity: .8; }"
+
+
+class _Content(NamedTuple):
+    """What is computed for a result."""
+
+    sentences: str
+    numbers: list[Number]
+
+
+class Overview(ComputedPage):
+    """The track, the errors and NIS, six figures, and the settings that differ from the defaults.
+
+    Of a log without reference, the innovations take the place of the errors. The plots are drawn at once, and
+    the figures follow.
+    """
+
+    title = "Overview"
+    depends_on_window = True
+
+    def __init__(self, axis: TimeAxis, session: Session) -> None:
+        self._session = session
+        super().__init__(axis)
+
+    @classmethod
+    def of(cls, axis: TimeAxis, session: Session) -> Self:
+        """Return the page for a session, whose settings its buttons change."""
+        return cls(axis, session)
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the layout with the plots for known errors."""
+        self._head = OverviewHead(self._pressed, css_classes=["head"], margin=0)
+        self._track = TrackFigure()
+        self._track.figure.update(min_height=LEAST, css_classes=["track"])
+        self._figures: dict[tuple[TimePlot, ...], TimeFigures] = {}
+        self._shown = OVERVIEW
+        self.words.param.update(css_classes=["words"], margin=(0, 4), stylesheets=[_WORDS])
+        return pn.Column(*self._parts(), sizing_mode="stretch_both", stylesheets=[_GRID], margin=(6, 8))
+
+    def _drawn_by(self, plots: tuple[TimePlot, ...]) -> TimeFigures:
+        """Return the figures of some plots; they are made when first shown."""
+        if plots not in self._figures:
+            self._figures[plots] = TimeFigures(plots, self.axis, buckets=500)
+            for fig in self._figures[plots].figures:
+                fig.min_height = LEAST
+                if isinstance(fig.yaxis[0].ticker, BasicTicker):
+                    fig.yaxis[0].ticker.desired_num_ticks = 4
+        return self._figures[plots]
+
+    def _parts(self) -> list[pn.viewable.Viewable]:
+        """Return the parts of the page in reading order."""
+        *beside, nis = self._drawn_by(self._shown).figures
+        nis.css_classes = ["nis"]
+        track, *panes, below = (
+            pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0)
+            for fig in (self._track.figure, *beside, nis)
+        )
+        plots = pn.Column(
+            *panes, sizing_mode="stretch_both", margin=0, css_classes=["plots"], stylesheets=[_PLOTS]
+        )
+        return [self._head, self.words, track, plots, below]
+
+    def prepare(self, result: Result) -> None:
+        """Compute the data of the plots, if the result needs no others."""
+        if _plots_of(result) == self._shown:
+            self._drawn_by(self._shown).prepare(result)
+
+    def draw(self, result: Result) -> None:
+        """Draw a result in the visible stretch of time, and compute its figures."""
+        shown, self._shown = self._shown, _plots_of(result)
+        self._drawn_by(self._shown).show(result, self.held())
+        self._track.show(result, self.axis.time, self.held())
+        if shown != self._shown:
+            self.view[:] = self._parts()
+        super().draw(result)
+
+    def say(self, text: str) -> None:
+        """Show a problem; the figures of the result before stay until the new ones are there."""
+        if text != self.working:
+            super().say(text)
+
+    def work_out(self, result: Result, _progress: Progress) -> _Content:
+        """Compute the figures."""
+        return _Content(sentences_of(result), numbers_of(result))
+
+    def clear(self) -> None:
+        """Show no figures."""
+        self._head.fill("", [], [])
+
+    def paint(self, result: Result, content: _Content) -> str:
+        """Show the figures; return the settings that differ."""
+        numbers = [(one.page, one.value, one.label, one.step) for one in content.numbers]
+        keyed = [(f"{number} {page}", *rest) for number, (page, *rest) in enumerate(numbers)]
+        self._head.fill(content.sentences, self._actions(), keyed)
+        return settings_html(result.experiment)
+
+    def release(self) -> None:
+        """Refer to no result any more; what is drawn stays."""
+        super().release()
+        self._track.release()
+
+    def show_time(self, time: float) -> None:
+        """Mark the aircraft."""
+        self._track.show_time(time)
+
+    def _actions(self) -> list[tuple[str, str]]:
+        """Return the buttons, without those whose settings a homework locks."""
+        experiment, offered = self._session.experiment, []
+        for key, label, path in (
+            ("outage", f"Take away GPS for {OUTAGE:g} s", OUTAGES),
+            ("fool", f"Fool the filter (Q × {FOOLED:g})", Q_SCALE),
+        ):
+            if _may_change(experiment, path):
+                offered.append((key, label))
+        if not experiment.hidden:
+            offered.append(("lesson", "A first lesson"))
+        return offered
+
+    def _pressed(self, key: str) -> None:
+        """Do what a button says, unless it is not offered."""
+        offered = {one for one, _label in self._actions()}
+        page = key.partition(" ")[2]
+        if key == "lesson" and key in offered:
+            self._session.go("Lessons", None)
+        elif key == "fool" and key in offered:
+            self._change(Q_SCALE, FOOLED * self._session.experiment.get(Q_SCALE))
+        elif key == "outage" and key in offered and self._wanted is not None:
+            self._change(OUTAGES, with_outage(self._session.experiment.get(OUTAGES), self._wanted))
+        elif page and self._content is not None and page in {one.page for one in self._content[1].numbers}:
+            self._session.go(page, None)
+
+    def _change(self, path: str, value: object) -> None:
+        """Change a setting, and show it in its field."""
+        changed = self._session.experiment.copy()
+        try:
+            changed.set(path, value)
+            self._session.accept(changed)
+        except SettingError as error:
+            self._session.problem = str(error)
+
+
+def _plots_of(result: Result) -> tuple[TimePlot, ...]:
+    return BY_INNOVATIONS if result.missing_reason("errors") else OVERVIEW
+
+
+def _may_change(experiment: Experiment, path: str) -> bool:
+    """Return whether a person may change a setting."""
+    try:
+        experiment.check_change(path)
+    except SettingError:
+        return False
+    return True
+
+
+def with_outage(outages: list[tuple[float, float]], result: Result) -> list[tuple[float, float]]:
+    """Return outages [s], with another one in the middle of a flight; those that touch it become one."""
+    middle = result.epoch + float(result.time[0] + result.time[-1]) / 2
+    start, end = round(middle - OUTAGE / 2, 1), round(middle + OUTAGE / 2, 1)
+    touching = [one for one in outages if one[0] <= end and start <= one[1]]
+    whole = min([start, *(one[0] for one in touching)]), max([end, *(one[1] for one in touching)])
+    return sorted([whole, *(one for one in outages if one not in touching)])
+
+
+def settings_html(experiment: Experiment) -> str:
+    """Return which settings differ from the defaults, from what to what."""
+    changed = [one for one in parse_qsl(query(experiment)) if one[0] != "mission"]
+    if not changed:
+        return "All settings have their defaults."
+    named = [change_in_words("", urlencode([one])) for one in changed[:MOST_SETTINGS]]
+    more = [f"{len(changed) - MOST_SETTINGS} more"] if len(changed) > MOST_SETTINGS else []
+    return f"<b>Settings that differ:</b> {escape('; '.join([*named, *more]))}"

@@ -1,0 +1,181 @@
+"""The Overview: what it says of a run, what its buttons do, and what a log or a homework changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from shutil import rmtree
+
+import numpy as np
+import pytest
+from panel.io.state import set_curdoc
+from sensor_logs import tables, write
+from walking import Walk, walking
+
+from dashboards.pages.overview import OUTAGES, Q_SCALE, Overview
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.classroom.homework.hidden_experiment import HiddenExperiment
+from lab.classroom.homework.scenario import Hidden, Scenario
+from lab.experiment.experiment import Experiment
+
+
+@pytest.fixture
+def walk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Walk]:
+    with walking(monkeypatch) as opened:
+        opened.open("Overview")
+        yield opened
+
+
+def flight() -> Experiment:
+    experiment = Experiment(mission="los_angeles")
+    experiment.set("trajectory.imu_rate", 50)
+    return experiment
+
+
+def begin(walk: Walk, experiment: Experiment) -> None:
+    """Have a page with these settings, and their result."""
+    walk.page.session.experiment = experiment
+    assert walk.run(experiment).problem == ""
+    assert walk.complaints() == []
+
+
+def overview(walk: Walk) -> Overview:
+    assert isinstance(walk.shown, Overview)
+    return walk.shown
+
+
+def press(walk: Walk, key: str) -> None:
+    with set_curdoc(walk._document):
+        overview(walk)._head.asked = {"key": key, "count": overview(walk)._head.asked.get("count", 0) + 1}
+
+
+def numbers(walk: Walk) -> dict[str, str]:
+    return {label: value for _key, value, label, _step in overview(walk)._head.content["numbers"]}
+
+
+def keys(walk: Walk) -> list[str]:
+    return [key for key, _label in overview(walk)._head.content["actions"]]
+
+
+def titles(walk: Walk) -> list[str]:
+    return [str(fig.title.text).partition(" [")[0].partition("\u2009")[0] for fig in walk.figures()]
+
+
+def test_nothing_is_there_before_the_first_result(walk: Walk) -> None:
+    assert walk.complaints() == ["says nothing about what it works out"]
+    assert overview(walk)._head.content == {"sentences": "", "actions": [], "numbers": []}
+    for key in ("outage", "Errors", "0 Errors", "None"):
+        press(walk, key)
+    assert walk.title == "Overview"
+    assert walk.page.session.experiment.get(OUTAGES) == []
+
+
+def test_a_simulated_flight_at_a_glance(walk: Walk) -> None:
+    begin(walk, flight())
+    result = walk.page.session.result
+    assert result is not None
+    assert titles(walk) == [
+        "Ground track",
+        "Horizontal position error",
+        "Velocity error",
+        "Heading error",
+        "NIS: innovations, normalised",
+    ]
+    said = overview(walk)._head.content["sentences"]
+    assert "“Los Angeles”" in said
+    assert "MEMSense AccelRate3D" in said
+    found = numbers(walk)
+    assert len(found) == 6
+    east, north, _ = result.errors["position"].values.T
+    expected = np.sqrt(np.mean(east**2 + north**2))
+    assert float(found["Horizontal position, rms"].split("\u2009")[0]) == pytest.approx(expected, rel=5e-3)
+    velocity = np.sqrt(np.mean(np.sum(result.errors["velocity"].values ** 2, axis=1)))
+    assert float(found["Velocity, rms"].split("\u2009")[0]) == pytest.approx(velocity, rel=5e-3)
+    inside = result.coverage["within ±3σ [%]"].mean()
+    shown = float(found["Inside 3σ, expected 99.7"].split("\u2009")[0])
+    assert shown == pytest.approx(inside, abs=0.06)
+    nis = np.nanmean(result.innovations["nis"].values) / result.innovations["nis"].attrs["degrees"]
+    assert float(found["NIS, expected 1"]) == pytest.approx(nis, rel=5e-3)
+    assert "IMU rate" in walk.text()  # a setting that differs
+
+
+def test_the_buttons_change_settings_and_undo_takes_them_back(walk: Walk) -> None:
+    begin(walk, flight())
+    session = walk.page.session
+    walk.page._address.begin()
+    press(walk, "fool")
+    assert session.experiment.get(Q_SCALE) == pytest.approx(0.1)
+    press(walk, "outage")
+    ((start, end),) = session.experiment.get(OUTAGES)
+    assert end - start == pytest.approx(20)
+    assert 0 < start < end < 105
+    press(walk, "outage")
+    assert session.experiment.get(OUTAGES) == [(start, end)], "a second press changes nothing"
+    press(walk, "0 Errors")
+    assert walk.title == "Errors"
+    walk.open("Overview")
+    walk.ask("undo")
+    walk.ask("undo")
+    assert session.experiment.get(OUTAGES) == []
+    assert session.experiment.get(Q_SCALE) == 1
+    press(walk, "lesson")
+    assert walk.title == "Lessons"
+
+
+def test_held_results_are_drawn_beside(walk: Walk) -> None:
+    begin(walk, flight())
+    walk.page._holding.hold()
+    begin(walk, flight().update({"seed": 2}))
+    assert len(overview(walk)._track._held.data["colour"]) == 1
+    assert len(overview(walk)._figures[overview(walk)._shown]._layers) == 1
+
+
+@pytest.mark.parametrize("has_reference", [False, True])
+def test_a_log(walk: Walk, own_missions: Path, request: pytest.FixtureRequest, has_reference: bool) -> None:
+    folder = write(own_missions / "drive", tables(60, 90), 'title = "Drive"')
+    request.addfinalizer(lambda: rmtree(folder))
+    if not has_reference:
+        (folder / "ref.csv").unlink()
+    begin(walk, flight())  # the plots change with the kind of run
+    begin(walk, Experiment(mission="drive"))
+    result, said = walk.page.session.result, overview(walk)._head.content["sentences"]
+    assert result is not None
+    assert "“Drive”" in said
+    assert ("without a reference" in said) == (not has_reference)
+    found = numbers(walk)
+    assert len(found) == 6
+    if has_reference:
+        assert found["NEES, expected 1"] == "–"
+        assert "Horizontal position error" in titles(walk)
+        return
+    assert "Position innovations" in titles(walk)
+    assert "Horizontal position error" not in titles(walk)
+    assert float(found["Duration"].split("\u2009")[0]) == pytest.approx(result.time[-1], rel=5e-3)
+    assert found["GPS fixes"] == str(result.fixes.time.size)
+    press(walk, "1 Consistency")
+    assert walk.title == "Consistency"
+    walk.open("Overview")
+    press(walk, "outage")
+    ((start, _end),) = walk.page.session.experiment.get(OUTAGES)
+    assert result.epoch < start < result.epoch + result.time[-1], "in the clock of the file"
+
+
+def test_a_homework_offers_only_what_may_be_changed(walk: Walk) -> None:
+    for change, expected in ((("navigator.r_scale",), []), ((Q_SCALE,), ["fool"])):
+        shown = {"mission": "los_angeles", "trajectory": {"imu_rate": 50}}
+        scenario = Scenario("find", "Find it", shown, change, Hidden(faults=("r",)))
+        begin(walk, HiddenExperiment(scenario).update(shown))
+        assert keys(walk) == expected
+        assert "errors are hidden" in overview(walk)._head.content["sentences"]
+        assert "MEMSense" not in overview(walk)._head.content["sentences"]
+        press(walk, "outage")
+        press(walk, "lesson")
+        assert walk.page.session.experiment.get(OUTAGES) == []
+        assert walk.title == "Overview"
+
+
+def test_a_hidden_fault_leaves_the_buttons_but_no_other_lesson(walk: Walk) -> None:
+    faulty = FaultyExperiment(next(iter(FAULTS.values()))).update(flight().to_dict())
+    begin(walk, faulty)
+    assert "lesson" not in keys(walk)
