@@ -48,7 +48,7 @@ _GRID = f"""
 :host > .plots {{ grid-area: plots; }}
 :host > .nis {{ grid-area: nis; }}
 .scroll-button {{ display: none !important; }}
-@media screen and (max-width: {NARROW}px) {{
+@container stage (max-width: {NARROW}px) {{
   :host {{
     grid-template-columns: minmax(0, 1fr); grid-template-rows: max-content max-content 560px 380px 180px;
     grid-template-areas: "head" "words" "plots" "track" "nis";
