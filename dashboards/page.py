@@ -32,7 +32,6 @@ from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
-from dashboards.pages.models import Models
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import ProgressText
@@ -76,7 +75,6 @@ PAGES: tuple[type[Page], ...] = (
     Consistency,
     SensorErrors,
     Allan,
-    Models,
     GroundTrack,
     Height,
     View3D,

@@ -95,7 +95,7 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table: its name, the heading that it stands under, and what is known; None for nothing yet."""
+    """A row of the table: its name, the heading above it, and what is known; None for nothing yet."""
 
     name: str
     group: str = ""

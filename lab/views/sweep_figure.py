@@ -1,4 +1,4 @@
-"""Sweep figure: a figure of merit over the values of one setting, as a curve with a band, or of two, as a map."""
+"""Sweep figure: a figure of merit over the values of one setting, as a curve, or of two, as a map."""
 
 from __future__ import annotations
 

@@ -26,7 +26,6 @@ PAGES = (
     "Consistency",
     "Sensor errors",
     "Allan",
-    "Models",
     "Ground track",
     "Height",
     "3-D",
@@ -35,7 +34,7 @@ PAGES = (
     "Live",
 )
 """Titles of the pages that a step may show."""
-RENAMED = {"Summary": "Compare"}
+RENAMED = {"Summary": "Compare", "Models": "Compare"}
 """Titles of older lessons, and the pages that took their place."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."
