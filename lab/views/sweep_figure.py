@@ -107,9 +107,9 @@ def is_wide(axis: FloatArray) -> bool:
 def metric(data: xr.Dataset, name: str) -> Panel:
     """Return one of `METRICS`, and what the filter expects of it; NaN if it expects nothing."""
     if name in ERRORS:
-        return panel(data, ERRORS[name])
+        return panel(data, ERRORS[name])._replace(title=name)
     if name == MOST:
-        return Panel(f"{MOST} of the errors", "m", data["horizontal_95"], data["horizontal_95"] * np.nan)
+        return Panel(MOST, "m", data["horizontal_95"], data["horizontal_95"] * np.nan)
     ratio = data[RATIOS[name]] / data[f"{RATIOS[name]}_degrees"]
     return Panel(name, "", ratio, ratio * 0 + 1)
 
