@@ -14,6 +14,10 @@ from dashboards.session import Session
 from lab.sensors.cards import card, card_in_force, cards
 from lab.sensors.suite import SensorSuite
 
+_DENSE = {
+    "& .MuiFormControlLabel-root": {"height": "24px"},
+    "& .MuiFormControlLabel-label": {"fontSize": "0.8125rem", "whiteSpace": "nowrap"},
+}
 OWN = "Own settings"
 """Shown if the settings come from elsewhere and match no card."""
 IN_FORCE = "current"
@@ -139,19 +143,20 @@ class CardChoice:
         self._changed = changed
         self._boxes = [
             pmui.CheckBoxGroup(
-                label=grade,
+                label=grade.capitalize(),
                 options={_line(name): name for name in names},
                 value=[],
                 size="small",
-                margin=(4, 16),
-                width=330,
+                margin=(4, 6),
+                width=248,
+                sx=_DENSE,
             )
             for grade, names in _by_grade().items()
         ]
         for box in self._boxes:
             box.param.watch(self._chosen, "value")
         self._note = pn.pane.HTML(f"<small>{escape(ABOUT)}</small>", margin=(0, 16))
-        boxes = pn.FlexBox(*self._boxes, margin=0)
+        boxes = pn.FlexBox(*self._boxes, margin=(0, 8))
         self.view = pn.Column(self._note, boxes, margin=0, sizing_mode="stretch_width", visible=False)
 
     @property

@@ -53,7 +53,7 @@ class Axis:
             label=label, options={}, searchable=True, size="small", width=300, margin=(6, 6)
         )
         self.start, self.end = (
-            pmui.FloatInput(label=words, value=1.0, size="small", width=110, margin=(6, 6))
+            pmui.FloatInput(label=words, value=1.0, size="small", width=140, margin=(6, 6))
             for words in ("From", "To")
         )
         self.steps = pmui.IntInput(

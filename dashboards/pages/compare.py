@@ -40,19 +40,28 @@ _STYLE = """
 .change { opacity: .7; font-size: 12px; }
 th { white-space: normal; vertical-align: bottom; min-width: 64px; }
 tr.group th { text-align: left; padding-top: 12px; }
-th, td { padding: 6px 9px; }
+th, td { padding: 5px 8px; }
+th.words, td.words { min-width: 190px; }
 td:first-child, th:first-child { white-space: normal; min-width: 110px; }
 td { vertical-align: top; }
+p { font: 14px/1.5 Roboto, sans-serif; }
 @media (max-width: 600px) { td.words { min-width: 180px; } }
 """
+_TOGGLE = {"textTransform": "none", "padding": "4px 10px"}
 _HINT = (
     "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results "
     "stand here side by side, and the held one stays in all plots. The buttons above add others.</p>"
 )
 NOW = "Now"
+MEAN = "Mean of"
 SEEDS = 20
 MOST_SEEDS = 1000
 OLD = "These are of earlier settings."
+ABOUT_CURVE = (
+    "Line: mean over the seeds. Band: 90 % of the runs. Dashed: what the filter expects. Dotted: the present "
+    "value."
+)
+ABOUT_MAP = "Colour: mean over the seeds. Dotted: the present values."
 STOPPED = Assessment(verdict="Stopped.")
 PALE = {"opacity": "0.45"}
 """Style of what is of earlier settings."""
@@ -107,7 +116,7 @@ class Compare(ComputedPage):
     def make(self) -> pn.viewable.Viewable:
         """Return what can be added, the table, and the place of a sweep."""
         self._add = {
-            name: pmui.Toggle(label=name, size="small", variant="outlined", margin=(8, 4))
+            name: pmui.Toggle(label=name, size="small", variant="outlined", margin=(8, 4), sx=_TOGGLE)
             for name in ("All error models", "Sensor cards", "Seeds", "A sweep")
         }
         for toggle in self._add.values():
@@ -189,7 +198,7 @@ class Compare(ComputedPage):
         ]
         if self._on("Seeds"):
             count = int(self._seeds.value or SEEDS)
-            group = f"Mean of {count} seeds ± standard deviation from run to run"
+            group = f"{MEAN} {count} seeds ± standard deviation from run to run"
             items += [
                 Item(f"{at} seeds {count}", name, group, partial(_of_seeds, run, count))
                 for at, (name, run) in runs.items()
@@ -316,16 +325,19 @@ class Compare(ComputedPage):
         none = STOPPED if self._stopped else None
         items = self._items(result)
         rows = [
-            Row(item.name, item.group, self._known.get(item.key, self._some.get(item.key, none)))
+            Row(
+                item.name,
+                item.group,
+                self._known.get(item.key, self._some.get(item.key, none)),
+                is_many=item.group.startswith(MEAN),
+            )
             for item in items
         ]
-        names = list(dict.fromkeys(row.name for row in rows if not row.group.startswith("Mean")))
+        names = list(dict.fromkeys(row.name for row in rows if not row.is_many))
         if self._baseline.options != names:
             kept = self._baseline.value if self._baseline.value in names else names[0]
             self._baseline.param.update(options=names, value=kept)
-        self._table.object = comparison_html(
-            rows, [row.name for row in rows].index(str(self._baseline.value))
-        )
+        self._table.object = comparison_html(rows, str(self._baseline.value))
 
     def _draw_sweep(self, result: Result | None) -> None:
         """Draw the sweep, if it is of the present settings; otherwise say what there is."""
@@ -351,7 +363,9 @@ class Compare(ComputedPage):
         if not is_known(sweep, metric):
             return _words(f"{metric}: unknown. {result.missing_reason('errors')}")
         figure = sweep_figure(sweep, metric, now)
-        return pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
+        plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
+        about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
+        return pn.Column(plot, _words(about), sizing_mode="stretch_width", margin=0)
 
     def _changed(self) -> None:
         """Add or remove what was chosen."""
@@ -473,4 +487,7 @@ def _as_seen(found: Assessment) -> Assessment:
 
 
 def _words(text: str) -> pn.viewable.Viewable:
-    return pn.pane.HTML(f"<p>{escape(text)}</p>", sizing_mode="stretch_width", margin=(2, 8))
+    style = [TABLE_STYLE, _STYLE]
+    return pn.pane.HTML(
+        f"<p>{escape(text)}</p>", sizing_mode="stretch_width", margin=(2, 8), stylesheets=style
+    )

@@ -37,16 +37,16 @@ class Column:
 
 
 COLUMNS = (
-    Column("Horizontal position, rms", "m"),
-    Column("Horizontal position, 95 %", "m"),
-    Column("Horizontal position, end of outages", "m"),
+    Column("Horizontal, rms", "m"),
+    Column("Horizontal, 95 %", "m"),
+    Column("Horizontal, end of outages", "m"),
     Column("Height, rms", "m"),
     Column("Velocity, rms", "m/s"),
     Column("Roll and pitch, rms", "°"),
     Column("Heading, rms", "°"),
-    Column("Errors inside ±3σ", "%", None),
-    Column("NEES over its number of states", "", 1.0),
-    Column("NIS over its number of measurements", "", 1.0),
+    Column("Inside ±3σ", "%", None),
+    Column("NEES per state", "", 1.0),
+    Column("NIS per measured value", "", 1.0),
 )
 (
     RMS_POSITION,
@@ -95,11 +95,22 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table: its name, the heading above it, and what is known; None for nothing yet."""
+    """A row of the table.
+
+    Attributes
+    ----------
+    name, group
+        Its name, and the heading that it stands under.
+    found
+        What is known; None for nothing yet.
+    is_many
+        Whether it is about many runs.
+    """
 
     name: str
     group: str = ""
     found: Assessment | None = None
+    is_many: bool = False
 
 
 def assess(result: Result) -> Assessment:
@@ -222,7 +233,7 @@ def _mean_of(result: Result, group: str, name: str) -> float:
     return float(known.mean() / degrees) if known.size and degrees else float("nan")
 
 
-def comparison_html(rows: Sequence[Row], baseline: int = 0) -> str:
+def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
     """Return rows as an HTML table, with the best of each column in bold.
 
     Parameters
@@ -230,21 +241,25 @@ def comparison_html(rows: Sequence[Row], baseline: int = 0) -> str:
     rows
         The rows.
     baseline
-        Number of the row to which errors are compared in percent.
+        Name of the row to which errors are compared in percent; by default the first.
     """
     found = [row.found for row in rows if row.found is not None]
     columns = [column for column in COLUMNS if any(column in one.values for one in found)]
-    against = rows[baseline].found
     heads = "".join(
         f"<th>{escape(column.name)}{f' [{column.unit}]' if column.unit else ''}</th>" for column in columns
     )
-    least = {column: min(_distance(one, column) for one in found) for column in columns}
     body, group = [], ""
     for row in rows:
         if row.group and row.group != group:
             body.append(f'<tr class="group"><th colspan="{len(columns) + 2}">{escape(row.group)}</th></tr>')
         group = row.group
-        cells = _cells(row.found, against, columns, least, alone=len(rows) == 1)
+        # Means over seeds are compared to each other: one run differs from them by chance.
+        peers = [one for one in rows if one.is_many == row.is_many]
+        against = next((one for one in peers if one.name == baseline), peers[0])
+        best = {
+            column: _best([one.found for one in peers if one.found is not None], column) for column in columns
+        }
+        cells = _cells(row.found, against.found, best)
         remark = row.found.remark if row.found is not None else ""
         note = f' <span class="change">{escape(remark)}</span>' if remark else ""
         body.append(f"<tr><td>{escape(row.name)}{note}</td>{cells}</tr>")
@@ -259,17 +274,14 @@ def comparison_html(rows: Sequence[Row], baseline: int = 0) -> str:
 def _cells(
     found: Assessment | None,
     against: Assessment | None,
-    columns: Sequence[Column],
-    least: Mapping[Column, float],
-    *,
-    alone: bool,
+    best: Mapping[Column, str],
 ) -> str:
     """Return the cells of a row behind its name."""
     if found is None or not found.values:
         words = "computing …" if found is None else found.verdict
-        return f'<td class="words" colspan="{len(columns) + 1}">{escape(words)}</td>'
+        return f'<td class="words" colspan="{len(best) + 1}">{escape(words)}</td>'
     cells = []
-    for column in columns:
+    for column, text_of_best in best.items():
         if column not in found.values:
             kept = not found.spread or column not in (MOST_POSITION, OUTAGE_END)
             why = found.why_unknown or (NO_OUTAGE if column is OUTAGE_END else UNKNOWN)
@@ -277,23 +289,28 @@ def _cells(
             continue
         value, spread = found.values[column], found.spread.get(column, 0.0)
         text = f"{value:.3g}"
-        if not alone and _distance(found, column) == least[column] < np.inf:
+        if text == text_of_best:
             text = f"<b>{text}</b>"
         if spread:
             text += f' <span class="change">±\u2009{spread:.2g}</span>'
         first = 0.0 if against is None else against.values.get(column, 0.0)
         if found is not against and column.best == 0.0 and first > 0:
             change = f"{100 * (value / first - 1):+.0f}".replace("-", "\u2212")
+            change = "0" if change[1:] == "0" else change
             text += f'<br><span class="change">{change}\u2009%</span>'
         cells.append(f"<td>{text}</td>")
     colour, sign = SIGNS[found.consistent]
-    verdict = f'<span style="color:{colour}">{sign}</span> {escape(found.verdict)}'
-    return f'{"".join(cells)}<td class="words">{verdict}</td>'
+    words = found.verdict.partition(":")[0] if found.consistent else found.verdict
+    mark = f'<span style="color:{colour}">{sign}</span>'
+    return f'{"".join(cells)}<td class="words" title="{escape(found.verdict)}">{mark} {escape(words)}</td>'
 
 
-def _distance(found: Assessment, column: Column) -> float:
-    """Return how far a figure is from the best value: for ratios, by how many times."""
-    value = found.values.get(column)
-    if value is None or column.best is None:
-        return float("inf")
-    return float(abs(np.log(max(value, 1e-9))) if column.best == 1.0 else abs(value - column.best))
+def _best(found: Sequence[Assessment], column: Column) -> str:
+    """Return the best value of a column as it is written; empty if all are written alike, or none is best."""
+    values = [one.values[column] for one in found if column in one.values]
+    texts = {f"{value:.3g}": value for value in values}
+    if column.best is None or len(texts) < 2:
+        return ""
+    # A ratio is as good as the factor by which it is off is small.
+    is_ratio = column.best == 1.0
+    return min(texts, key=lambda text: abs(np.log(max(texts[text], 1e-9))) if is_ratio else abs(texts[text]))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from bokeh.models.annotations import ColorBar, Span
+from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.mappers import LinearColorMapper, LogColorMapper
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
@@ -37,7 +38,7 @@ ERRORS = {
     "Pitch, rms": "attitude pitch",
 }
 MOST = "Horizontal position, 95 %"
-RATIOS = {"NEES over its number of states": "nees", "NIS over its number of measurements": "nis"}
+RATIOS = {"NEES per state": "nees", "NIS per measured value": "nis"}
 METRICS = (*ERRORS, MOST, *RATIOS)
 """What a figure shows over the values of the settings."""
 
@@ -152,7 +153,7 @@ def _curve(
     (setting,) = (data[dim] for dim in middle.dims)
     known = np.isfinite(middle.values)
     x = setting.values.astype(float)[known]
-    low, high = (shown.runs.quantile(edge, "seed").values[known] for edge in BAND)
+    low, high = (shown.runs[known].quantile(edge, "seed").values for edge in BAND)
     about = {
         "x": x,
         "low": low,
@@ -182,7 +183,7 @@ def _curve(
         ("90 %", "@low{0.[000]} to @high{0.[000]}"),
     ]
     fig.add_tools(HoverTool(mode="vline", renderers=[line], tooltips=tips))
-    _mark(fig, setting, present, "height")
+    _finish(fig, present, setting)
     return fig
 
 
@@ -227,8 +228,7 @@ def _map(data: xr.Dataset, shown: Panel, middle: xr.DataArray, present: dict[str
     tips = [(_label(first), "@x{0.[0000]}"), (_label(second), "@y{0.[0000]}"), (title, "@value{0.[0000]}")]
     fig.add_tools(HoverTool(renderers=[cells], tooltips=tips))
     fig.add_layout(ColorBar(color_mapper=colours, width=14, background_fill_alpha=0.0), "right")
-    _mark(fig, first, present, "height")
-    _mark(fig, second, present, "width")
+    _finish(fig, present, first, second)
     return fig
 
 
@@ -257,8 +257,14 @@ def _edges(setting: xr.DataArray) -> FloatArray:
     return np.exp(edges) if logarithmic else edges
 
 
-def _mark(fig: figure, setting: xr.DataArray, present: dict[str, float], dimension: str) -> None:
-    """Mark the present value of a setting with a line."""
-    value = present.get(setting.attrs["setting"])
-    if value is not None and (value > 0 or _scale(setting) == "linear"):
-        fig.add_layout(Span(location=value, dimension=dimension, line_color=CURSOR, line_dash="dotted"))  # type: ignore[arg-type]
+def _finish(fig: figure, present: dict[str, float], *settings: xr.DataArray) -> None:
+    """Mark the present value of each setting with a line, and write the ticks of its axis as numbers."""
+    for setting, axis, dimension in zip(settings, (fig.xaxis, fig.yaxis), ("height", "width"), strict=False):
+        ends = _edges(setting)
+        if _scale(setting) == "log":
+            axis.ticker = decade_ticks(ends[0], ends[-1])
+            axis.formatter = CustomJSTickFormatter(code="return `${+tick.toPrecision(3)}`")
+        value = present.get(setting.attrs["setting"])
+        if value is not None and ends[0] <= value <= ends[-1]:
+            mark = Span(location=value, dimension=dimension, line_color=CURSOR, line_dash="dotted")  # type: ignore[arg-type]
+            fig.add_layout(mark)

@@ -98,7 +98,7 @@ def test_all_error_models_stand_beside_the_shown_result(walk: Walk) -> None:
         alone = made(navigator__model=name).run()
         assert value(walk, name, 0) == pytest.approx(assess(alone).values[RMS_POSITION], rel=6e-3)
     assert value(walk, "Now", 0) == value(walk, "phi", 0)
-    assert shown.verdict.headline in walk.text()
+    assert shown.verdict.headline in page(walk)._table.object
     choose(walk, "All error models", on=False)
     assert "invariant" not in walk.text()
 

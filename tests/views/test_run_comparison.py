@@ -78,8 +78,9 @@ def test_a_table_names_the_runs_marks_the_best_and_says_the_difference(result: R
     change = f"{100 * (there[RMS_POSITION] / here[RMS_POSITION] - 1):+.0f}".replace("-", "\u2212")
     assert wrong[1 + shown.index(RMS_POSITION)] == f"{there[RMS_POSITION]:.3g}{change}\u2009%"
     assert "%" not in "".join(now)
-    assert "%" in "".join(cells(comparison_html(rows, baseline=1), "now"))
-    assert result.verdict.headline in now[-1]
+    assert "%" in "".join(cells(comparison_html(rows, "R <scale> 0.01"), "now"))
+    assert result.verdict.consistent
+    assert now[-1] == "✓ Consistent"
     assert other.verdict.headline in wrong[-1]
     assert cells(html, "later") == ["later", "computing …"]
 
@@ -128,7 +129,9 @@ def test_figures_of_seeds_are_those_of_separate_runs() -> None:
         assert found.spread[column] == pytest.approx(np.std(each, ddof=1)), column
     assert found.remark == ""
     assert assess_seeds(run_ensemble(experiment, 2), 5).remark == "2 of 5 seeds"
-    html = comparison_html([Row("alone", "", Assessment(alone[0])), Row("seeds", "Many", found)])
+    html = comparison_html(
+        [Row("alone", "", Assessment(alone[0])), Row("seeds", "Many", found, is_many=True)]
+    )
     assert f"±\u2009{found.spread[NEES]:.2g}" in html
     assert f'title="{NOT_KEPT}"' in html
 
@@ -145,5 +148,5 @@ def test_a_row_without_figures_says_why_and_one_without_errors_has_the_reason_be
     assert html.endswith("<p>log: No &lt;reference&gt;.</p>")
     assert "–" in cells(html, "log")
     assert (
-        cells(comparison_html(rows, baseline=3), "whole")[1] == "1"
+        cells(comparison_html(rows, "refused"), "whole")[1] == "1"
     )  # what is relative to nothing has no percent

@@ -55,7 +55,7 @@ def test_the_figures_of_merit_are_those_of_the_run_alone(sweep: Sweep) -> None:
         np.sqrt(np.mean(np.sum(position**2, axis=1)))
     )
     nees = float(result.consistency.nees.mean()) / 15
-    assert float(metric(at, "NEES over its number of states").runs) == pytest.approx(nees)
+    assert float(metric(at, "NEES per state").runs) == pytest.approx(nees)
 
 
 def test_a_map_has_a_cell_for_each_pair(sweep: Sweep) -> None:
@@ -76,7 +76,7 @@ def test_what_is_unknown_is_known_to_be(sweep: Sweep) -> None:
     lost = Sweep(sweep.mission, sweep.settings, sweep.dataset.copy(deep=True))
     lost.dataset["rms"].values[...] = np.nan
     assert not is_known(lost, "Position, rms")
-    assert is_known(lost, "NIS over its number of measurements")
+    assert is_known(lost, "NIS per measured value")
     holes = Sweep(sweep.mission, sweep.settings, sweep.dataset.copy(deep=True))
     holes.dataset["rms"].loc[{"q_scale": 4.0}] = np.nan
     assert data(sweep_figure(holes.sel(period=1.0), "Position, rms", {}))["x"].tolist() == [0.25, 1.0]
