@@ -11,6 +11,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.sensors.cards import card, card_in_force, cards
 from lab.sensors.suite import SensorSuite
 
@@ -18,6 +19,8 @@ _DENSE = {
     "& .MuiFormControlLabel-root": {"height": "24px"},
     "& .MuiFormControlLabel-label": {"fontSize": "0.8125rem", "whiteSpace": "nowrap"},
 }
+_SHORT = "@media (max-width: 600px) { :host { max-height: 40vh; overflow-y: auto; } }"
+"""On a phone, the list scrolls, so that the table below it can be seen."""
 OWN = "Own settings"
 """Shown if the settings come from elsewhere and match no card."""
 IN_FORCE = "current"
@@ -156,13 +159,15 @@ class CardChoice:
         for box in self._boxes:
             box.param.watch(self._chosen, "value")
         self._note = pn.pane.HTML(f"<small>{escape(ABOUT)}</small>", margin=(0, 16))
-        boxes = pn.FlexBox(*self._boxes, margin=(0, 8))
-        self.view = pn.Column(self._note, boxes, margin=0, sizing_mode="stretch_width", visible=False)
+        boxes = pn.FlexBox(*self._boxes, margin=(0, 8), stylesheets=[_SHORT])
+        self.view = pn.Column(
+            self._note, boxes, margin=0, sizing_mode="stretch_width", visible=False, stylesheets=[WHOLE]
+        )
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """Names of the chosen cards, grade by grade."""
-        return tuple(str(name) for box in self._boxes for name in box.value)
+        """Names of the chosen cards, grade by grade; a browser may send others, even paths."""
+        return tuple(name for box in self._boxes for name in box.options.values() if name in box.value)
 
     def _chosen(self, event: param.parameterized.Event) -> None:
         if len(self.chosen) > MOST_CARDS:

@@ -11,6 +11,7 @@ import panel_material_ui as pmui
 
 from dashboards.seen_names import seen_name
 from dashboards.settings_panel import SECTIONS, may_change
+from dashboards.style import WHOLE
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.experiment.experiment import Experiment
@@ -48,7 +49,6 @@ class Axis:
 
     def __init__(self, label: str, steps: int) -> None:
         self.path = ""
-        self._bounds: tuple[float | None, float | None] = (None, None)
         self.setting = pmui.Select(
             label=label, options={}, searchable=True, size="small", width=300, margin=(6, 6)
         )
@@ -66,15 +66,17 @@ class Axis:
 
     def take(self, experiment: Experiment) -> None:
         """Suggest values of the chosen setting around its present one."""
-        self.path = str(self.setting.value or "")
+        self.path = (
+            str(self.setting.value or "") if self.setting.value in self.setting.options.values() else ""
+        )
         for widget in (self.start, self.end, self.steps, self.logarithmic):
             widget.visible = bool(self.path)
         if not self.path:
             return
         declaration = experiment.declaration(self.path)
         low, high = declaration.softbounds or declaration.bounds
-        self._bounds = declaration.bounds
-        value, least, most = largest(experiment.get(self.path)), *declaration.bounds
+        least, most = declaration.bounds
+        value = largest(experiment.get(self.path))
         is_log = value > 0 and least is not None and least >= 0
         if is_log:
             low, high = max(least, value / DECADES), min(most, value * DECADES)
@@ -134,12 +136,13 @@ class SweepChoice:
             margin=(0, 10),
             sizing_mode="stretch_width",
             visible=False,
+            stylesheets=[WHOLE],
         )
 
     @property
     def metric(self) -> str:
-        """The figure of merit that is shown."""
-        return str(self._metric.value)
+        """The figure of merit that is shown; a browser may ask for any."""
+        return self._metric.value if self._metric.value in METRICS else METRICS[0]
 
     def suit(self, experiment: Experiment, is_log: bool) -> None:
         """Offer the settings that may be swept in an experiment."""
@@ -164,6 +167,9 @@ class SweepChoice:
         SettingError
             If the choices make no sweep.
         """
+        for axis in self._axes:
+            if axis.path:
+                self._experiment.check_change(axis.path)
         values = {axis.path: axis.values() for axis in self._axes if axis.path}
         seeds = int(self._seeds.value or 0) if self._seeds.visible else 1
         if not values:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from html import escape
 from typing import Any, NamedTuple, Self
+from weakref import WeakKeyDictionary
 
 import panel as pn
 import panel_material_ui as pmui
@@ -21,6 +22,7 @@ from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
 from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.sweep_choice import Plan, SweepChoice, present
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
@@ -43,6 +45,7 @@ tr.group th { text-align: left; padding-top: 12px; }
 th, td { padding: 5px 8px; }
 th.words, td.words { min-width: 190px; }
 td:first-child, th:first-child { white-space: normal; min-width: 110px; }
+tr:not(.group) > :first-child { position: sticky; left: 0; background: var(--mui-palette-background-paper); }
 td { vertical-align: top; }
 p { font: 14px/1.5 Roboto, sans-serif; }
 @media (max-width: 600px) { td.words { min-width: 180px; } }
@@ -97,10 +100,13 @@ class Compare(ComputedPage):
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:
         self._session = session
+        self._keys: WeakKeyDictionary[Result, str] = WeakKeyDictionary()
         self._known: dict[str, Assessment] = {}
         self._some: dict[str, Assessment] = {}
         self._plan: Plan | None = None
         self._swept = Swept("", None)
+        self._sweep_memo: tuple[Any, str] = (None, "")
+        self._figure_shows: tuple[Any, ...] = ()
         self._doing: tuple[str, ...] = ()
         self._stopped = False
         self._summary = ""
@@ -151,16 +157,16 @@ class Compare(ComputedPage):
             said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
         )
         parts = (bar, self._cards.view, self._seeds, self.words, self._table, self._sweep.view, self._figure)
-        return pn.Column(*parts, sizing_mode="stretch_width", margin=0)
+        return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
 
     def _on(self, name: str) -> bool:
         return bool(self._add[name].value)
 
     def prepare(self, result: Result) -> None:
         """Compute the row of a result, or its summary if nothing is compared with it."""
-        if self._is_alone:
+        if self._is_alone or result.is_long:
             _ = result.whiteness if result.missing_reason("summary") else result.summary
-        elif (key := key_of(result)) not in self._known:
+        if not self._is_alone and (key := self._key(result)) not in self._known:
             self._known[key] = _as_seen(assess(result))
 
     @property
@@ -172,13 +178,26 @@ class Compare(ComputedPage):
     def _chosen_cards(self) -> tuple[str, ...]:
         return self._cards.chosen if self._on("Sensor cards") else ()
 
+    @property
+    def _count(self) -> int:
+        """Number of seeds; a browser may send any number."""
+        return min(max(int(self._seeds.value or SEEDS), 2), MOST_SEEDS)
+
+    def _key(self, result: Result) -> str:
+        """Return what distinguishes the run of a result from others."""
+        if result not in self._keys:
+            experiment = result.experiment
+            self._keys[result] = digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden)
+        return self._keys[result]
+
     def _items(self, result: Result) -> list[Item]:
         """Return what the rows of the table are computed of, from top to bottom."""
-        key, experiment = key_of(result), result.experiment
+        key, experiment = self._key(result), result.experiment
         assert isinstance(experiment, Experiment)
         held = () if self._session is None else self._session.held
         runs = {
-            key_of(one.result): (f"{LETTERS[slot]} · {one.name}", one.result) for slot, one in enumerate(held)
+            self._key(one.result): (f"{LETTERS[slot]} · {one.name}", one.result)
+            for slot, one in enumerate(held)
         }
         runs.setdefault(key, (NOW, result))
         items = [Item(at, name, "", lambda *_told, run=run: assess(run)) for at, (name, run) in runs.items()]
@@ -197,7 +216,7 @@ class Compare(ComputedPage):
             for name in self._chosen_cards
         ]
         if self._on("Seeds"):
-            count = int(self._seeds.value or SEEDS)
+            count = self._count
             group = f"{MEAN} {count} seeds ± standard deviation from run to run"
             items += [
                 Item(f"{at} seeds {count}", name, group, partial(_of_seeds, run, count))
@@ -247,12 +266,17 @@ class Compare(ComputedPage):
 
     def _sweep_key(self, result: Result) -> str:
         """Return what distinguishes the sweep; the present values of the swept settings do not matter."""
-        if self._plan is None or not self._on("A sweep"):
+        plan = self._plan
+        if plan is None or not self._on("A sweep"):
             return ""
-        point = result.experiment.copy()
-        for path, values in self._plan.values.items():
-            point.set(path, values[0])
-        return digest(result.mission.content_hash, point.to_dict(), point.hidden, self._plan)
+        of, memo = (self._key(result), plan), self._sweep_memo
+        if memo[0] != of:
+            point = result.experiment.copy()
+            for path, values in plan.values.items():
+                point.set(path, values[0])
+            memo = of, digest(result.mission.content_hash, point.to_dict(), point.hidden, plan)
+            self._sweep_memo = memo
+        return memo[1]
 
     def work_out(self, result: Result, progress: Progress) -> None:
         """Compute the rows that are not known, one after the other, then the sweep."""
@@ -265,7 +289,7 @@ class Compare(ComputedPage):
                 )
 
             def show(done: Ensemble, item: Item = item) -> None:
-                self._some[item.key] = _as_seen(assess_seeds(done, int(self._seeds.value or SEEDS)))
+                self._some[item.key] = _as_seen(assess_seeds(done, self._count))
                 self._later(partial(self._draw_some, result))
 
             tell("", 0.0)
@@ -344,17 +368,22 @@ class Compare(ComputedPage):
         if result is None:
             return
         key, (of, sweep, _complete, problem) = self._sweep_key(result), self._swept
+        now = {} if self._plan is None else present(result.experiment, self._plan.values)
+        shows = (key, self._swept, self._sweep.metric, self._stopped, now)
+        if shows == self._figure_shows:
+            return
+        self._figure_shows = shows
         if not key:
             self._figure[:] = []
         elif of != key:
             self._figure[:] = [
                 _words("The sweep is stopped." if self._stopped else "The sweep is computed …")
             ]
-        elif sweep is None or self._plan is None:
+        elif sweep is None:
             self._figure[:] = [_words(as_seen(problem))]
         else:
             self._figure[:] = [
-                self._figure_of(sweep, result, present(result.experiment, self._plan.values)),
+                self._figure_of(sweep, result, now),
                 *(_words(as_seen(reason)) for reason in sweep.refused),
             ]
 
@@ -377,7 +406,8 @@ class Compare(ComputedPage):
 
     def _draw_again(self) -> None:
         """Draw the choices; a long flight has given its result up, and is there without its histories."""
-        if self.is_complete and self._wanted is not None:
+        is_given_up = self.is_complete and self._session is not None and self._session.result is None
+        if is_given_up and self._wanted is not None:
             self.draw(self._wanted)
         else:
             self.draw_again()
@@ -386,7 +416,7 @@ class Compare(ComputedPage):
         try:
             self._plan = self._sweep.plan()
         except SettingError as error:
-            self._plan = None
+            self._plan, self._figure_shows = None, ()
             self._figure[:] = [_words(str(error))]
             return
         self._changed()
@@ -428,14 +458,8 @@ class Compare(ComputedPage):
 
     def clear(self) -> None:
         """Show nothing."""
-        self._table.object = ""
+        self._table.object, self._figure_shows = "", ()
         self._figure[:] = []
-
-
-def key_of(result: Result) -> str:
-    """Return what distinguishes the run of a result from others."""
-    experiment = result.experiment
-    return digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden)
 
 
 def _of_model(experiment: Experiment, name: str, progress: Progress, _show: Any) -> Assessment:

@@ -14,10 +14,13 @@ from panel.io.state import set_curdoc
 from sensor_logs import tables, write
 from walking import Walk, walking
 
+from dashboards import ensembles
+from dashboards.computing import SupersededError
 from dashboards.pages import compare
 from dashboards.pages.compare import OLD, Compare
 from dashboards.sweep_choice import MOST_RUNS, sweepable
 from lab.experiment.ensembles.comparison import models
+from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card
 from lab.views.run_comparison import RMS_HEADING, RMS_POSITION, assess
@@ -284,3 +287,47 @@ def test_nothing_but_known_rows_is_kept(walk: Walk) -> None:
         run(walk, navigator__r_scale=scale)
     assert len(page(walk)._known) == 1 + len(models())
     assert isinstance(page(walk).view, pn.Column)
+
+
+def test_what_a_browser_makes_up_reads_no_file_and_runs_no_flood(walk: Walk, tmp_path: Path) -> None:
+    stolen = tmp_path / "card.toml"
+    stolen.write_text(card("BMI088").to_toml(), encoding="utf-8")
+    choose(walk, "Sensor cards")
+    with set_curdoc(walk._document):
+        page(walk)._cards._boxes[0].value = [str(stolen)]
+    walk.settle()
+    assert page(walk)._cards.chosen == ()
+    assert "BMI088" not in walk.text()
+    page(walk)._seeds.param["value"].bounds = None
+    page(walk)._seeds.value = 10**9
+    assert page(walk)._count == compare.MOST_SEEDS
+    choose(walk, "A sweep")
+    choice = page(walk)._sweep
+    with set_curdoc(walk._document):
+        for made_up in ("mission", "seed", "x.y", "navigator.own_states"):
+            choice._axes[0].setting.value = made_up
+            page(walk)._run_sweep()
+            assert page(walk)._plan is None
+
+
+def test_runs_that_another_page_gave_up_are_run_for_the_one_that_waits(
+    walk: Walk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def given_up_once(*given: Any, **options: Any) -> Any:
+        calls.append(given)
+        if len(calls) == 1:
+            raise SupersededError
+        return run_ensemble(*given, **options)
+
+    monkeypatch.setattr(ensembles, "run_ensemble", given_up_once)
+    found = ensembles.ensemble(made(seed=77).run(), 2, lambda _stage, _fraction: None)
+    assert len(found.seeds) == 2
+
+    def gives_up(_stage: str, _fraction: float) -> None:
+        raise SupersededError
+
+    calls.clear()
+    with pytest.raises(SupersededError):
+        ensembles.ensemble(made(seed=78).run(), 2, gives_up)
