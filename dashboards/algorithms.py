@@ -40,15 +40,23 @@ class Unusable:
         raise AlgorithmError(self._reason)
 
 
-def served_algorithms() -> dict[str, Algorithm]:
-    """Return the server's algorithms by name, loaded anew, so that sessions share no objects."""
-    found: dict[str, Algorithm] = {}
+def served_names() -> tuple[str, ...]:
+    """Return the names of the server's algorithms, which are not loaded."""
+    return tuple(_places())
+
+
+def served_algorithm(name: str) -> Algorithm:
+    """Return one of the server's algorithms, loaded anew, so that sessions share no objects."""
+    try:
+        return load_algorithm(_places()[name])
+    except AlgorithmError as error:
+        return Unusable(str(error))
+
+
+def _places() -> dict[str, str]:
+    found: dict[str, str] = {}
     places = _given or [part.strip() for part in os.environ.get(VARIABLE, "").split(",")]
     for place in filter(None, places):
         name = place.rpartition(":")[2]
-        try:
-            algorithm = load_algorithm(place)
-        except AlgorithmError as error:
-            algorithm = Unusable(str(error))
-        found[place if name in found else name] = algorithm
+        found[place if name in found else name] = place
     return found

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 import param
 
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, card_in_force, cards
+from lab.sensors.suite import SensorSuite
 
+_DENSE = {
+    "& .MuiFormControlLabel-root": {"height": "24px"},
+    "& .MuiFormControlLabel-label": {"fontSize": "0.8125rem", "whiteSpace": "nowrap"},
+}
+_SHORT = "@media (max-width: 600px) { :host { max-height: 40vh; overflow-y: auto; } }"
+"""On a phone, the list scrolls, so that the table below it can be seen."""
 OWN = "Own settings"
 """Shown if the settings come from elsewhere and match no card."""
 IN_FORCE = "current"
 """Heading of the current settings if they match no card."""
+MOST_CARDS = 6
+"""Most cards that are compared at a time."""
+ABOUT = (
+    f"Up to {MOST_CARDS} cards, each loaded with the filter that suits it. The numbers are the white noise "
+    "and the bias instability of the gyros. A star marks what the datasheet lacks and its grade suggests."
+)
 
 
 class CardChooser:
@@ -128,3 +144,62 @@ def _by_grade() -> dict[str, list[str]]:
     for name, entry in cards().items():
         groups.setdefault(f"{entry.grade} grade", []).append(name)
     return groups
+
+
+class CardChoice:
+    """Sensor cards to compare: a box for each, by grade, with noise and bias instability of its gyros.
+
+    Parameters
+    ----------
+    changed
+        Called when another card is chosen, or one is left out.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._boxes = [
+            pmui.CheckBoxGroup(
+                label=grade.capitalize(),
+                options={_line(name): name for name in names},
+                value=[],
+                size="small",
+                margin=(4, 6),
+                width=248,
+                sx=_DENSE,
+            )
+            for grade, names in _by_grade().items()
+        ]
+        for box in self._boxes:
+            box.param.watch(self._chosen, "value")
+        self._note = pn.pane.HTML(f"<small>{escape(ABOUT)}</small>", margin=(0, 16))
+        boxes = pn.FlexBox(*self._boxes, margin=(0, 8), stylesheets=[_SHORT])
+        self.view = pn.Column(
+            self._note, boxes, margin=0, sizing_mode="stretch_width", visible=False, stylesheets=[WHOLE]
+        )
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the chosen cards, grade by grade; a browser may send others, even paths."""
+        return tuple(name for box in self._boxes for name in box.options.values() if name in box.value)
+
+    def _chosen(self, event: param.parameterized.Event) -> None:
+        if len(self.chosen) > MOST_CARDS:
+            event.obj.value = list(event.old)
+        elif event.new != event.old:
+            self._changed()
+
+
+def _line(name: str) -> str:
+    """Return a card in one line.
+
+    >>> _line("ADIS16470")
+    'ADIS16470 · 0.0057 °/s/√Hz · 8 °/h'
+    """
+    entry, gyro = cards()[name], SensorSuite().gyro
+    parts = [name]
+    for term in ("noise_density", "flicker"):
+        value = entry.value("gyro", term)
+        if value is not None:
+            mark = "*" if entry.is_assumed("gyro", term) else ""
+            parts.append(f"{np.max(value):.2g}{mark} {gyro.param[term].unit}")
+    return " · ".join(parts)

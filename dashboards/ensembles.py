@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from dashboards.computing import SupersededError
 from lab.base.cache import StageCache, digest
 from lab.base.processors import processors
 from lab.base.progress import Progress
@@ -28,8 +29,12 @@ def ensemble(
     """
     experiment = result.experiment
     key = digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden, runs)
-    return KEPT.get(
-        "ensemble",
-        key,
-        lambda: run_ensemble(experiment, runs, progress, workers=WORKERS, partial=partial),
-    )
+    while True:
+        try:
+            return KEPT.get(
+                "ensemble",
+                key,
+                lambda: run_ensemble(experiment, runs, progress, workers=WORKERS, partial=partial),
+            )
+        except SupersededError:  # perhaps of another page, for whose runs this one has waited
+            progress("Running", 0.0)

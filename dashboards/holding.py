@@ -22,6 +22,8 @@ LETTERS = "ABCD"
 AS_DELIVERED = "default settings"
 LONGEST = 14
 """Longest value in the name of a result [characters]."""
+LONGEST_NAME = 40
+"""Longest name that a person gives to a held result [characters]."""
 NAMED = 2
 """Most settings in the name of a result."""
 
@@ -29,7 +31,8 @@ NAMED = 2
 class Holding:
     """A button to hold the shown result, and the held results beside each other.
 
-    Each held result is named by its settings. A press on its name brings these settings back.
+    Each held result is named by its settings, until a person renames it. A press on its name brings these
+    settings back.
 
     Parameters
     ----------
@@ -58,6 +61,7 @@ class Holding:
             sx={"color": "#ffffff"},
         )
         self.button.on_click(lambda _event: self.hold())
+        self._renamed = -1
         self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")
         session.param.watch(lambda _event: self._list(), "held")
 
@@ -77,23 +81,48 @@ class Holding:
             self._session.held = (*held, Held(name_of(result.experiment), result))
 
     def _list(self) -> None:
+        """Show the held results; the one that is being renamed has a field for its name."""
         held = self._session.held
         self.bar[:] = [part for slot, one in enumerate(held) for part in self._entry(slot, one)]
         self.bar.visible = bool(held)
 
     def _entry(self, slot: int, held: Held) -> list[pn.viewable.Viewable]:
         common: dict[str, Any] = {"size": "small", "margin": (2, 2), "stylesheets": [TOOLTIP]}
+        letter = LETTERS[slot]
+        away = pmui.IconButton(icon="close", description=f"Remove {letter}", **common)
+        away.on_click(lambda _event: self._remove(held))
+        if slot == self._renamed:
+            name = pmui.TextInput(
+                label=f"Name of {letter}", value=held.name, max_length=LONGEST_NAME, size="small", width=240
+            )
+            name.param.watch(lambda _event: self._rename(slot, name.value), ["value", "enter_pressed"])
+            return [name, away]
         back = pmui.Button(
-            label=f"{LETTERS[slot]} · {held.name}",
+            label=f"{letter} · {held.name}",
             description="Bring these settings back",
             variant="outlined",
             sx={"textTransform": "none", "borderColor": COLOURS[slot], "borderWidth": "2px"},
             **common,
         )
         back.on_click(lambda _event: self._bring_back(held))
-        away = pmui.IconButton(icon="close", description=f"Remove {LETTERS[slot]}", **common)
-        away.on_click(lambda _event: self._remove(held))
-        return [back, away]
+        rename = pmui.IconButton(icon="edit", description=f"Rename {letter}", **common)
+        rename.on_click(lambda _event: self._edit(slot))
+        return [back, rename, away]
+
+    def _edit(self, slot: int) -> None:
+        """Show the field for the name of a held result."""
+        self._renamed = slot
+        self._list()
+
+    def _rename(self, slot: int, name: str) -> None:
+        """Give a held result a name; an empty one is that of its settings."""
+        held = list(self._session.held)
+        self._renamed = -1
+        if slot < len(held):
+            called = name.strip()[:LONGEST_NAME] or name_of(held[slot].result.experiment)
+            held[slot] = held[slot]._replace(name=called)
+        self._session.held = tuple(held)
+        self._list()
 
     def _bring_back(self, held: Held) -> None:
         experiment = held.result.experiment
@@ -106,6 +135,7 @@ class Holding:
             self._session.problem = str(error)
 
     def _remove(self, held: Held) -> None:
+        self._renamed = -1
         self._session.held = tuple(one for one in self._session.held if one is not held)
 
 

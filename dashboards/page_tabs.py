@@ -19,7 +19,6 @@ from dashboards.pages.flight import FlightPlots
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
-from dashboards.pages.models import Models
 from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
 from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
@@ -33,7 +32,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Errors": (Errors, Covariance),
     "Filter": (Consistency, Innovations, SensorErrors, Budget),
     "Sensors": (SensorCards, Allan),
-    "Compare": (Compare, Models),
+    "Compare": (Compare,),
     "Live": (Live,),
 }
 """The pages of each tab, by what is written on it."""

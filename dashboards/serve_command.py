@@ -28,7 +28,7 @@ Examples:
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
 Only this computer reaches the page, unless you name another address. Visitors may
 then run missions and change settings; --visitors edit lets them change missions too.
-The page Models compares your algorithm."""
+The page Compare shows your algorithm beside the error models."""
 
 MAX_PASSWORD = 1024
 """Longest password [bytes]."""

@@ -1,42 +1,119 @@
-"""Compare: the held results and the shown one side by side; without any, the errors of the shown one."""
+"""Compare: results side by side: held ones, error models, sensor cards, seeds; and sweeps over settings."""
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from html import escape
+from typing import Any, NamedTuple, Self
+from weakref import WeakKeyDictionary
 
 import panel as pn
+import panel_material_ui as pmui
 
+from dashboards.algorithms import served_algorithm, served_names
+from dashboards.card_chooser import CardChoice
+from dashboards.computing import attempt
+from dashboards.ensembles import WORKERS, ensemble
 from dashboards.holding import LETTERS
-from dashboards.pages.base import Page
+from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE, summary_html
+from dashboards.seen_names import as_seen, seen_name
+from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.style import WHOLE
+from dashboards.sweep_choice import Plan, SweepChoice, present
+from lab.base.cache import digest
+from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import Progress
+from lab.experiment.ensembles.comparison import models
+from lab.experiment.ensembles.ensemble import Ensemble
+from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.experiment.sweep import Sweep
+from lab.sensors.cards import card
 from lab.views.figures import TimeAxis
-from lab.views.run_comparison import comparison_html, figures_of
+from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_html
+from lab.views.sweep_figure import is_known, sweep_figure
 
 _STYLE = """
+.wide { overflow-x: auto; max-width: 100%; }
 .change { opacity: .7; font-size: 12px; }
-@media (max-width: 600px) {
-  td:not(.words):first-child { white-space: normal; }
-  td.words { min-width: 120px; }
-}
+th { white-space: normal; vertical-align: bottom; min-width: 64px; }
+tr.group th { text-align: left; padding-top: 12px; }
+th, td { padding: 5px 8px; }
+th.words, td.words { min-width: 190px; }
+td:first-child, th:first-child { white-space: normal; min-width: 110px; }
+tr:not(.group) > :first-child { position: sticky; left: 0; background: var(--mui-palette-background-paper); }
+td { vertical-align: top; }
+p { font: 14px/1.5 Roboto, sans-serif; }
+@media (max-width: 600px) { td.words { min-width: 180px; } }
 """
+_TOGGLE = {"textTransform": "none", "padding": "4px 10px"}
 _HINT = (
     "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results "
-    "stand here side by side, and the held one stays in all plots.</p>"
+    "stand here side by side, and the held one stays in all plots. The buttons above add others.</p>"
 )
+NOW = "Now"
+MEAN = "Mean of"
+SEEDS = 20
+MOST_SEEDS = 1000
+OLD = "These are of earlier settings."
+ABOUT_CURVE = (
+    "Line: mean over the seeds. Band: 90 % of the runs. Dashed: what the filter expects. Dotted: the present "
+    "value."
+)
+ABOUT_MAP = "Colour: mean over the seeds. Dotted: the present values."
+STOPPED = Assessment(verdict="Stopped.")
+PALE = {"opacity": "0.45"}
+"""Style of what is of earlier settings."""
 
 
-class Compare(Page):
-    """Held results beside the shown one: errors, consistency and verdict, relative to the first held one."""
+class Item(NamedTuple):
+    """What a row is computed of: its content by a key, its name, its heading, and how it is computed."""
+
+    key: str
+    name: str
+    group: str
+    compute: Callable[[Progress, Callable[[Ensemble], None]], Assessment]
+
+
+class Swept(NamedTuple):
+    """A sweep as far as it is run, with what distinguishes it; without one, why there is none."""
+
+    key: str
+    sweep: Sweep | None
+    is_complete: bool = True
+    problem: str = ""
+
+
+class Compare(ComputedPage):
+    """Held results beside the shown one, and beside what is added: a row each; sweeps below them.
+
+    The rows of the present settings are computed again when these change. What is computed stays known while
+    it is in the table.
+    """
 
     title = "Compare"
     over_time = False
-    depends_on_window = False
+    working = "Computing:"
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:
         self._session = session
+        self._keys: WeakKeyDictionary[Result, str] = WeakKeyDictionary()
+        self._known: dict[str, Assessment] = {}
+        self._some: dict[str, Assessment] = {}
+        self._plan: Plan | None = None
+        self._swept = Swept("", None)
+        self._sweep_memo: tuple[Any, str] = (None, "")
+        self._figure_shows: tuple[Any, ...] = ()
+        self._doing: tuple[str, ...] = ()
+        self._stopped = False
+        self._summary = ""
         super().__init__(axis)
+        if session is not None:
+            session.on_run(self._outdate)
 
     @classmethod
     def of(cls, axis: TimeAxis, session: Session) -> Self:
@@ -44,32 +121,398 @@ class Compare(Page):
         return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
-        """Return an empty table."""
-        self._table = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(16, 16), stylesheets=[TABLE_STYLE, _STYLE]
+        """Return what can be added, the table, and the place of a sweep."""
+        self._add = {
+            name: pmui.Toggle(label=name, size="small", variant="outlined", margin=(8, 4), sx=_TOGGLE)
+            for name in ("All error models", "Sensor cards", "Seeds", "A sweep")
+        }
+        for toggle in self._add.values():
+            toggle.param.watch(lambda _event: self._changed(), "value")
+        self._cards = CardChoice(self._changed)
+        self._seeds = pmui.IntInput(
+            label="Number of seeds",
+            value=SEEDS,
+            start=2,
+            end=MOST_SEEDS,
+            size="small",
+            width=160,
+            margin=(6, 16),
+            visible=False,
         )
-        return self._table
+        self._seeds.param.watch(lambda _event: self._changed(), "value")
+        self._sweep = SweepChoice(self._run_sweep, lambda: self._draw_sweep(self._wanted))
+        self._baseline = pmui.Select(
+            label="Percent relative to", options=[NOW], value=NOW, size="small", width=220, margin=(6, 12)
+        )
+        self._baseline.param.watch(lambda _event: self._write(self._wanted), "value")
+        self._stop = pmui.Button(
+            label="Cancel", size="small", variant="outlined", margin=(8, 12), visible=False
+        )
+        self._stop.on_click(lambda _event: self._stop_or_go_on())
+        self._table = pn.pane.HTML(
+            "", sizing_mode="stretch_width", margin=(4, 16), stylesheets=[TABLE_STYLE, _STYLE]
+        )
+        self._figure = pn.Column(sizing_mode="stretch_width", margin=(4, 8))
+        said = pn.pane.HTML("Add:", margin=(14, 4, 0, 16))
+        bar = pn.FlexBox(
+            said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
+        )
+        parts = (bar, self._cards.view, self._seeds, self.words, self._table, self._sweep.view, self._figure)
+        return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
 
-    def _runs(self, result: Result) -> list[tuple[str, Result]]:
-        held = () if self._session is None else self._session.held
-        runs = [(f"{LETTERS[slot]} · {one.name}", one.result) for slot, one in enumerate(held)]
-        return runs if any(one is result for _, one in runs) else [*runs, ("Now", result)]
+    def _on(self, name: str) -> bool:
+        return bool(self._add[name].value)
 
     def prepare(self, result: Result) -> None:
-        """Compute the figures of the result, and of those that are held."""
-        if self._session is None or not self._session.held:
+        """Compute the row of a result, or its summary if nothing is compared with it."""
+        if self._is_alone or result.is_long:
             _ = result.whiteness if result.missing_reason("summary") else result.summary
-            return
-        for _name, run in self._runs(result):
-            _ = figures_of(run), run.verdict
+        if not self._is_alone and (key := self._key(result)) not in self._known:
+            self._known[key] = _as_seen(assess(result))
+
+    @property
+    def _is_alone(self) -> bool:
+        held = () if self._session is None else self._session.held
+        return not (held or self._on("All error models") or self._on("Seeds") or self._chosen_cards)
+
+    @property
+    def _chosen_cards(self) -> tuple[str, ...]:
+        return self._cards.chosen if self._on("Sensor cards") else ()
+
+    @property
+    def _count(self) -> int:
+        """Number of seeds; a browser may send any number."""
+        return min(max(int(self._seeds.value or SEEDS), 2), MOST_SEEDS)
+
+    def _key(self, result: Result) -> str:
+        """Return what distinguishes the run of a result from others."""
+        if result not in self._keys:
+            experiment = result.experiment
+            self._keys[result] = digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden)
+        return self._keys[result]
+
+    def _items(self, result: Result) -> list[Item]:
+        """Return what the rows of the table are computed of, from top to bottom."""
+        key, experiment = self._key(result), result.experiment
+        assert isinstance(experiment, Experiment)
+        held = () if self._session is None else self._session.held
+        runs = {
+            self._key(one.result): (f"{LETTERS[slot]} · {one.name}", one.result)
+            for slot, one in enumerate(held)
+        }
+        runs.setdefault(key, (NOW, result))
+        items = [Item(at, name, "", lambda *_told, run=run: assess(run)) for at, (name, run) in runs.items()]
+        if self._on("All error models"):
+            group = "Error models, with the present settings"
+            items += [
+                Item(f"{key} {name}", name, group, partial(_of_model, experiment, name)) for name in models()
+            ]
+            items += [
+                Item(f"{key} {name}", name, group, partial(_of_algorithm, experiment, name))
+                for name in served_names()
+            ]
+        group = "Sensor cards, with the present settings"
+        items += [
+            Item(f"{key} card {name}", name, group, partial(_of_card, experiment, name))
+            for name in self._chosen_cards
+        ]
+        if self._on("Seeds"):
+            count = self._count
+            group = f"{MEAN} {count} seeds ± standard deviation from run to run"
+            items += [
+                Item(f"{at} seeds {count}", name, group, partial(_of_seeds, run, count))
+                for at, (name, run) in runs.items()
+            ]
+        return items
 
     def draw(self, result: Result) -> None:
-        """Fill the table."""
-        if self._session is None or not self._session.held:
-            self._table.object = summary_html(result) + ("" if result.is_long else _HINT)
+        """Draw what is known of a result, and start to compute what is not.
+
+        Another run takes the memory of the result of a long flight, which gives way.
+        """
+        experiment = result.experiment
+        assert isinstance(experiment, Experiment)
+        if self._on("A sweep"):
+            self._sweep.suit(experiment, bool(result.recorded))
+        is_long = result.is_long
+        if is_long:
+            self._summary = summary_html(result)
+            self.prepare(result)
+            result = result.bare()
+        self._wanted = result
+        self._age(old=self._session is not None and not _are_of(result, self._session.experiment))
+        wanted = [] if self._is_alone else [item.key for item in self._items(result)]
+        for kept in (self._known, self._some):
+            for key in set(kept) - set(wanted):
+                kept.pop(key, None)
+        doing = (*wanted, self._sweep_key(result))
+        if self._stopped or not (set(wanted) - set(self._known) or self._sweep_is_pending(result)):
+            self._doing = ()
+            self._work.cancel()
+            self._paint(result, None)
             return
-        first = LETTERS[0]
-        self._table.object = (
-            comparison_html(self._runs(result))
-            + f"<p>The best value of a row is bold. Percent are relative to {first}.</p>"
-        )
+        self._content = result, None
+        self._draw_some(result)
+        if doing != self._doing or not self._work.busy:
+            self._doing = doing
+            self._stop.param.update(visible=True, label="Cancel")
+            self.say(self.working)
+            self._work.submit(result)
+            if is_long and self._session is not None:
+                self._session.release()
+
+    def _sweep_is_pending(self, result: Result) -> bool:
+        key = self._sweep_key(result)
+        return bool(key) and not (self._swept.key == key and self._swept.is_complete)
+
+    def _sweep_key(self, result: Result) -> str:
+        """Return what distinguishes the sweep; the present values of the swept settings do not matter."""
+        plan = self._plan
+        if plan is None or not self._on("A sweep"):
+            return ""
+        of, memo = (self._key(result), plan), self._sweep_memo
+        if memo[0] != of:
+            point = result.experiment.copy()
+            for path, values in plan.values.items():
+                point.set(path, values[0])
+            memo = of, digest(result.mission.content_hash, point.to_dict(), point.hidden, plan)
+            self._sweep_memo = memo
+        return memo[1]
+
+    def work_out(self, result: Result, progress: Progress) -> None:
+        """Compute the rows that are not known, one after the other, then the sweep."""
+        todo = [] if self._is_alone else [one for one in self._items(result) if one.key not in self._known]
+        for number, item in enumerate(todo):
+
+            def tell(stage: str, fraction: float, number: int = number, item: Item = item) -> None:
+                progress(
+                    f"{item.name}, {number + 1} of {len(todo)}. {stage}", (number + fraction) / len(todo)
+                )
+
+            def show(done: Ensemble, item: Item = item) -> None:
+                self._some[item.key] = _as_seen(assess_seeds(done, self._count))
+                self._later(partial(self._draw_some, result))
+
+            tell("", 0.0)
+            found = attempt(partial(item.compute, tell, show))
+            self._known[item.key] = _as_seen(found.result or Assessment(verdict=found.problem))
+            self._later(partial(self._draw_some, result))
+        if self._sweep_is_pending(result):
+            self._work_out_sweep(result, progress)
+
+    def _work_out_sweep(self, result: Result, progress: Progress) -> None:
+        """Run the sweep with one seed, with two, and so on, so that it is soon seen."""
+        plan, key, experiment = self._plan, self._sweep_key(result), result.experiment
+        assert plan is not None
+        assert isinstance(experiment, Experiment)
+        seeds = 1
+        while True:
+            outcome = attempt(partial(experiment.sweep, plan.values, seeds, progress, workers=WORKERS))
+            if outcome.result is None:
+                self._swept = Swept(key, None, problem=outcome.problem)
+                return
+            sweep: Sweep = outcome.result
+            for dim in sweep.dims:
+                about = sweep.dataset[dim].attrs
+                about["long_name"] = seen_name(about["setting"])
+            self._swept = Swept(key, sweep, is_complete=seeds == plan.seeds)
+            if seeds == plan.seeds:
+                return
+            self._later(partial(self._draw_some, result))
+            seeds = min(2 * seeds, plan.seeds)
+
+    def _draw_some(self, result: Result) -> None:
+        """Draw what is computed so far."""
+        if result is self._wanted and self._document is not None:
+            with together(self._document):
+                self._write(result)
+                self._draw_sweep(result)
+
+    def paint(self, result: Result, _content: None) -> str:
+        """Draw what is computed, and say what the percent are relative to."""
+        self._write(result)
+        self._draw_sweep(result)
+        self._stop.param.update(visible=self._stopped, label="Go on")
+        if self._table.styles:
+            return OLD
+        relative = f"Percent are relative to {escape(str(self._baseline.value))}."
+        return "" if self._is_alone else f"The best value of a column is bold. {relative}"
+
+    def _write(self, result: Result | None) -> None:
+        """Write the table: the summary of the result if nothing is compared with it."""
+        if result is None:
+            return
+        self._baseline.visible = not self._is_alone
+        if self._is_alone:
+            is_bare = result.time.size <= 1
+            self._table.object = self._summary if is_bare else summary_html(result) + _HINT
+            return
+        none = STOPPED if self._stopped else None
+        items = self._items(result)
+        rows = [
+            Row(
+                item.name,
+                item.group,
+                self._known.get(item.key, self._some.get(item.key, none)),
+                is_many=item.group.startswith(MEAN),
+            )
+            for item in items
+        ]
+        names = list(dict.fromkeys(row.name for row in rows if not row.is_many))
+        if self._baseline.options != names:
+            kept = self._baseline.value if self._baseline.value in names else names[0]
+            self._baseline.param.update(options=names, value=kept)
+        self._table.object = comparison_html(rows, str(self._baseline.value))
+
+    def _draw_sweep(self, result: Result | None) -> None:
+        """Draw the sweep, if it is of the present settings; otherwise say what there is."""
+        if result is None:
+            return
+        key, (of, sweep, _complete, problem) = self._sweep_key(result), self._swept
+        now = {} if self._plan is None else present(result.experiment, self._plan.values)
+        shows = (key, self._swept, self._sweep.metric, self._stopped, now)
+        if shows == self._figure_shows:
+            return
+        self._figure_shows = shows
+        if not key:
+            self._figure[:] = []
+        elif of != key:
+            self._figure[:] = [
+                _words("The sweep is stopped." if self._stopped else "The sweep is computed …")
+            ]
+        elif sweep is None:
+            self._figure[:] = [_words(as_seen(problem))]
+        else:
+            self._figure[:] = [
+                self._figure_of(sweep, result, now),
+                *(_words(as_seen(reason)) for reason in sweep.refused),
+            ]
+
+    def _figure_of(self, sweep: Sweep, result: Result, now: dict[str, float]) -> pn.viewable.Viewable:
+        metric = self._sweep.metric
+        if not is_known(sweep, metric):
+            return _words(f"{metric}: unknown. {result.missing_reason('errors')}")
+        figure = sweep_figure(sweep, metric, now)
+        plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
+        about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
+        return pn.Column(plot, _words(about), sizing_mode="stretch_width", margin=0)
+
+    def _changed(self) -> None:
+        """Add or remove what was chosen."""
+        self._cards.view.visible = self._on("Sensor cards")
+        self._seeds.visible = self._on("Seeds")
+        self._sweep.view.visible = self._on("A sweep")
+        self._stopped = False
+        self._draw_again()
+
+    def _draw_again(self) -> None:
+        """Draw the choices; a long flight has given its result up, and is there without its histories."""
+        is_given_up = self.is_complete and self._session is not None and self._session.result is None
+        if is_given_up and self._wanted is not None:
+            self.draw(self._wanted)
+        else:
+            self.draw_again()
+
+    def _run_sweep(self) -> None:
+        try:
+            self._plan = self._sweep.plan()
+        except SettingError as error:
+            self._plan, self._figure_shows = None, ()
+            self._figure[:] = [_words(str(error))]
+            return
+        self._changed()
+
+    def _stop_or_go_on(self) -> None:
+        self._stopped = not self._stopped
+        self._draw_again()
+
+    def _outdate(self) -> None:
+        """End the work for settings that are no longer the present ones, and mark what is shown of them."""
+        if self._wanted is not None:
+            self._work.cancel()
+            self._doing = ()
+            self._age(old=True)
+
+    def _age(self, *, old: bool) -> None:
+        """Mark what is shown as that of earlier settings, or no longer."""
+        styles = PALE if old else {}
+        if self._table.styles != styles:
+            self._table.styles = self._figure.styles = styles
+            if old:
+                self.say(OLD)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all is there or under way without a result, which a long flight gave up."""
+        return self._wanted is not None and self._wanted.time.size <= 1
+
+    def release(self) -> None:
+        """Refer to no result with histories any more."""
+        if not self.is_complete:
+            super().release()
+
+    def close(self) -> None:
+        """Compute no more."""
+        self._known.clear()
+        self._swept = Swept("", None)
+        super().close()
+
+    def clear(self) -> None:
+        """Show nothing."""
+        self._table.object, self._figure_shows = "", ()
+        self._figure[:] = []
+
+
+def _of_model(experiment: Experiment, name: str, progress: Progress, _show: Any) -> Assessment:
+    """Run an experiment with another error model."""
+    variant = experiment.copy()
+    variant.set("navigator.model", name)
+    return assess(_run_if_allowed(experiment, variant, progress))
+
+
+def _of_algorithm(experiment: Experiment, name: str, progress: Progress, _show: Any) -> Assessment:
+    """Run an experiment with an algorithm of the operator."""
+    return assess(experiment.run(progress, algorithm=served_algorithm(name)))
+
+
+def _of_card(experiment: Experiment, name: str, progress: Progress, _show: Any) -> Assessment:
+    """Run an experiment with the sensors of a card, and the filter that suits them."""
+    variant = experiment.copy()
+    card(name).load(variant)
+    return assess(_run_if_allowed(experiment, variant, progress))
+
+
+def _of_seeds(result: Result, count: int, progress: Progress, show: Callable[[Ensemble], None]) -> Assessment:
+    """Run the experiment of a result with many seeds."""
+    return assess_seeds(ensemble(result, count, progress, show), count)
+
+
+def _run_if_allowed(experiment: Experiment, variant: Experiment, progress: Progress) -> Result:
+    """Run a variant of an experiment whose settings a person may change as the variant does.
+
+    Raises
+    ------
+    SettingError
+        If the homework of the experiment does not allow it.
+    """
+    for path, owner, name in variant.leaves():
+        if getattr(owner, name) != experiment.get(path):
+            experiment.check_change(path)
+    return variant.run(progress)
+
+
+def _are_of(result: Result, experiment: Experiment) -> bool:
+    """Return whether a result has the settings of an experiment."""
+    mine = result.experiment
+    return mine.hidden == experiment.hidden and mine.to_dict() == experiment.to_dict()
+
+
+def _as_seen(found: Assessment) -> Assessment:
+    return replace(found, verdict=as_seen(found.verdict))
+
+
+def _words(text: str) -> pn.viewable.Viewable:
+    style = [TABLE_STYLE, _STYLE]
+    return pn.pane.HTML(
+        f"<p>{escape(text)}</p>", sizing_mode="stretch_width", margin=(2, 8), stylesheets=style
+    )

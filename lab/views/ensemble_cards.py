@@ -27,20 +27,20 @@ def comparison_html(comparison: Comparison) -> str:
     )
 
 
-def models_html(rows: Sequence[Compared], chosen: str = "") -> str:
-    """Return compared models as an HTML table, with the selected one in bold."""
+def models_html(rows: Sequence[Compared]) -> str:
+    """Return compared models as an HTML table."""
     head = "".join(
         f"<th>{name}</th>"
         for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")
     )
     return (
         f'<table><tr><th>model</th>{head}<th class="words">verdict</th></tr>'
-        f"{''.join(_row(row, row.model == chosen) for row in rows)}</table>"
+        f"{''.join(_row(row) for row in rows)}</table>"
     )
 
 
-def _row(row: Compared, is_chosen: bool) -> str:
-    name = f"<b>{escape(row.model)}</b>" if is_chosen else escape(row.model)
+def _row(row: Compared) -> str:
+    name = escape(row.model)
     if row.refusal:
         return f"<tr><td>{name}</td>{'<td>–</td>' * 6}{_describe(f'Does not run: {row.refusal}')}</tr>"
     figures = (

@@ -1,67 +1,220 @@
-"""Run comparison: the figures of some runs side by side, as a table, with the best of each in bold."""
+"""Run comparison: the figures of some runs as a table, a row each, with the best of each column in bold."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.experiment.datasets.flight import error_component
+from lab.views.ensemble_cards import SIGNS
 
 if TYPE_CHECKING:
+    from lab.analysis.verdicts.verdict import Verdict
+    from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One figure of a run.
+class Column:
+    """A figure that runs have.
 
     Attributes
     ----------
     name, unit
         What it is.
-    value
-        Its value; NaN if it is unknown.
     best
         The best value: 0 for errors, 1 for ratios; None if none is.
     """
 
     name: str
     unit: str
-    value: float
     best: float | None = 0.0
 
 
-def figures_of(result: Result) -> tuple[Figure, ...]:
+COLUMNS = (
+    Column("Horizontal, rms", "m"),
+    Column("Horizontal, 95 %", "m"),
+    Column("Horizontal, end of outages", "m"),
+    Column("Height, rms", "m"),
+    Column("Velocity, rms", "m/s"),
+    Column("Roll and pitch, rms", "°"),
+    Column("Heading, rms", "°"),
+    Column("Inside ±3σ", "%", None),
+    Column("NEES per state", "", 1.0),
+    Column("NIS per measured value", "", 1.0),
+)
+(
+    RMS_POSITION,
+    MOST_POSITION,
+    OUTAGE_END,
+    RMS_HEIGHT,
+    RMS_VELOCITY,
+    RMS_LEVEL,
+    RMS_HEADING,
+    INSIDE,
+    NEES,
+    NIS,
+) = COLUMNS
+UNKNOWN = "It is unknown."
+NO_OUTAGE = "There is no GPS outage."
+NOT_KEPT = "It is not kept of many runs."
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What is known of a run, or of many runs of one experiment.
+
+    Attributes
+    ----------
+    values : mapping of Column to float
+        The figures; what is unknown is missing.
+    spread : mapping of Column to float
+        Of many runs, the standard deviation of a figure from run to run.
+    verdict : str
+        The verdict, or why there is no run.
+    consistent : bool or None
+        Whether the filter is consistent; None if that is unknown.
+    why_unknown : str
+        Why errors are unknown; empty if they are known.
+    remark : str
+        A word beside the name, such as how many runs are done.
+    """
+
+    values: Mapping[Column, float] = field(default_factory=dict)
+    spread: Mapping[Column, float] = field(default_factory=dict)
+    verdict: str = ""
+    consistent: bool | None = None
+    why_unknown: str = ""
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table.
+
+    Attributes
+    ----------
+    name, group
+        Its name, and the heading that it stands under.
+    found
+        What is known; None for nothing yet.
+    is_many
+        Whether it is about many runs.
+    """
+
+    name: str
+    group: str = ""
+    found: Assessment | None = None
+    is_many: bool = False
+
+
+def assess(result: Result) -> Assessment:
     """Return the figures of a run: errors, their share inside ±3σ, mean NEES and NIS over their numbers."""
-    nan = float("nan")
-    if result.missing_reason("errors"):
-        position = velocity = attitude = np.full((1, 3), nan)
-    else:
-        errors = result.errors
-        position, velocity, attitude = (errors[name].values for name in ("position", "velocity", "attitude"))
-    horizontal = np.hypot(position[:, 0], position[:, 1])
-    inside = nan if result.missing_reason("coverage") else float(result.coverage["within ±3σ [%]"].mean())
-    return (
-        Figure("Horizontal position, rms", "m", _rms(horizontal)),
-        Figure("Horizontal position, 95 %", "m", _most(horizontal)),
-        Figure("Height, rms", "m", _rms(position[:, 2])),
-        Figure("Velocity, rms", "m/s", _rms(np.linalg.norm(velocity, axis=1))),
-        Figure("Roll and pitch, rms", "°", _rms(np.hypot(attitude[:, 0], attitude[:, 1]))),
-        Figure("Heading, rms", "°", _rms(attitude[:, 2])),
-        Figure("Errors inside ±3σ", "%", inside, None),
-        Figure("NEES over its number of states", "", _mean_of(result, "consistency", "nees"), 1.0),
-        Figure("NIS over its number of measurements", "", _mean_of(result, "innovations", "nis"), 1.0),
+    values = {
+        NEES: _mean_of(result, "consistency", "nees"),
+        NIS: _mean_of(result, "innovations", "nis"),
+    }
+    why = result.missing_reason("errors")
+    if not why:
+        values |= _errors(result)
+    if not result.missing_reason("coverage"):
+        values[INSIDE] = float(result.coverage["within ±3σ [%]"].mean())
+    return Assessment(_known(values), {}, *_in_words(result.verdict), why)
+
+
+def _errors(result: Result) -> dict[Column, float]:
+    """Return the figures of the errors; those of a long flight are computed one component at a time."""
+
+    def of(name: str, component: int) -> FloatArray:
+        if result.is_long:
+            return error_component(result, name, component)
+        found: FloatArray = result.errors[name].values[:, component]
+        return found
+
+    east_north = [of("position", axis) for axis in (0, 1)]
+    horizontal = np.hypot(*east_north)
+    velocity, level = (
+        _root_sum([_rms(of(name, axis)) for axis in axes])
+        for name, axes in (("velocity", (0, 1, 2)), ("attitude", (0, 1)))
     )
+    return {
+        RMS_POSITION: _rms(horizontal),
+        MOST_POSITION: _most(horizontal),
+        OUTAGE_END: _rms(horizontal[outage_ends(result)]),
+        RMS_HEIGHT: _rms(of("position", 2)),
+        RMS_VELOCITY: velocity,
+        RMS_LEVEL: level,
+        RMS_HEADING: _rms(of("attitude", 2)),
+    }
+
+
+def outage_ends(result: Result) -> list[int]:
+    """Return the last sample before the end of each GPS outage that the settings have in the flight."""
+    time = result.time
+    half = 0.5 * float(time[-1] - time[0]) / max(time.size - 1, 1)
+    stretches = [
+        (start - result.epoch, end - result.epoch) for start, end in result.experiment.sensors.gps.outages
+    ]
+    inside = [end for start, end in stretches if start < time[-1] and end > time[0]]
+    return [max(int(np.searchsorted(time, end - half)) - 1, 0) for end in inside]
+
+
+def assess_seeds(runs: Ensemble, wanted: int) -> Assessment:
+    """Return the means of the figures of many runs, and their standard deviations from run to run.
+
+    Parameters
+    ----------
+    runs
+        The runs that are done.
+    wanted
+        Number of runs that are wanted.
+    """
+    rms = runs.rms
+    each = {
+        RMS_POSITION: np.hypot(rms[:, 0], rms[:, 1]),
+        RMS_HEIGHT: rms[:, 2],
+        RMS_VELOCITY: np.linalg.norm(rms[:, 3:6], axis=1),
+        RMS_LEVEL: np.hypot(rms[:, 6], rms[:, 7]),
+        RMS_HEADING: rms[:, 8],
+        NEES: runs.mean_nees / (runs.degrees or np.nan),
+        NIS: runs.mean_nis / (runs.nis_degrees or np.nan),
+    }
+    many = len(runs.seeds) > 1
+    values = {column: float(figures.mean()) for column, figures in each.items()}
+    values[INSIDE] = float(runs.coverage["within ±3σ [%]"].mean())
+    done = len(runs.seeds) + len(runs.diverged)
+    remark = f"{done} of {wanted} seeds" if done < wanted else ""
+    lost = f"{len(runs.diverged)} diverged" if runs.diverged else ""
+    return Assessment(
+        _known(values),
+        {column: float(figures.std(ddof=1)) for column, figures in each.items()} if many else {},
+        *_in_words(runs.verdict),
+        remark=", ".join(filter(None, (remark, lost))),
+    )
+
+
+def _in_words(verdict: Verdict) -> tuple[str, bool | None]:
+    return verdict.headline, verdict.consistent
+
+
+def _known(values: Mapping[Column, float]) -> dict[Column, float]:
+    return {column: value for column, value in values.items() if np.isfinite(value)}
 
 
 def _rms(values: FloatArray) -> float:
     """Return the root mean square of what is known: a reference need not have all quantities, or times."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _root_sum(values: Sequence[float]) -> float:
+    """Return the length of a vector whose components have these lengths."""
+    return float(np.sqrt(np.sum(np.square(values))))
 
 
 def _most(values: FloatArray) -> float:
@@ -80,37 +233,84 @@ def _mean_of(result: Result, group: str, name: str) -> float:
     return float(known.mean() / degrees) if known.size and degrees else float("nan")
 
 
-def comparison_html(runs: Sequence[tuple[str, Result]]) -> str:
-    """Return the figures of named runs as an HTML table; the first run is the one to which they compare."""
-    columns = [figures_of(result) for _, result in runs]
-    head = "".join(f"<th>{escape(name)}</th>" for name, _ in runs)
-    rows = "".join(_row(figures) for figures in zip(*columns, strict=True))
-    verdicts = "".join(f'<td class="words">{escape(result.verdict.headline)}</td>' for _, result in runs)
-    return (
-        f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{rows}'
-        f'<tr class="group"><td>Verdict</td><td class="unit"></td>{verdicts}</tr></table>'
+def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
+    """Return rows as an HTML table, with the best of each column in bold.
+
+    Parameters
+    ----------
+    rows
+        The rows.
+    baseline
+        Name of the row to which errors are compared in percent; by default the first.
+    """
+    found = [row.found for row in rows if row.found is not None]
+    columns = [column for column in COLUMNS if any(column in one.values for one in found)]
+    heads = "".join(
+        f"<th>{escape(column.name)}{f' [{column.unit}]' if column.unit else ''}</th>" for column in columns
     )
+    body, group = [], ""
+    for row in rows:
+        if row.group and row.group != group:
+            body.append(f'<tr class="group"><th colspan="{len(columns) + 2}">{escape(row.group)}</th></tr>')
+        group = row.group
+        # Means over seeds are compared to each other: one run differs from them by chance.
+        peers = [one for one in rows if one.is_many == row.is_many]
+        against = next((one for one in peers if one.name == baseline), peers[0])
+        best = {
+            column: _best([one.found for one in peers if one.found is not None], column) for column in columns
+        }
+        cells = _cells(row.found, against.found, best)
+        remark = row.found.remark if row.found is not None else ""
+        note = f' <span class="change">{escape(remark)}</span>' if remark else ""
+        body.append(f"<tr><td>{escape(row.name)}{note}</td>{cells}</tr>")
+    reasons = {row.found.why_unknown: row.name for row in reversed(rows) if row.found is not None}
+    notes = "".join(
+        f"<p>{escape(name)}: {escape(reason)}</p>" for reason, name in reversed(reasons.items()) if reason
+    )
+    table = f'<table><tr><th></th>{heads}<th class="words">Verdict</th></tr>{"".join(body)}</table>'
+    return f'<div class="wide">{table}</div>{notes}'
 
 
-def _row(figures: Sequence[Figure]) -> str:
-    """Return a row: the value of each run, and by how much it differs from the first."""
-    first, (name, unit, best) = figures[0].value, (figures[0].name, figures[0].unit, figures[0].best)
-    off = [np.inf if best is None else _distance(one.value, best) for one in figures]
-    least = min(off)
+def _cells(
+    found: Assessment | None,
+    against: Assessment | None,
+    best: Mapping[Column, str],
+) -> str:
+    """Return the cells of a row behind its name."""
+    if found is None or not found.values:
+        words = "computing …" if found is None else found.verdict
+        return f'<td class="words" colspan="{len(best) + 1}">{escape(words)}</td>'
     cells = []
-    for number, (figure, distance) in enumerate(zip(figures, off, strict=True)):
-        text = "–" if not np.isfinite(figure.value) else f"{figure.value:.3g}"
-        if np.isfinite(least) and distance == least and len(figures) > 1:
+    for column, text_of_best in best.items():
+        if column not in found.values:
+            kept = not found.spread or column not in (MOST_POSITION, OUTAGE_END)
+            why = found.why_unknown or (NO_OUTAGE if column is OUTAGE_END else UNKNOWN)
+            cells.append(f'<td title="{escape(why if kept else NOT_KEPT)}">–</td>')
+            continue
+        value, spread = found.values[column], found.spread.get(column, 0.0)
+        text = f"{value:.3g}"
+        if text == text_of_best:
             text = f"<b>{text}</b>"
-        if number and best == 0.0 and np.isfinite(figure.value) and first > 0:
-            change = f"{100 * (figure.value / first - 1):+.0f}".replace("-", "\u2212")
-            text += f' <span class="change">{change}\u2009%</span>'
+        if spread:
+            text += f' <span class="change">±\u2009{spread:.2g}</span>'
+        first = 0.0 if against is None else against.values.get(column, 0.0)
+        if found is not against and column.best == 0.0 and first > 0:
+            change = f"{100 * (value / first - 1):+.0f}".replace("-", "\u2212")
+            change = "0" if change[1:] == "0" else change
+            text += f'<br><span class="change">{change}\u2009%</span>'
         cells.append(f"<td>{text}</td>")
-    return f'<tr><td>{escape(name)}</td><td class="unit">{escape(unit)}</td>{"".join(cells)}</tr>'
+    colour, sign = SIGNS[found.consistent]
+    words = found.verdict.partition(":")[0] if found.consistent else found.verdict
+    mark = f'<span style="color:{colour}">{sign}</span>'
+    return f'{"".join(cells)}<td class="words" title="{escape(found.verdict)}">{mark} {escape(words)}</td>'
 
 
-def _distance(value: float, best: float) -> float:
-    """Return how far a value is from the best one: for ratios, by how many times."""
-    if not np.isfinite(value):
-        return float("inf")
-    return abs(np.log(max(value, 1e-9))) if best == 1.0 else abs(value - best)
+def _best(found: Sequence[Assessment], column: Column) -> str:
+    """Return the best value of a column as it is written; empty if all are written alike, or none is best."""
+    values = [one.values[column] for one in found if column in one.values]
+    texts = {f"{value:.3g}": value for value in values}
+    if column.best is None or len(texts) < 2:
+        return ""
+    # A ratio is as good as the factor by which it is off is small.
+    is_ratio = column.best == 1.0
+    return min(texts, key=lambda text: abs(np.log(max(texts[text], 1e-9))) if is_ratio else abs(texts[text]))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import holoviews as hv
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.views.figures import decade_ticks
 from lab.views.mission_card import title_of
 from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
+from lab.views.sweep_figure import BAND, Panel, abscissa, is_text, is_wide, labelled, panel, tests
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,21 +25,8 @@ ROWS = 30
 _LEFT = 'style="text-align:left"'
 DEFAULT = ("position", "velocity", "attitude heading")
 """The quantities that are drawn unless others are chosen."""
-BAND = (0.05, 0.95)
-"""Quantiles of the runs at the edges of the band, between which 90 % of them are."""
 COLOURS = (*AXIS_COLOURS, FIXES, "#7d6bd6", "#a38b1c")
 """Colours of the values of a second setting, visible on white and on black."""
-WIDE_RANGE = 15.0
-"""Ratio of the largest and the smallest value from which the axis is logarithmic."""
-
-
-class Panel(NamedTuple):
-    """One plot: title, unit, values (…, seed) of the runs, and what the filter expects (…, seed)."""
-
-    title: str
-    unit: str
-    runs: xr.DataArray
-    expected: xr.DataArray
 
 
 def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layout:
@@ -55,38 +42,6 @@ def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layo
     panels = [panel(data, name) for name in (DEFAULT if quantities is None else quantities)]
     drawn = [draw(one, data, swept) for one in panels + tests(data)]
     return hv.Layout(drawn).cols(columns(3)).opts(shared_axes=False)
-
-
-def panel(data: xr.Dataset, name: str) -> Panel:
-    """Return root mean square and σ of a quantity, or of a whole vector.
-
-    Raises
-    ------
-    ValueError
-        If there is no such quantity.
-    """
-    known = data["quantity"].values.tolist()
-    parts = [one for one in known if name in (one, one.split()[0])]
-    if not parts:
-        vectors = dict.fromkeys(one.split()[0] for one in known)
-        raise ValueError(f"plot: there is no quantity {name!r}; accepted are {', '.join((*vectors, *known))}")
-    chosen = data.sel(quantity=parts)
-    rms, sigma = ((chosen[one] ** 2).sum("quantity", skipna=False) ** 0.5 for one in ("rms", "sigma"))
-    return Panel(f"{name.capitalize()} error, rms", str(chosen["unit"].values[0]), rms, sigma)
-
-
-def tests(data: xr.Dataset) -> list[Panel]:
-    """Return NEES and NIS, if they are known."""
-    return [
-        Panel(f"{name.upper()}, mean over the fixes", "", data[name], data[f"{name}_degrees"])
-        for name in ("nees", "nis")
-        if np.isfinite(data[name]).any()
-    ]
-
-
-def labelled(words: str, unit: str) -> str:
-    """Return words with a unit in brackets, if there is one."""
-    return f"{words} [{unit}]" if unit else words
 
 
 def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
@@ -137,27 +92,6 @@ def curves(
         hv.Scatter((axis, mean.values), x, y).opts(color=colour, size=5),
     ]
     return drawn if axis.size > 1 else drawn[3:]
-
-
-def abscissa(values: xr.DataArray) -> tuple[FloatArray, list[tuple[float, str]]]:
-    """Return the places of a setting's values, and the ticks; without ticks, the axis has its own."""
-    if is_text(values):
-        texts = [(float(at), str(value)) for at, value in enumerate(values.values)]
-        return np.arange(values.size, dtype=np.float64), texts
-    axis = values.values.astype(np.float64)
-    if not is_wide(axis):
-        return axis, []
-    return axis, [(tick, f"{tick:g}") for tick in decade_ticks(axis.min(), axis.max())]
-
-
-def is_text(values: xr.DataArray) -> bool:
-    """Return whether the values of a setting are no numbers."""
-    return bool(values.dtype.kind not in "fiu")
-
-
-def is_wide(axis: FloatArray) -> bool:
-    """Return whether an axis is better logarithmic."""
-    return bool(axis.min() > 0 and axis.max() >= WIDE_RANGE * axis.min())
 
 
 def sweep_html(sweep: Sweep) -> str:

@@ -24,9 +24,9 @@ sys.path.append(str(Path(__file__).parents[1] / "dashboards"))
 
 HOURS = 4.0
 LEFT_OUT = os.environ.get("INS_LAB_TABS_LEFT_OUT", "").split(",")
-"""Tabs that are not opened; on a slow machine Models, which runs every error model twice, takes an hour."""
+"""Tabs that are not opened; such as those that take long on a slow machine."""
 PATIENCE = 4 * 3600.0
-"""Longest time that a tab may take [s]: beside other work, that of the models takes hours."""
+"""Longest time that a tab may take [s]: beside other work, some take hours."""
 RATE = 10.0
 """Rate of the recording [Hz]; the IMU has 200 Hz."""
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dashboards.algorithms import VARIABLE, served_algorithms, use_algorithms
+from dashboards.algorithms import VARIABLE, served_algorithm, served_names, use_algorithms
 from dashboards.pages.consistency import coverage_html, verdict_html, whiteness_html
 from lab import Experiment, compare
 from lab.views.ensemble_cards import models_html
@@ -40,14 +40,13 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def test_without_the_variable_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
-    assert served_algorithms() == {}
+    assert served_names() == ()
 
 
 @pytest.mark.usefixtures("places")
 def test_sessions_share_no_algorithm() -> None:
-    first, second = served_algorithms(), served_algorithms()
-    assert list(first) == ["Still", "Broken", "Nobody"]
-    assert all(first[name] is not second[name] for name in first)
+    assert served_names() == ("Still", "Broken", "Nobody")
+    assert all(served_algorithm(name) is not served_algorithm(name) for name in served_names())
 
 
 @pytest.mark.usefixtures("places")
@@ -56,16 +55,20 @@ def test_those_of_the_server_stand_in_place_of_those_of_the_environment(
 ) -> None:
     monkeypatch.setattr("dashboards.algorithms._given", [])
     use_algorithms([f"{tmp_path / 'mine.py'}:Broken"])
-    assert list(served_algorithms()) == ["Broken"]
+    assert served_names() == ("Broken",)
     use_algorithms([])
-    assert list(served_algorithms()) == ["Still", "Broken", "Nobody"]
+    assert served_names() == ("Still", "Broken", "Nobody")
 
 
 @pytest.mark.usefixtures("places")
 def test_what_fails_is_a_row_with_the_reason() -> None:
-    rows = compare(Experiment(mission="los_angeles"), ["phi"], algorithms=served_algorithms())
+    rows = compare(
+        Experiment(mission="los_angeles"),
+        ["phi"],
+        algorithms={name: served_algorithm(name) for name in served_names()},
+    )
     assert [row.model for row in rows] == ["phi", "Still", "Broken", "Nobody"]
-    html = models_html(rows, "phi")
+    html = models_html(rows)
     assert html.count("unknown") == 2
     assert "mine.py, line 11, in navigate: RuntimeError: &lt;b&gt;lost&lt;/b&gt;" in html
     assert "has no &#x27;Nobody&#x27;" in html
@@ -73,7 +76,7 @@ def test_what_fails_is_a_row_with_the_reason() -> None:
 
 @pytest.mark.usefixtures("places")
 def test_the_consistency_page_shows_what_is_known_of_an_algorithm() -> None:
-    result = Experiment(mission="los_angeles").run(algorithm=served_algorithms()["Still"])
+    result = Experiment(mission="los_angeles").run(algorithm=served_algorithm("Still"))
     html = verdict_html(result.verdict, result.innovation_verdict)
     assert "Unknown" in html
     assert 'class="verdict fine"' not in html

@@ -34,7 +34,6 @@ FIRST = {
 """First figure of each tab that has figures."""
 WORDS = {
     "Missions": ("Over the Pacific",),
-    "Models": ("invariant",),
     "Compare": ("position east error", "95 %"),
     "Consistency": ("Judged by 1 run",),
     "Allan": ("Gyros: White noise N",),

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from panel.io.state import set_curdoc
-from walking import Walk, walking
+from walking import TITLES, Walk, walking
 
-from dashboards.holding import AS_DELIVERED, name_of
+from dashboards.holding import AS_DELIVERED, LONGEST_NAME, name_of
+from dashboards.query import View, view_of_query
 from dashboards.session import MOST_HELD
 from lab.classroom.lessons.lesson_file import read_lesson
 from lab.experiment.experiment import Experiment
@@ -70,11 +71,12 @@ def test_a_held_result_stays_in_the_plots_and_is_compared(walk: Walk) -> None:
     assert "A · Montréal" not in text
     assert "A · " in text
     assert "Now" in text
-    assert walk.page.session.result.verdict.headline in text
-    assert held.verdict.headline in text
+    table = walk.shown._table.object
+    assert walk.page.session.result.verdict.headline in table
+    assert held.verdict.headline in table
     walk.open("Innovations")
     assert not walk.complaints()
-    entry, _away = walk.page._holding.bar.objects
+    entry, _rename, _away = walk.page._holding.bar.objects
     assert entry.label.startswith("A · ")
     with set_curdoc(walk._document):
         walk.page._holding._remove(walk.page.session.held[0])
@@ -112,10 +114,50 @@ def test_what_a_lesson_hides_is_not_brought_into_another_experiment(walk: Walk) 
     walk.page.session.experiment = before
 
 
-def test_an_older_lesson_that_names_the_summary_opens_the_comparison(walk: Walk, tmp_path: Path) -> None:
-    walk.page._go_to("Summary", None)
+def test_a_held_result_is_renamed_and_an_empty_name_is_that_of_its_settings(walk: Walk) -> None:
+    hold(walk)
+    bar = walk.page._holding.bar
+    before = walk.page.session.held[0].name
+    for typed, shown in (
+        ("  <b>Best</b> " + 50 * "x", ("<b>Best</b> " + 50 * "x")[:LONGEST_NAME]),
+        (" ", before),
+    ):
+        with set_curdoc(walk._document):
+            bar.objects[1].clicks += 1
+            name, _away = bar.objects
+            assert name.label == "Name of A"
+            name.value = typed
+        walk.settle()
+        assert walk.page.session.held[0].name == shown
+        assert bar.objects[0].label == f"A · {shown}"
+    with set_curdoc(walk._document):
+        bar.objects[1].clicks += 1
+        bar.objects[0].param.trigger("enter_pressed")  # unchanged
+    assert bar.objects[0].label == f"A · {before}"
+    with set_curdoc(walk._document):
+        bar.objects[1].clicks += 1
+        bar.objects[-1].clicks += 1
+    assert walk.page.session.held == ()
+    assert not bar.visible
+
+
+def test_a_name_is_no_markup_in_the_table(walk: Walk) -> None:
+    hold(walk)
+    with set_curdoc(walk._document):
+        walk.page._holding._rename(0, "<i>x</i>")
+    run(walk, 0.1)
+    walk.open("Compare")
+    assert "A · &lt;i&gt;x&lt;/i&gt;" in walk.shown._table.object
+
+
+@pytest.mark.parametrize("title", ["Summary", "Models"])
+def test_an_older_lesson_or_link_that_names_its_page_opens_the_comparison(
+    walk: Walk, tmp_path: Path, title: str
+) -> None:
+    walk.page._go_to(title, None)
     assert walk.title == "Compare"
+    assert view_of_query(f"tab={title}", TITLES) == (View(tab="Compare"), [])
     old = tmp_path / "old.toml"
     shipped = files("lab.classroom.lessons") / "shipped" / "01-first-look.toml"
-    old.write_text(shipped.read_text().replace('page = "Compare"', 'page = "Summary"'))
+    old.write_text(shipped.read_text().replace('page = "Compare"', f'page = "{title}"'))
     assert "Compare" in {step.page for step in read_lesson(old).steps}

@@ -14,6 +14,7 @@ from walking import Walk, walking
 
 from dashboards import classroom
 from dashboards.address import Address
+from dashboards.pages.compare import Compare
 from dashboards.pages.lessons.homework_part import IS_OFF
 from dashboards.query import homework_of_query
 from dashboards.settings_panel import SettingsPanel
@@ -160,6 +161,38 @@ def test_undo_in_a_homework_keeps_what_is_hidden_and_nothing_of_it_is_in_the_his
     click(walk, "All lessons")
     walk.ask("undo")
     assert session.experiment.hidden == ""  # of a homework that is closed, only what is seen comes back
+
+
+def test_the_comparison_shows_and_changes_nothing_that_a_homework_hides(walk: Walk, keyed: Keyed) -> None:
+    click(walk, "Find <b>it</b>")
+    session = walk.page.session
+    assert walk.run(session.experiment.copy()).problem == ""
+    with set_curdoc(walk._document):
+        walk.page._holding.hold()
+    session.change("navigator.r_scale", 10.0)
+    assert walk.run(session.experiment.copy()).problem == ""
+    walk.open("Compare")
+    shown = walk.shown
+    assert isinstance(shown, Compare)
+    with set_curdoc(walk._document):
+        for toggle in shown._add.values():
+            toggle.value = True
+        shown._seeds.value = 2
+        shown._cards._boxes[0].value = ["BMI088"]
+        shown._sweep._axes[0].steps.value, shown._sweep._seeds.value = 2, 1
+        shown._run_sweep()
+    walk.settle()
+    assert list(shown._sweep._axes[0].setting.options.values()) == ["navigator.r_scale"]
+    for row in ("psi", "BMI088"):
+        refusal = shown._table.object.split(f"<td>{row}</td>")[1].split("</tr>")[0]
+        assert "does not let you change it" in refusal
+    assert "Mean of 2 seeds" in walk.text()
+    assert len(walk.figures()) == 1
+    labels = [one.label for one in walk.page._holding.bar.objects if hasattr(one, "label")]
+    models = [model for fig in walk.figures() for model in fig.references()]
+    written = str([shown._table.object, labels, [model.properties_with_values() for model in models]])
+    secrets = (FAULTS["r"].title, keyed.homework.scenario.key, "HiddenExperiment", "Scenario")
+    assert [secret for secret in secrets if secret in written] == []
 
 
 def test_a_file_is_opened_and_a_damaged_one_says_so(walk: Walk, keyed: Keyed, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from walking import PAUSE, Walk, walking
 from lab.base import histories
 from lab.experiment import sensor_stages, stages
 from lab.run import run as arrays
+from lab.views.run_comparison import RMS_POSITION, assess
 
 PATIENCE = 300.0
 """Longest time that a run may take [s]; the first one compiles its kernels."""
@@ -89,17 +90,29 @@ def test_a_failed_run_leaves_the_message_and_the_last_good_result(long: Walk) ->
 @pytest.mark.proof
 def test_the_models_run_without_the_result_which_comes_back(long: Walk) -> None:
     session = long.page.session
+    long.open("Compare")
+    settle(long)
     old = ref(session.result)
-    long.open("Models")
+    with set_curdoc(long._document):
+        long.shown._add["All error models"].value = True
     settle(long)
     gc.collect()
     assert old() is None
     assert session.result is None
     assert long.complaints() == []
+    with set_curdoc(long._document):
+        long.shown._cards._boxes[0].value = ["BMI088"]
+        long.shown._add["Sensor cards"].value = True  # without the result
+    settle(long)
+    assert "computing" not in long.text()
+    flown = session.experiment.run()
+    assert f"<td>Now</td><td>{assess(flown).values[RMS_POSITION]:.3g}" in long.shown._table.object.replace(
+        "<b>", ""
+    )
     table = long.text()
     long.open("Errors")
     settle(long)
     assert session.result is not None
-    long.open("Models")
+    long.open("Compare")
     assert not long.shown._work.busy
     assert long.text() == table

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.timeout(1800)
 """Where no kernel is compiled yet, the first test of each model compiles several."""
 
 MODELS, MECHANIZATIONS = (NavigatorSettings.param[name].objects for name in ("model", "mechanization"))
-SLOW = ("Models", "Budget", "Allan", "Live")
+SLOW = ("Budget", "Allan", "Live")
 """Pages that compute for long, or show no result: opened where what they show differs."""
 SCALE = ("scale_factor", "scale_factor_sigma")
 CARDS = [name for name, card in cards().items() if card.settings()]
@@ -309,7 +309,7 @@ def assert_told(walk: Walk, title: str) -> None:
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("title", ["Consistency", "Allan", "Models", "Budget"])
+@pytest.mark.parametrize("title", ["Consistency", "Allan", "Budget"])
 def test_what_is_worked_out_and_cannot_be_drawn_is_said(
     walk: Walk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, title: str
 ) -> None:

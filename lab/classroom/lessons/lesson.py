@@ -28,7 +28,6 @@ PAGES = (
     "Sensor errors",
     "Cards",
     "Allan",
-    "Models",
     "Ground track",
     "Flight",
     "3-D",
@@ -37,7 +36,7 @@ PAGES = (
     "Live",
 )
 """Titles of the pages that a step may show."""
-RENAMED = {"Summary": "Compare", "Height": "Flight"}
+RENAMED = {"Summary": "Compare", "Models": "Compare", "Height": "Flight"}
 """Titles of older lessons, and the pages that took their place."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 KEPT = StageCache(limit=4 * 2**20)
-"""The numbers of single runs by their settings: 16,000 runs with 250 bytes each."""
+"""The numbers of single runs by their settings: 16,000 runs with 256 bytes each."""
 WIDE = len(QUANTITIES)
 REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
@@ -181,13 +181,13 @@ def run(point: Experiment, seed: int) -> Numbers:
     try:
         return Numbers(measure(mine.run()), "")
     except ValueError as error:
-        return Numbers(np.full(3 * WIDE + 4, np.nan), str(error))
+        return Numbers(np.full(3 * WIDE + 5, np.nan), str(error))
 
 
 def measure(result: Result) -> FloatArray:
-    """Return rms, maximum and σ of nine errors, NEES, its degrees, NIS and its degrees, in this order."""
+    """Return rms, maximum and σ of nine errors, NEES and NIS with their degrees, and 95 % of the position."""
     squares, count, largest = np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE)
-    variances, samples = np.zeros(WIDE), 0
+    variances, samples, horizontal = np.zeros(WIDE), 0, [np.zeros(0)]
     for part in result.parts():
         sigma = nine(part.sigma)
         variances += np.sum(sigma**2, axis=0)
@@ -196,6 +196,7 @@ def measure(result: Result) -> FloatArray:
             continue
         errors = np.abs(nine(part.errors))
         known = np.isfinite(errors)
+        horizontal.append(np.hypot(errors[:, 0], errors[:, 1])[known[:, :2].all(axis=1)])
         squares += np.sum(errors**2, axis=0, where=known)
         count += known.sum(axis=0)
         largest = np.maximum(largest, np.max(errors, axis=0, where=known, initial=0.0))
@@ -210,7 +211,9 @@ def measure(result: Result) -> FloatArray:
             (np.nan, np.nan) if test is None else (average(test.values), float(test.attrs["degrees"]))
         )
     ]
-    return np.concatenate((rms, largest, np.sqrt(variances / samples), tests))
+    sizes = np.concatenate(horizontal)
+    most = np.quantile(sizes, 0.95) if sizes.size else np.nan
+    return np.concatenate((rms, largest, np.sqrt(variances / samples), tests, [most]))
 
 
 def nine(group: xr.Dataset) -> FloatArray:
@@ -245,6 +248,8 @@ def dataset(
         words = "expected value" if name.endswith("degrees") else "mean over the fixes"
         about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": ""}
         variables[name] = ((*dims, "seed"), shaped[..., at], about)
+    about = {"long_name": "95 % quantile of the horizontal position errors", "units": "m"}
+    variables["horizontal_95"] = ((*dims, "seed"), shaped[..., -1], about)
     coords: dict[str, Any] = {one.dim: coordinate(experiment, one) for one in swept}
     coords |= {
         "seed": list(seeds),
