@@ -50,6 +50,8 @@ LOOK = 100.0
 """Time between two looks whether a page shows something [ms]; by default, a browser looks whenever it paints,
 and paints sixty times a second for it: without a graphics card, that is a tenth of a core for each page."""
 
+ERRORS = "?tab=Errors"
+"""Query of the nine plots, which most tests watch; without a query, the Overview opens."""
 IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
 DATA = "Bokeh.documents[0].get_model_by_name('time:position_east')?.data"
 CURVE = f"String([...({DATA}?.time ?? []), ...({DATA}?.position_east ?? [])])"
@@ -186,6 +188,13 @@ def serving(*flags: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         drain.wait(timeout=30)
 
 
+def on_errors(query: str) -> str:
+    """Return the query of an address that opens the nine plots of errors, unless it names a tab."""
+    if "tab=" in query:
+        return query
+    return f"{query}&{ERRORS.removeprefix('?')}" if query else ERRORS
+
+
 @pytest.fixture
 def complaints() -> list[str]:
     """Return what the consoles of all pages complain about, and whom else a page of `open_page` asks.
@@ -203,7 +212,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
     def open_it(query: str = "", *, width: int = WIDTH, height: int = HEIGHT, drawn: bool = True) -> Page:
         page = watched(chromium, address, complaints, width, height)
         contexts.append(page.context)
-        page.goto(address + query)
+        page.goto(address + on_errors(query))
         wait_for(page, DRAWN if drawn else IDLE)
         return page
 
@@ -233,7 +242,7 @@ class Keeper:
         """Return the page."""
         if self.page is None:
             self.page = watched(self._chromium, self._address, self.complaints)
-            self.page.goto(self._address)
+            self.page.goto(self._address + ERRORS)
             wait_for(self.page, DRAWN)
             remember(self.page, "asOpened", CURVE)
         return self.page
@@ -254,7 +263,7 @@ class Keeper:
         reset(page)
         page.get_by_role("slider", name="Time").press("Home")
         page.get_by_role("button", name="Whole flight", exact=True).click()
-        wait_for(page, f"location.search === '' && {CURVE} === window.asOpened")
+        wait_for(page, f"location.search === '{ERRORS}' && {CURVE} === window.asOpened")
         wait_for(page, IDLE)
         page.mouse.move(1, 1)  # over no button, whose tooltip would be there
         expect(page.get_by_role("alert")).to_have_count(0)

@@ -21,7 +21,7 @@ def chooser(page: Page) -> Locator:
 
 def noise(page: Page) -> Locator:
     """Return the box of the gyro noise."""
-    return page.get_by_role("textbox").nth(1)
+    return page.get_by_role("textbox", name="White noise [°/s/√Hz]")
 
 
 def choose(page: Page, card: str) -> None:

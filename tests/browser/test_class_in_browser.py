@@ -19,7 +19,7 @@ PHONE = {
     "has_touch": True,
     "user_agent": "Mozilla/5.0 (Linux; Android 14) Mobile Safari/537.36",
 }
-FLIGHT = "mission=los_angeles&trajectory.imu_rate=50"
+FLIGHT = "mission=los_angeles&trajectory.imu_rate=50&tab=Errors"
 TIME = "Bokeh.documents[0].get_model_by_name('time cursor').location"
 TITLE_SIZE = """parseFloat(
     [...Bokeh.documents[0].all_models].find((model) => model.type === "Title").text_font_size)"""

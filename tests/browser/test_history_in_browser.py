@@ -11,6 +11,7 @@ from tests.browser.conftest import IDLE, show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
+NOISE = "White noise [°/s/√Hz]"
 BEGUN = "?mission=los_angeles&trajectory.imu_rate=50"
 ADDRESS = "decodeURIComponent(location.search)"
 CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
@@ -19,10 +20,10 @@ ENTRIES = "history.length"
 
 def shows(page: Page, noise: str, tab: str = "Errors") -> None:
     """Expect that the page shows a noise of the gyros and a tab, and that its address says so."""
-    expect(page.get_by_role("textbox").nth(1)).to_have_value(noise)
+    expect(page.get_by_role("textbox", name=NOISE)).to_have_value(noise)
     shown(page, tab)
     setting = f"&sensors.gyro.noise_density={noise}" if noise != "0.05" else ""
-    view = f"&tab={tab}" if tab != "Errors" else ""
+    view = f"&tab={tab}"
     wait_for(page, f"{ADDRESS}.replace(/&time=[0-9.]+/, '') === '{BEGUN}{setting}{view}'")
 
 
@@ -43,7 +44,7 @@ def drag(page: Page) -> str:
 
 def test_back_forward_undo_redo_and_a_reload_change_page_and_address(open_page: Callable[..., Page]) -> None:
     page = open_page(BEGUN)
-    entries, box = page.evaluate(ENTRIES), page.get_by_role("textbox").nth(1)
+    entries, box = page.evaluate(ENTRIES), page.get_by_role("textbox", name=NOISE)
     undo, redo = page.get_by_role("button", name="Undo"), page.get_by_role("button", name="Redo")
     expect(undo).to_be_disabled()
     box.fill("0.2")

@@ -19,7 +19,7 @@ def test_a_page_without_its_server_says_so_and_is_reloaded_with_its_settings(chr
     page = new_context(chromium, viewport={"width": 400, "height": 800}).new_page()
     lost = page.get_by_role("alert").filter(has_text="The connection to the server is lost")
     with serving() as (address, _):
-        page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&seed={SEED}")
+        page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&seed={SEED}&tab=Errors")
         wait_for(page, DRAWN)
         expect(lost).to_have_count(0)
     expect(lost).to_be_visible()

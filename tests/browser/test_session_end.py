@@ -13,7 +13,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tests.browser.conftest import DRAWN, IDLE, new_context, serving, show, wait_for
+from tests.browser.conftest import DRAWN, ERRORS, IDLE, new_context, serving, show, wait_for
 from tests.browser.test_live_in_browser import connect
 
 pytestmark = pytest.mark.browser
@@ -67,7 +67,7 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser, served: S
     while len(threads) < 3 or (threads[-1] > threads[-2] and len(threads) < MOST_PAGES):
         context = new_context(chromium, viewport=SMALL)
         page = context.new_page()
-        page.goto(address)
+        page.goto(address + ERRORS)
         alone = ports(server)
         leave_when(page)
         assert ports(server) > alone
@@ -84,7 +84,7 @@ def test_a_closed_page_leaves_no_upload_and_no_recording(chromium: Browser, serv
         simulator.bind(("127.0.0.1", 0))
         context = new_context(chromium)
         page = context.new_page()
-        page.goto(address)
+        page.goto(address + ERRORS)
         wait_for(page, DRAWN)
         show(page, "Missions")
         page.get_by_role("button", name="Import", exact=True).click()

@@ -45,7 +45,9 @@ def wait_for_new_data(page: Page) -> None:
 
 def noise(page: Page) -> tuple:
     """Return the slider and the box of the gyro noise."""
-    return page.get_by_role("slider", name="White noise").first, page.get_by_role("textbox").nth(1)
+    return page.get_by_role("slider", name="White noise").first, page.get_by_role(
+        "textbox", name="White noise [°/s/√Hz]"
+    )
 
 
 ANSWER = 10_000.0
