@@ -20,6 +20,7 @@ from bokeh.resources import Resources
 
 from lab.base.files.atomic_file import atomic_file
 from lab.base.result_files import refuse_existing
+from lab.experiment.json_form import PACKAGES
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
@@ -36,8 +37,6 @@ BUCKETS = 330
 """Number of intervals to which each curve is thinned: one for each pixel of a plot."""
 WIDTH, LINE = 330, 205
 """Width of a plot, and height of a line of three [px]."""
-PACKAGES = ("ins-lab", "numpy", "scipy", "numba", "bokeh")
-"""Packages whose versions are named."""
 
 _STYLE = """
 body { margin: 0 auto; padding: 18px; max-width: 1024px; background: #fff; color: #1d2430;
@@ -155,7 +154,7 @@ def _table(table: pd.DataFrame) -> str:
 
 def _versions() -> str:
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in PACKAGES)}."
+    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in (*PACKAGES, 'bokeh'))}."
 
 
 def _repetition(result: Result) -> str:
