@@ -41,6 +41,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
+from dashboards.share import Share
 from dashboards.style import DRESS, FRAME, ON_SCREEN, STAGE, THEME
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
@@ -151,6 +152,9 @@ class SimulatorPage:
         )
         self._chip = VerdictChip(self.session, document, self._main)
         self._holding = Holding(self.session, self._address.bar)
+        self._share = Share(
+            self.session, self._address, self._main, lambda: (self._page.seen, self.axis.window)
+        )
         self._listen()
 
     def _listen(self) -> None:
@@ -284,7 +288,13 @@ class SimulatorPage:
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
-            header=[self._chip.view, self._progress.view, self._address.bar, self._holding.button],
+            header=[
+                self._chip.view,
+                self._progress.view,
+                self._address.bar,
+                self._holding.button,
+                self._share.view,
+            ],
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
@@ -324,7 +334,7 @@ class SimulatorPage:
         self._sidebar.append(self._settings.view)
 
     def _add_files(self) -> None:
-        self._files = Files(self.session, lambda: (self._page.seen, self.axis.window))
+        self._files = Files(self.session, self._address.held)
         self._sidebar.append(self._files.view)
 
     def close(self) -> None:
@@ -333,6 +343,8 @@ class SimulatorPage:
         self._time_bar.stop()
         self._class.close()
         self._chip.close()
+        self._share.close()
+        self._address.held.close()
         self.session.close()
         if self._files is not None:
             self._files.close()

@@ -477,9 +477,8 @@ class Result(NotebookCard, Repeatable):
         identification
             What `identify` found, if that is to be in it.
         """
-        from lab.experiment.json_form import json_of  # noqa: PLC0415 - a run needs none of it
-
-        return json_of(self, budget, identification)
+        form: dict[str, Any] = find("result", "json")(self, budget, identification)
+        return form
 
     def to_json(self, *, budget: bool = False, identification: Identification | None = None) -> str:
         """Return this run as JSON text; see `to_dict`."""
