@@ -57,6 +57,10 @@ button:hover { background: rgba(255, 255, 255, .12); }
 button:focus-visible { outline: 2px solid #ffffff; outline-offset: -2px; }
 button:disabled { opacity: .4; background: none; cursor: default; }
 svg { display: block; width: 24px; height: 24px; fill: currentColor; }
+@media (max-width: 480px) {
+  :host { width: 60px !important; flex-basis: 60px !important; }
+  button { width: 30px; padding: 6px 3px; }
+}
 """
 
 

@@ -59,7 +59,10 @@ DRESS: dict[str, Any] = {
     "& .MuiAppBar-root .MuiIconButton-root": {"color": "#ffffff"},
     "& .MuiToolbar-root": {"minHeight": "48px !important"},
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
-    "@media (max-width: 480px)": {"& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"}},
+    "@media (max-width: 480px)": {
+        "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"display": "none"},
+        "& .MuiToolbar-root > .MuiIconButton-root": {"marginRight": "4px"},
+    },
     "@media print": {
         "&, & .main, & .main > div, & .main-content": {
             "display": "block !important", "width": "auto !important", "height": "auto !important",

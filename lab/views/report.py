@@ -160,15 +160,18 @@ def _versions() -> str:
 def _repetition(result: Result) -> str:
     """Return all settings, and how the run is repeated with them."""
     name = result.experiment.mission
-    own = (
-        " The run was made by an algorithm of its own, which is not in this report."
-        if result.algorithm
-        else ""
-    )
+    if result.experiment.hidden:
+        how = "Some settings of this run are hidden, so the settings below do not repeat it."
+    else:
+        how = (
+            "Save the settings below as <code>settings.toml</code>, and run "
+            f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, "
+            "it gives the same figures to the last bit."
+        )
+    if result.algorithm:
+        how += " The run was made by an algorithm of its own, which is not in this report."
     return (
-        "<h2>Repeat this run</h2><p>Save the settings below as <code>settings.toml</code>, and run "
-        f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, it "
-        f"gives the same figures to the last bit.{own} SHA-256 of the recording: "
+        f"<h2>Repeat this run</h2><p>{how} SHA-256 of the recording: "
         f"<code>{escape(result.mission.content_hash)}</code>.</p>"
         f'<pre id="settings">{escape(result.experiment.to_toml())}</pre>'
     )

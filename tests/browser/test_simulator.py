@@ -307,6 +307,12 @@ def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
 
 
+def share(page: Page, entry: str) -> None:
+    """Press Share, and an entry of its menu: two clicks from any page."""
+    page.get_by_role("button", name="Share", exact=True).click()
+    page.get_by_role("menuitem", name=entry, exact=True).click()
+
+
 @pytest.mark.proof
 def test_results_are_downloaded(shared_page: Page) -> None:
     page = shared_page
@@ -316,24 +322,28 @@ def test_results_are_downloaded(shared_page: Page) -> None:
     seed.press("Enter")
     wait_for_new_data(page)
     with page.expect_download() as download:
-        page.get_by_text("netCDF", exact=True).click()
+        share(page, "Result (netCDF)")
     assert download.value.suggested_filename == "montreal_4.nc"
     with netCDF4.Dataset(download.value.path()) as file:
         assert {"truth", "solution", "errors", "sigma", "innovations"} <= set(file.groups)
         assert file["errors"]["position"].shape == (41_009, 3)
     with page.expect_download() as download:
-        page.get_by_text("csv as seen", exact=True).click()
-    assert download.value.suggested_filename == "montreal_4.csv"
-    with page.expect_download() as download:
-        page.get_by_text("csv of all", exact=True).click()
+        share(page, "All data (csv)")
         expect(page.get_by_text("Writing ")).to_be_visible()
     assert download.value.suggested_filename == "montreal_4.zip"
     with zipfile.ZipFile(download.value.path()) as archive:
         assert archive.testzip() is None
         assert {"errors.csv", "gps.csv"} <= {Path(name).name for name in archive.namelist()}
-    for label, ending, words in (("KML", "kml", "<name>Estimate</name>"), ("GPX", "gpx", "<trkpt ")):
+    for label, ending, words in (
+        ("Path (KML)", "kml", "<name>Estimate</name>"),
+        ("Path (GPX)", "gpx", "<trkpt "),
+        ("Data as seen (csv)", "csv", "position east [m]"),
+        ("Result (JSON)", "json", '"schema_version": 1'),
+        ("Settings file", "toml", "seed = 4"),
+        ("Report", "html", "<h1>Montréal</h1>"),
+    ):
         with page.expect_download() as download:
-            page.get_by_text(label, exact=True).click()
+            share(page, label)
         assert download.value.suggested_filename == f"montreal_4.{ending}"
         assert words in download.value.path().read_text(encoding="utf-8")
 

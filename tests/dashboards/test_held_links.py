@@ -1,4 +1,4 @@
-"""Held results in an address and in a settings file: as settings, and computed anew once the page is drawn."""
+"""Held results in an address and in a settings file: as settings, and computed anew behind the page."""
 
 from __future__ import annotations
 
