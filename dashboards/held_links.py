@@ -55,7 +55,7 @@ class HeldLinks:
         """The settings of the held results, and of those that are still to be computed, each as a query."""
         held = [one.result for one in self._session.held]
         told = [one.experiment for one in held if not (one.experiment.hidden or one.algorithm)]
-        return [query(one) for one in (*told, *self._waiting)]  # type: ignore[arg-type]
+        return [query(one) for one in (*told, *self._waiting)]
 
     @property
     def query(self) -> str:
@@ -105,6 +105,7 @@ class HeldLinks:
                 continue
             problems += [f"Of a held result: {sentence}" for sentence in wrong[:1]]
             self._waiting.append(experiment)
+        self._shown()
         return problems
 
     def _shown(self) -> None:

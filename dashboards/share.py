@@ -202,7 +202,7 @@ class Share:
     def _carrier(self, filename: str) -> Download:
         """Return what gives the browser a file of this name; it is made for the first one."""
         if self._file is None:
-            self._job = Job()
+            self._job = Job(closeable=True)
             self._file = Download(filename=filename, label="", visible=False)
             self._main.append(pn.Column(self._job.view, self._file, margin=0, stylesheets=[_PLACE]))
         self._file.filename = filename

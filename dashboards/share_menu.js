@@ -45,8 +45,8 @@ export function render({model}) {
   button.setAttribute("aria-label", "Share")
   button.setAttribute("aria-haspopup", "menu")
   button.setAttribute("aria-expanded", "false")
-  const menu = made("div", {className: "menu", popover: "auto", role: "menu"})
-  menu.setAttribute("aria-label", "Share")
+  const menu = made("div", {className: "menu", popover: "auto"})
+  const list = made("div", {role: "menu", ariaLabel: "Share"})
   const note = document.createElement("p")
   const toast = made("div", {className: "toast", role: "status"})
   const dialog = made("dialog", {innerHTML: "<p>The browser does not allow copying. Copy this text:</p>"})
@@ -75,7 +75,7 @@ export function render({model}) {
   const items = new Map()
   for (const [key, label] of model.entries) {
     if (key === "") {
-      menu.append(document.createElement("hr"))
+      list.append(document.createElement("hr"))
       continue
     }
     const item = made("button", {type: "button", role: "menuitem", textContent: label, tabIndex: -1})
@@ -88,9 +88,9 @@ export function render({model}) {
       else wanted = key
     })
     items.set(key, item)
-    menu.append(item)
+    list.append(item)
   }
-  menu.append(note)
+  menu.append(list, note)
 
   const show = () => {
     const {withheld, note: words} = model.told
@@ -119,7 +119,7 @@ export function render({model}) {
   menu.addEventListener("toggle", (event) => { if (event.newState === "open") items.values().next().value.focus() })
   menu.addEventListener("keydown", (event) => {
     const all = [...items.values()]
-    const at = all.indexOf(menu.getRootNode().activeElement)
+    const at = all.indexOf(list.getRootNode().activeElement)
     const next = {ArrowDown: at + 1, ArrowUp: at - 1 + all.length, Home: 0, End: all.length - 1}[event.key]
     if (next === undefined) return
     event.preventDefault()

@@ -8,14 +8,9 @@ from urllib.parse import quote
 
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, new_context, wait_for
+from tests.browser.conftest import DRAWN, new_context, share, wait_for
 
 REFUSED = "navigator.clipboard.writeText = () => Promise.reject(); document.execCommand = () => false"
-
-
-def choose(page: Page, entry: str) -> None:
-    page.get_by_role("button", name="Share", exact=True).click()
-    page.get_by_role("menuitem", name=entry, exact=True).click()
 
 
 def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
@@ -27,9 +22,9 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     page = context.new_page()
     page.goto(f"{address}?mission=los_angeles&navigator.q_scale=0.5&class=none&theme=dark&hold={held}")
     wait_for(page, DRAWN)
-    expect(page.get_by_role("button", name=re.compile("^A · .*R scale 4"))).to_be_visible()
+    expect(page.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
-    choose(page, "Copy link")
+    share(page, "Copy link")
     expect(page.get_by_role("status").filter(has_text="Copied")).to_be_visible()
     link = page.evaluate("navigator.clipboard.readText()")
     assert link.startswith(f"{address}?mission=los_angeles&navigator.q_scale=0.5&")
@@ -37,7 +32,7 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     assert "class" not in link
     assert "theme" not in link
     page.evaluate(REFUSED)
-    choose(page, "Copy as command")
+    share(page, "Copy as command")
     by_hand = page.get_by_role("textbox", name="Text to copy")
     expect(by_hand).to_have_value("ins-lab run los_angeles --set navigator.q_scale=0.5")
     page.get_by_role("button", name="Close", exact=True).last.click()
@@ -49,4 +44,4 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     expect(page.get_by_role("menu", name="Share")).to_be_hidden()
     context.close()
     again = open_page(f"?{link.partition('?')[2]}")
-    expect(again.get_by_role("button", name=re.compile("^A · .*R scale 4"))).to_be_visible()
+    expect(again.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()

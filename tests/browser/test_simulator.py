@@ -12,7 +12,18 @@ import netCDF4
 import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import CURVE, DATA, IDLE, PATIENCE, RANGE_END, remember, reset, wait_for, watched
+from tests.browser.conftest import (
+    CURVE,
+    DATA,
+    IDLE,
+    PATIENCE,
+    RANGE_END,
+    remember,
+    reset,
+    share,
+    wait_for,
+    watched,
+)
 from tests.browser.test_page_walk import FIRST, TITLES
 
 pytestmark = pytest.mark.browser
@@ -148,7 +159,7 @@ def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -
     expect(noise(page)[1]).to_have_value("0.2")
     expect(page.get_by_role("alert")).to_have_count(0)
     with page.expect_download() as download:
-        page.get_by_text("Settings", exact=True).click()
+        share(page, "Settings file")
     assert "noise_density" in download.value.path().read_text(encoding="utf-8")
     assert download.value.suggested_filename == "los_angeles_1.toml"
     reset(page)
@@ -305,12 +316,6 @@ def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     assert page.evaluate(f"{shaded}.end[0]") == pytest.approx(end, abs=0.06)
     wait_for(page, f"{RANGE_END} > 200")
     expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
-
-
-def share(page: Page, entry: str) -> None:
-    """Press Share, and an entry of its menu: two clicks from any page."""
-    page.get_by_role("button", name="Share", exact=True).click()
-    page.get_by_role("menuitem", name=entry, exact=True).click()
 
 
 @pytest.mark.proof

@@ -12,6 +12,7 @@ from panel.io.state import set_curdoc
 from walking import Walk, walking
 
 from dashboards.address import LONGEST
+from dashboards.computing import Outcome
 from dashboards.exchange import experiment_of
 from dashboards.session import MOST_HELD, Held
 from dashboards.share import LACKS
@@ -140,6 +141,20 @@ def test_what_does_not_fit_into_a_link_is_in_the_settings_file(walk: Walk) -> No
     with pytest.MonkeyPatch.context() as patch, walking(patch) as other:
         assert other.page._address.held.take_file(content) == []
         assert other.page._address.held.texts == walk.page._address.held.texts
+
+
+def test_a_settings_file_brings_its_held_results(walk: Walk) -> None:
+    assert walk.run(small()).problem == ""
+    content = f"# held: {SMALL}&seed=2\n# held: mission=nowhere\n{small(r_scale=4.0).to_toml()}".encode()
+    with set_curdoc(walk._document):
+        walk.page._add_files()
+        files = walk.page._files
+        assert files is not None
+        files._read(content, Outcome(experiment_of(content)))
+    assert walk.page.session.experiment.navigator.r_scale == 4.0
+    assert "'nowhere', which is not here" in walk.page.session.problem
+    finish(walk)
+    assert [one.result.experiment.seed for one in walk.page.session.held] == [2]
 
 
 def _held(experiment: Experiment) -> Held:
