@@ -35,7 +35,7 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     share(page, "Copy as command")
     by_hand = page.get_by_role("textbox", name="Text to copy")
     expect(by_hand).to_have_value("ins-lab run los_angeles --set navigator.q_scale=0.5")
-    page.get_by_role("button", name="Close", exact=True).last.click()
+    page.get_by_role("dialog").get_by_role("button", name="Close", exact=True).click()
     expect(by_hand).to_be_hidden()
     page.get_by_role("button", name="Share", exact=True).press("Enter")
     page.keyboard.press("ArrowUp")
