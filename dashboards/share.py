@@ -18,7 +18,6 @@ from panel.custom import JSComponent
 
 from dashboards.address import Address
 from dashboards.exchange import (
-    Download,
     gpx_file,
     json_file,
     kml_file,
@@ -110,6 +109,10 @@ class ShareMenu(JSComponent):
         super().__init__(**params)  # type: ignore[no-untyped-call]
         self.param.watch(lambda event: act(str(event.new.get("what", ""))), "asked")
 
+    def give(self, name: str, content: bytes) -> None:
+        """Give the browser a file; nothing of it is kept."""
+        self._send_msg([name, content])
+
 
 class Share:
     """The menu of what is passed on of a session.
@@ -140,7 +143,6 @@ class Share:
     ) -> None:
         self._session, self._address, self._main, self._seen = session, address, main, seen
         self._job: Job | None = None
-        self._file: Download | None = None
         self.view = ShareMenu(self._act, margin=(6, 0), height=36)
 
     def close(self) -> None:
@@ -153,9 +155,8 @@ class Share:
             self._tell()
         elif what == "settings":
             experiment = self._session.experiment
-            self._carrier(self._name(experiment, "toml")).give(
-                f"{self._address.held.lines}{experiment.to_toml()}".encode()
-            )
+            content = f"{self._address.held.lines}{experiment.to_toml()}"
+            self.view.give(self._name(experiment, "toml"), content.encode())
         elif what == "seen":
             self._begin("csv", partial(seen_csv, *self._seen()))
         elif what in FILES:
@@ -184,8 +185,10 @@ class Share:
         result = self._session.result
         if result is None or (self._job is not None and self._job.busy):
             return
+        if self._job is None:
+            self._job = Job(closeable=True)
+            self._main.append(pn.Column(self._job.view, margin=0, stylesheets=[_PLACE]))
         name = self._name(result.experiment, ending)
-        file = self._carrier(name)
 
         def work(progress: Progress) -> bytes:
             try:
@@ -196,17 +199,7 @@ class Share:
                     f"The server could not write the file. The system says: {reason}."
                 ) from error
 
-        assert self._job is not None
-        self._job.start(f"Writing {name}", work, file.give)
-
-    def _carrier(self, filename: str) -> Download:
-        """Return what gives the browser a file of this name; it is made for the first one."""
-        if self._file is None:
-            self._job = Job(closeable=True)
-            self._file = Download(filename=filename, label="", visible=False)
-            self._main.append(pn.Column(self._job.view, self._file, margin=0, stylesheets=[_PLACE]))
-        self._file.filename = filename
-        return self._file
+        self._job.start(f"Writing {name}", work, partial(self.view.give, name))
 
     def _name(self, experiment: Any, ending: str) -> str:
         seed = "" if experiment.hidden else f"_{experiment.seed}"

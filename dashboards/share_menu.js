@@ -5,6 +5,7 @@ const ICON = "M18 16.08c-.76 0-1.44.3-1.96.77L8.91 12.7c.05-.23.09-.46.09-.7s-.0
   + " 1.66 0 3-1.34 3-3s-1.34-3-3-3-3 1.34-3 3c0 .24.04.47.09.7L8.04 9.81C7.5 9.31 6.79 9 6 9c-1.66 0-3 1.34-3 3s1.34 3 3 3"
   + "c.79 0 1.5-.31 2.04-.81l7.12 4.16c-.05.21-.08.43-.08.65 0 1.61 1.31 2.92 2.92 2.92s2.92-1.31 2.92-2.92-1.31-2.92-2.92-2.92z"
 const TOAST = 2500  // how long it is said that something was copied [ms]
+const KEPT = 60_000  // how long a file is kept for a browser that asks where to save it [ms]
 
 function made(tag, properties) {
   return Object.assign(document.createElement(tag), properties)
@@ -29,6 +30,12 @@ async function copy(text) {
   } catch {
     return copySelected(text)
   }
+}
+
+function save(name, content) {
+  const link = made("a", {download: name, href: URL.createObjectURL(new Blob([content]))})
+  link.click()
+  setTimeout(() => URL.revokeObjectURL(link.href), KEPT)
 }
 
 export function render({model}) {
@@ -104,6 +111,7 @@ export function render({model}) {
     wanted = ""
   }
   model.on("told", show)
+  model.on("msg:custom", ([name, content]) => save(name, content))
 
   button.addEventListener("click", () => menu.togglePopover())
   menu.addEventListener("beforetoggle", (event) => {

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import threading
-from base64 import b64decode
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,13 +17,14 @@ import pytest
 from panel.io.state import set_curdoc
 
 from dashboards import share
-from dashboards.share import Kind, command_of, python_of
+from dashboards.share import Kind, ShareMenu, command_of, python_of
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.experiment.experiment import Experiment
 from tests.dashboards.walking import Walk, walking
 from tests.views.export.test_full_disk import files_up_to
 
+Given = list[tuple[str, bytes]]
 PATIENCE = 240
 """Longest time that a process may take [s], with kernels to be compiled."""
 
@@ -51,28 +51,33 @@ def told(walk: Walk) -> dict[str, dict[str, str]]:
     return walk.page._share.view.told
 
 
-def given(walk: Walk, what: str) -> bytes:
+@pytest.fixture(autouse=True)
+def files(monkeypatch: pytest.MonkeyPatch) -> Given:
+    """Return the files that browsers get, with their names."""
+    found: Given = []
+    monkeypatch.setattr(ShareMenu, "give", lambda _self, name, content: found.append((name, content)))
+    return found
+
+
+def given(walk: Walk, what: str, files: Given) -> bytes:
     """Return what a browser gets for a click."""
-    shared = walk.page._share
-    before = 0 if shared._file is None else shared._file._transfers
+    files.clear()
     ask(walk, what)
     wait(walk)
-    assert shared._file is not None
-    assert shared._file._transfers == before + 1
-    return b64decode(shared._file.data.partition(",")[2])
+    ((_, content),) = files
+    return content
 
 
 def wait(walk: Walk) -> None:
     job, ended = walk.page._share._job, threading.Event()
-    assert job is not None
-    while job.busy:
+    while job is not None and job.busy:
         ended.wait(0.01)
     walk.settle()
 
 
 def test_nothing_is_sent_until_the_menu_is_opened(walk: Walk) -> None:
     assert walk.page._share.view.told["texts"] == {}
-    assert walk.page._share._file is None
+    assert walk.page._share._job is None
 
 
 @pytest.mark.skipif(shutil.which("sh") is None, reason="this system has no shell that reads such a line")
@@ -109,7 +114,7 @@ def test_a_command_is_quoted_for_a_shell(mission: str) -> None:
 
 
 def test_impatient_clicks_write_one_file_whose_progress_shows_at_once(
-    walk: Walk, monkeypatch: pytest.MonkeyPatch
+    walk: Walk, monkeypatch: pytest.MonkeyPatch, files: Given
 ) -> None:
     may_end, begun = threading.Event(), []
 
@@ -128,17 +133,17 @@ def test_impatient_clicks_write_one_file_whose_progress_shows_at_once(
     may_end.set()
     wait(walk)
     assert len(begun) == 1
-    assert shared._file is not None
-    assert shared._file.filename.startswith("los_angeles_")
+    ((name, content),) = files
+    assert (name.partition("_")[0], content) == ("los", b"PK")
     assert not shared._job._row.visible
 
 
-def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk) -> None:
+def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk, files: Given) -> None:
     walk.open("Errors")
     walk.page.axis.range.update(start=20.0, end=30.0)
     result = walk.page.session.result
     assert result is not None
-    content = given(walk, "seen")
+    content = given(walk, "seen", files)
     assert len(content) < 200_000
     read = pd.read_csv(io.BytesIO(content), index_col=0)
     assert (read.index[0], read.index[-1], len(read)) == (20.0, 30.0, 501)
@@ -146,7 +151,7 @@ def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk) -> None:
     np.testing.assert_allclose(read["errors position east [m]"], errors.position.values[:, 0], rtol=1e-11)
     assert len([name for name in read if name.startswith("sigma ")]) == 9
     walk.open("Innovations")
-    read = pd.read_csv(io.BytesIO(given(walk, "seen")), index_col=0)
+    read = pd.read_csv(io.BytesIO(given(walk, "seen", files)), index_col=0)
     assert read.index.name == "time_gps [s]"
     assert 10 <= len(read) <= 11
     walk.page.axis.whole()
@@ -156,34 +161,32 @@ def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk) -> None:
 @pytest.mark.parametrize(
     ("what", "reason"), [("netcdf", "netCDF library could not write"), ("data", "File too large")]
 )
-def test_a_full_disk_is_told_and_hands_nothing_over(walk: Walk, what: str, reason: str) -> None:
-    assert given(walk, what)
+def test_a_full_disk_is_told_and_hands_nothing_over(walk: Walk, what: str, reason: str, files: Given) -> None:
+    assert given(walk, what, files)
     shared = walk.page._share
     assert shared._job is not None
-    assert shared._file is not None
-    before = shared._file._transfers
     with files_up_to(10_000):
         ask(walk, what)
         wait(walk)
     assert "The server could not write the file" in shared._job._after.text
     assert reason in shared._job._after.text
-    assert shared._file._transfers == before
-    assert given(walk, what)
+    assert len(files) == 1
+    assert given(walk, what, files)
 
 
-def test_a_report_has_the_verdict_and_no_address_of_another_file(walk: Walk) -> None:
+def test_a_report_has_the_verdict_and_no_address_of_another_file(walk: Walk, files: Given) -> None:
     """Panel's extensions are loaded here; a report must not refer to their files."""
-    html = given(walk, "report").decode()
+    html = given(walk, "report", files).decode()
     result = walk.page.session.result
     assert result is not None
     assert result.verdict.headline.split(".")[0] in html
     assert "static/extensions" not in html
 
 
-def test_the_json_is_that_of_python(walk: Walk) -> None:
+def test_the_json_is_that_of_python(walk: Walk, files: Given) -> None:
     result = walk.page.session.result
     assert result is not None
-    assert given(walk, "json").decode() == result.to_json()
+    assert given(walk, "json", files).decode() == result.to_json()
 
 
 def test_without_a_result_only_what_needs_none_is_offered() -> None:
@@ -196,7 +199,9 @@ def test_without_a_result_only_what_needs_none_is_offered() -> None:
         assert opened.page._share._job is None
 
 
-def test_of_a_run_that_hides_something_nothing_repeats_it_and_no_seed_is_told() -> None:
+def test_of_a_run_that_hides_something_nothing_repeats_it_and_no_seed_is_told(
+    files: Given,
+) -> None:
     with pytest.MonkeyPatch.context() as patch, walking(patch) as opened:
         made = FaultyExperiment(FAULTS["latency"])
         made.update({"mission": "los_angeles", "seed": 4711, "navigator.q_scale": 0.5})
@@ -207,8 +212,6 @@ def test_of_a_run_that_hides_something_nothing_repeats_it_and_no_seed_is_told() 
         assert {"command", "python"} <= set(found["withheld"])
         assert found["texts"] == {"link": "?mission=los_angeles&navigator.q_scale=0.5"}
         assert "4711" in opened.sent()["search"]  # it is the address of one's own page
-        settings = given(opened, "settings").decode()
+        settings = given(opened, "settings", files).decode()
         assert "seed" not in settings.partition("\n")[2]
-        file = opened.page._share._file
-        assert file is not None
-        assert file.filename == "los_angeles.toml"
+        assert files[0][0] == "los_angeles.toml"

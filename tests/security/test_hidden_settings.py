@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from panel.io.state import set_curdoc
 
-from dashboards.share import FILES
+from dashboards.share import FILES, ShareMenu
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.classroom.homework.hidden_experiment import HiddenExperiment
@@ -71,7 +71,9 @@ def read(content: bytes) -> bytes:
         return b"\n".join(name.encode() + archive.read(name) for name in archive.namelist())
 
 
-def test_no_output_has_what_is_hidden_or_the_seed(walk: Walk) -> None:
+def test_no_output_has_what_is_hidden_or_the_seed(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = dict[str, bytes]()
+    monkeypatch.setattr(ShareMenu, "give", lambda _self, name, content: given.update({name: content}))
     page = walk.page
     result = page.session.result
     assert result is not None
@@ -80,11 +82,10 @@ def test_no_output_has_what_is_hidden_or_the_seed(walk: Walk) -> None:
         page._holding.hold()
         page._share._act("settings")
         page._share._act("open")
-    file = page._share._file
-    assert file is not None
+    ((name, settings),) = given.items()
     outputs |= {
-        "names": page._share._name(result.experiment, "nc").encode() + file.filename.encode(),
-        "settings": f"{page._address.held.lines}{page.session.experiment.to_toml()}".encode(),
+        "names": page._share._name(result.experiment, "nc").encode() + name.encode(),
+        "settings": settings,
         "menu": json.dumps(page._share.view.told).encode(),
         "held": page._address.held.query.encode(),
         "run --json": json.dumps(json_facts(result, ("budget",), None, out=None)).encode(),  # type: ignore[arg-type]
