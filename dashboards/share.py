@@ -43,8 +43,8 @@ _STYLE = Path(__file__).with_name("share_menu.css")
 _PLACE = """
 :host { position: fixed !important; right: 12px; bottom: 72px; z-index: 1300;
         width: min(440px, 92vw) !important;
-        background: color-mix(in srgb, var(--mui-palette-background-paper, #ffffff) 90%,
-                              var(--mui-palette-text-primary, #000000)); border-radius: 6px;
+        background: color-mix(in srgb, var(--mui-palette-background-paper, #ffffff) 92%, #808080);
+        border-radius: 6px;
         filter: drop-shadow(0 2px 8px rgba(0, 0, 0, .45)); }
 """
 """The progress of a file, over the page: nothing is moved by it."""
