@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from bokeh.events import DocumentReady
 from panel.custom import JSComponent
 
 from dashboards.classroom import shelf
+from dashboards.held_links import HeldLinks
 from dashboards.history import History, State
 from dashboards.query import (
     HOMEWORK,
@@ -42,6 +43,8 @@ the time, as with a slider [ms]."""
 AT_ONCE, OF_LATE = 8, 10.0
 """Most updates within a time [s] before they become rare: more changes are those of a slider, and a browser
 accepts a hundred entries in its history in 30 s."""
+LONGEST = 8192
+"""Longest query with held results [characters]: servers and mail programs cut longer addresses."""
 OF_A_CLASS = Glide("class", 0)
 """All that a page takes over from a class is one change."""
 
@@ -54,6 +57,10 @@ button:hover { background: rgba(255, 255, 255, .12); }
 button:focus-visible { outline: 2px solid #ffffff; outline-offset: -2px; }
 button:disabled { opacity: .4; background: none; cursor: default; }
 svg { display: block; width: 24px; height: 24px; fill: currentColor; }
+@media (max-width: 480px) {
+  :host { width: 60px !important; flex-basis: 60px !important; }
+  button { width: 30px; padding: 6px 3px; }
+}
 """
 
 
@@ -125,6 +132,8 @@ class Address:
     ----------
     bar : HistoryBar
         The buttons Undo and Redo, to place on the page.
+    held : HeldLinks
+        The held results in the address.
     search : str
         The query in the address, with its question mark; empty without one.
     """
@@ -136,6 +145,7 @@ class Address:
         self._location = pn.state.location
         self.search = str(self._location.search) if self._location is not None else ""
         self.bar = HistoryBar(self._act, margin=(6, 0), width=76, height=36)
+        self.held = HeldLinks(session, document)
         self._history = History(self._state())
         self._waits = False  # for the next update
         self._walking = False
@@ -145,7 +155,7 @@ class Address:
         self._code, self._keeps_settings = "", True
         self._theme = ""
         session.record = self._record
-        session.param.watch(lambda _event: self.update(), ["result", "runs"])
+        session.param.watch(lambda _event: self.update(), ["result", "runs", "held"])
         # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self.update())
 
@@ -176,7 +186,7 @@ class Address:
         self._theme = theme[1] if theme else ""
         name, rest = homework_of_query(self.query)
         trial, problems = experiment_of_query(rest)
-        problems += view_of_query(rest, self._shown.tabs)[1]
+        problems += view_of_query(rest, self._shown.tabs)[1] + self.held.take_link(rest, LONGEST)
         if name:
             self._session.homework = shelf().find(name)
             if self._session.homework is None:
@@ -278,15 +288,44 @@ class Address:
 
     def _search(self, state: State) -> str:
         """Return the query of a state in an address, with its question mark."""
-        view = query_of_view(self._shown.view()._replace(tab=state.tab))
+        others = {FIELD: self._code, HOMEWORK: self._homework(state), THEME: self._theme}
+        if not self._keeps_settings:
+            return _joined(_named(others))
+        return self._with_held(_named(others), state.settings, self._view(state))
+
+    @property
+    def link(self) -> str:
+        """The query of a link for others: without class and theme, and without the seed of what is hidden."""
+        state = self._history.present
+        parts = state.settings.split("&")
+        if state.hidden:
+            parts = [part for part in parts if not part.startswith("seed=")]
+        return self._with_held(_named({HOMEWORK: self._homework(state)}), *parts, self._view(state))
+
+    @property
+    def lacks_held(self) -> bool:
+        """Whether the held results do not fit into the address."""
+        held = self.held.query
+        return bool(held) and held not in self.link
+
+    def _homework(self, state: State) -> str:
         homework = self._session.homework
         is_on = homework is not None and state.hidden == homework.scenario.key
-        others = {
-            FIELD: self._code,
-            HOMEWORK: homework.name if homework is not None and is_on else "",
-            THEME: self._theme,
-        }
-        named = urlencode({name: value for name, value in others.items() if value})
-        parts = (named, state.settings, view) if self._keeps_settings else (named,)
-        text = "&".join(part for part in parts if part)
-        return f"?{text}" if text else ""
+        return homework.name if homework is not None and is_on else ""
+
+    def _view(self, state: State) -> str:
+        return query_of_view(self._shown.view()._replace(tab=state.tab))
+
+    def _with_held(self, *parts: str) -> str:
+        """Join parts of a query; the held results are in it if there is room for all of them."""
+        whole = _joined(*parts, self.held.query)
+        return whole if len(whole) <= LONGEST else _joined(*parts)
+
+
+def _named(others: Mapping[str, str]) -> str:
+    return urlencode({name: value for name, value in others.items() if value})
+
+
+def _joined(*parts: str) -> str:
+    text = "&".join(part for part in parts if part)
+    return f"?{text}" if text else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,9 @@ import panel_material_ui as pmui
 from bokeh.document import Document
 
 from dashboards.computing import LatestWins, Outcome, attempt
-from dashboards.pages.missions.job import Job
+from dashboards.held_links import HeldLinks
 from dashboards.sending import soon
 from dashboards.session import Session
-from dashboards.titled import Card
 from dashboards.upload import Upload
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml
@@ -48,36 +47,29 @@ class Download(pmui.FileDownload):
 
 
 class Files:
-    """Buttons for files: results as report, netCDF, csv, KML and GPX, settings as TOML, and from TOML.
+    """A button that takes settings from a file, with the held results that it has.
 
     Parameters
     ----------
     session
-        Session whose result and settings are written.
-    seen
-        Returns the datasets that the visible page shows, and the visible stretch of time [s].
+        Session that takes them.
+    held
+        Its held results as settings.
     """
 
-    def __init__(
-        self, session: Session, seen: Callable[[], tuple[Sequence[str], tuple[float, float]]]
-    ) -> None:
-        self._session = session
-        self._job = Job()
-        common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
-        self._seen: Download = Download(
-            callback=lambda: self._begin(self._seen, partial(seen_csv, *seen())),
-            filename="result.csv",
-            label="csv as seen",
-            **common,
-        )
-        self._report = self._download("Report", "report.html", report_file, common)
-        self._netcdf = self._download("netCDF", "result.nc", netcdf, common)
-        self._csv = self._download("csv of all", "result.zip", zipped_csv, common)
-        self._kml = self._download("KML", "result.kml", kml_file, common)
-        self._gpx = self._download("GPX", "result.gpx", gpx_file, common)
-        self._toml = Download(callback=self._to_toml, filename="settings.toml", label="Settings", **common)
+    def __init__(self, session: Session, held: HeldLinks) -> None:
+        self._session, self._held = session, held
         self._upload = Upload(
-            self._uploaded, self._refused, most=1, largest=MAX_BYTES, accept=".toml", label="Load", **common
+            self._uploaded,
+            self._refused,
+            most=1,
+            largest=MAX_BYTES,
+            accept=".toml",
+            label="Load settings",
+            size="small",
+            variant="outlined",
+            sizing_mode="stretch_width",
+            margin=(4, 14, 24, 14),
         )
         document = pn.state.curdoc
         assert document is not None
@@ -85,70 +77,10 @@ class Files:
             lambda content, _progress: attempt(lambda: experiment_of(content)),
             partial(self._arrive, document),
         )
-        card = Card(
-            self._job.view,
-            pn.Row(self._report, self._seen, margin=0, sizing_mode="stretch_width"),
-            pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
-            pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
-            pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
-            title="Files",
-            title_variant="subtitle2",
-            margin=(0, 14, 24, 14),
-            variant="outlined",
-            sizing_mode="stretch_width",
-        )
-        self.view = card
-        session.param.watch(lambda event: self._rename(event.new), "result")
-        self._rename(session.result)
-
-    def _rename(self, result: Result | None) -> None:
-        if result is None:
-            return
-        name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
-        for widget, filename in (
-            (self._report, f"{name}.html"),
-            (self._seen, f"{name}.csv"),
-            (self._netcdf, f"{name}.nc"),
-            (self._csv, f"{name}.zip"),
-            (self._kml, f"{name}.kml"),
-            (self._gpx, f"{name}.gpx"),
-            (self._toml, f"{name}.toml"),
-        ):
-            if widget.filename != filename:
-                widget.filename = filename
-
-    def _download(
-        self, label: str, filename: str, write: Callable[[Result, Progress], bytes], common: dict[str, Any]
-    ) -> Download:
-        """Return a button for a file of the result, which takes a while to write."""
-        made: Download = Download(
-            callback=lambda: self._begin(made, write), filename=filename, label=label, **common
-        )
-        return made
-
-    def _begin(self, button: Download, write: Callable[[Result, Progress], bytes]) -> None:
-        """Write a file of the result, unless one is being written: people click again when they wait."""
-        result = self._session.result
-        if result is None or self._job.busy:
-            return
-
-        def work(progress: Progress) -> bytes:
-            try:
-                return write(result, progress)
-            except OSError as error:
-                reason = error.strerror or str(error)
-                raise ValueError(
-                    f"The server could not write the file. The system says: {reason}."
-                ) from error
-
-        self._job.start(f"Writing {button.filename}", work, button.give)
-
-    def _to_toml(self) -> io.BytesIO:
-        return io.BytesIO(self._session.experiment.to_toml().encode())
+        self.view = self._upload
 
     def close(self) -> None:
         """Delete the uploaded files, and read no more."""
-        self._job.close()
         self._reading.close()
         self._upload.delete()
 
@@ -160,17 +92,19 @@ class Files:
         # The content is read now, because the next upload deletes the file.
         self._reading.submit(paths[0].read_bytes())
 
-    def _arrive(self, document: Document, _content: bytes, outcome: Outcome) -> None:
-        soon(document, partial(self._read, outcome))
+    def _arrive(self, document: Document, content: bytes, outcome: Outcome) -> None:
+        soon(document, partial(self._read, content, outcome))
 
-    def _read(self, outcome: Outcome) -> None:
+    def _read(self, content: bytes, outcome: Outcome) -> None:
         if outcome.problem:
             self._session.problem = outcome.problem
             return
+        problems = self._held.take_file(content.decode("utf-8-sig"))
         try:
             self._session.accept(outcome.result, called="Settings file")
         except SettingError as error:
-            self._session.problem = str(error)
+            problems.append(str(error))
+        self._session.problem = "\n\n".join(problems)
 
 
 def experiment_of(content: bytes) -> Experiment:
@@ -205,6 +139,12 @@ def report_file(result: Result, progress: Progress) -> bytes:
 
     progress("Trying the advice of the verdict", 0.0)
     return report_html(result).encode()
+
+
+def json_file(result: Result, progress: Progress) -> bytes:
+    """Return a result as JSON."""
+    progress("Trying the advice of the verdict", 0.0)
+    return result.to_json().encode()
 
 
 def kml_file(result: Result, _progress: Progress) -> bytes:

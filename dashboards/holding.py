@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.address import HistoryBar
 from dashboards.mission_titles import mission_titles
 from dashboards.query import query
 from dashboards.session import MOST_HELD, Held, Session
@@ -17,6 +16,9 @@ from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.missions import missions
 from lab.views.quantities import HELD as COLOURS
+
+if TYPE_CHECKING:
+    from dashboards.address import HistoryBar
 
 LETTERS = "ABCD"
 AS_DELIVERED = "default settings"

@@ -35,6 +35,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
+from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
 from dashboards.style import DRESS, FRAME, STAGE, THEME, TOOLTIP
 from dashboards.teaching.class_bar import ClassBar
@@ -144,6 +145,9 @@ class SimulatorPage:
             },
         )
         self._main.append(self._shortcuts.list)
+        self._share = Share(
+            self.session, self._address, self._main, lambda: (self._page.seen, self.axis.window)
+        )
         self._listen()
 
     def _listen(self) -> None:
@@ -288,6 +292,7 @@ class SimulatorPage:
                 self._progress.view,
                 self._address.bar,
                 self._holding.button,
+                self._share.view,
                 self._dock.button,
                 self._shortcuts.button,
             ],
@@ -330,7 +335,7 @@ class SimulatorPage:
         self._sidebar.append(self._settings.view)
 
     def _add_files(self) -> None:
-        self._files = Files(self.session, lambda: (self._page.seen, self.axis.window))
+        self._files = Files(self.session, self._address.held)
         self._sidebar.append(self._files.view)
 
     def close(self) -> None:
@@ -339,6 +344,8 @@ class SimulatorPage:
         self._time_bar.stop()
         self._class.close()
         self._chip.close()
+        self._share.close()
+        self._address.held.close()
         self.session.close()
         if self._files is not None:
             self._files.close()

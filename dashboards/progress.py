@@ -12,6 +12,7 @@ from dashboards.session import Session
 _SHORT = """
 :host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; }
 div { overflow: hidden; text-overflow: ellipsis; }
+@media (max-width: 480px) { :host { margin: 0 !important; } }
 """
 """On a phone the text ends with dots: it must not push the switch of the theme out of the header."""
 

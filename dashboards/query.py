@@ -27,6 +27,9 @@ time."""
 HOMEWORK = "homework"
 """What names a homework of the server in an address."""
 
+HELD = "hold"
+"""What names the settings of a held result in an address; there is one for each."""
+
 THEME = "theme"
 """What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
@@ -74,7 +77,7 @@ def homework_of_query(query: str) -> tuple[str, str]:
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
     """Return the experiment of an address query, and messages about settings that were not accepted.
 
-    The code of a class, the theme and the parts of a view are no settings.
+    The code of a class, the theme, held results and the parts of a view are no settings.
     """
     trial, problems = Experiment(), list[str]()
     try:
@@ -83,7 +86,7 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
-        if path in (FIELD, THEME, *View._fields):
+        if path in (FIELD, THEME, HELD, *View._fields):
             continue
         try:
             trial.set_text(path, text)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from lab.base.blas_threads import OneBlasThread
 from lab.base.collection_pause import collection_pause
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
+from lab.base.plain_data import plain
 from lab.cli.terminal import (
     ProgressLine,
     drop_output,
@@ -171,14 +171,3 @@ def working(task: str) -> Iterator[ProgressLine]:
 def print_json(data: Any) -> None:
     """Print data as JSON, which any encoding can write."""
     print(json.dumps(plain(data), indent=2, allow_nan=False))
-
-
-def plain(data: Any) -> Any:
-    """Return data in a form for JSON, which has no NaN, infinity or NumPy numbers."""
-    if isinstance(data, Mapping):
-        return {str(key): plain(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [plain(value) for value in data]
-    if hasattr(data, "tolist"):
-        return plain(data.tolist())
-    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -44,8 +44,10 @@ def error_budget(
         dataset = result.budget
     there = dataset.isel(time=-1) if at is None else dataset.sel(time=at, method="nearest")
     if as_json:
+        from lab.experiment.json_form import budget_of  # noqa: PLC0415 - help does not need it
+
         remarks = list(result.remarks)
-        print_json({"mission": chosen.mission, "seed": chosen.seed, "remarks": remarks, **_facts(there)})
+        print_json({"mission": chosen.mission, "seed": chosen.seed, "remarks": remarks, **budget_of(there)})
     else:
         note = chosen.sensors.card_remark()
         print("\n\n".join((_budget(there), *((note,) if note else ()))))
@@ -83,23 +85,3 @@ def _budget(there: xr.Dataset) -> str:
     text = table(("source", *header), rows, right=set(range(1, 7)))
     left_out = there.attrs["left_out"]
     return f"{text}\n\nNot in the budget: {left_out}" if left_out else text
-
-
-def _facts(there: xr.Dataset) -> dict[str, Any]:
-    """Return a budget at one time as plain data, each quantity separately."""
-    quantities = []
-    for quantity in there.quantity.values:
-        column = there.sel(quantity=quantity)
-        sources = zip(column.source.values, column.sigma.values, column.share.values, strict=True)
-        quantities.append(
-            {
-                "quantity": quantity,
-                "unit": column.unit.item(),
-                "total": column.total.item(),
-                "believed": column.believed.item(),
-                "sources": [
-                    {"source": source, "sigma": sigma, "percent": share} for source, sigma, share in sources
-                ],
-            }
-        )
-    return {"time_s": there.time.item(), "quantities": quantities, "left_out": there.attrs["left_out"]}

@@ -124,7 +124,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Navigate the flight of a homework with your settings; show the errors and the verdict."""
-    from lab.cli.run import facts, report, write_result  # noqa: PLC0415 - slow
+    from lab.cli.run import json_facts, report, write_result  # noqa: PLC0415 - slow
 
     check_out(out, force, ".nc", "a netCDF file", "--out")
     chosen = _experiment(_open(file), config, assignments)
@@ -134,9 +134,11 @@ def run(
         result = chosen.run(progress)
         if out is not None:
             write_result(result, out, force)
+        if as_json:
+            found = json_facts(result, (), progress, out=out, export=None)
         verdict = result.tried_verdict
     if as_json:
-        print_json(facts(result, out, None))
+        print_json(found)
     else:
         print(report(result, verdict))
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -59,7 +58,9 @@ def identify(
         if settings is not None:
             _write(settings, chosen.copy().update(found.settings()).to_toml())
     if as_json:
-        print_json(_facts(found))
+        from lab.experiment.json_form import identification_of  # noqa: PLC0415 - help does not need it
+
+        print_json(identification_of(found))
     else:
         print(_text(found))
 
@@ -98,15 +99,3 @@ def _text(found: Identification) -> str:
     if found.remarks:
         parts.append("\n".join(f"- {remark}" for remark in found.remarks))
     return "\n\n".join(parts)
-
-
-def _facts(found: Identification) -> dict[str, Any]:
-    facts = {one.name: getattr(found, one.name) for one in fields(found) if one.name != "changes_of"}
-    return {
-        **facts,
-        "rows": [row._asdict() for row in found.rows],
-        "before": found.before._asdict(),
-        "after": found.after._asdict(),
-        "recommended": found.recommended,
-        "remarks": list(found.remarks),
-    }

@@ -14,7 +14,8 @@ import typer
 
 from lab.base.parameters.counted import counted
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.app import CommandError, Commands, plain, print_json, working
+from lab.base.plain_data import plain
+from lab.cli.app import CommandError, Commands, print_json, working
 from lab.cli.interrupt import interrupted
 from lab.cli.options import AsJson, Assignments, Card, Config, experiment
 from lab.cli.raw_file import RawFile

@@ -76,7 +76,35 @@ AlgorithmFiles = Annotated[
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace existing files.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table; > FILE.json keeps it.")]
+Further = Annotated[
+    str | None,
+    typer.Option(
+        "--with",
+        metavar="PART,...",
+        help="What the JSON has besides, and takes longer: budget, identification.",
+        show_default=False,
+    ),
+]
+PARTS = ("budget", "identification")
+"""What `--with` takes."""
+
+
+def further_parts(text: str | None, as_json: bool) -> list[str]:
+    """Return the parts that --with names.
+
+    Raises
+    ------
+    CommandError
+        If there is no such part, or no JSON for it.
+    """
+    names = [] if text is None else [name.strip() for name in text.split(",")]
+    wrong = [name for name in names if name not in PARTS]
+    if wrong:
+        raise CommandError(f"--with {wrong[0][:60]}: accepted are {' and '.join(PARTS)}")
+    if names and not as_json:
+        raise CommandError("--with: needs --json; `ins-lab budget` and `ins-lab identify` print tables")
+    return names
 
 
 def experiment(
@@ -166,7 +194,8 @@ def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str
     if out is None:
         return
     if out.suffix.lower() != ending:
-        raise CommandError(f"{option} {out}: accepted is the name of {kind}, ending in {ending}")
+        json = "; --json prints JSON, and > FILE.json keeps it" if out.suffix.lower() == ".json" else ""
+        raise CommandError(f"{option} {out}: accepted is the name of {kind}, ending in {ending}{json}")
     if out.is_dir() or (out.exists() and not force):
         raise CommandError(f"{option} {out}: exists already; name another file, or replace it with --force")
     if not out.parent.is_dir():

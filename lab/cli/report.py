@@ -7,26 +7,30 @@ from typing import Annotated
 
 import typer
 
-from lab.cli.app import CommandError, working
+from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import (
     AlgorithmFile,
+    AsJson,
     Assignments,
     Assumed,
     Card,
     Config,
     Force,
+    Further,
     Mission,
     Seed,
     algorithms,
     check_out,
     experiment,
+    further_parts,
 )
 
 EXAMPLES = """\b
 Examples:
   ins-lab report montreal --to montreal.html
   ins-lab report montreal --set navigator.q_scale=0.1 --to wrong_q.html
-  ins-lab report my_drive --to my_drive.html"""
+  ins-lab report my_drive --to my_drive.html
+  ins-lab report montreal --to montreal.html --json > montreal.json"""
 
 
 def report(
@@ -39,8 +43,13 @@ def report(
     seed: Seed = None,
     own: AlgorithmFile = None,
     force: Force = False,
+    as_json: AsJson = False,
+    further: Further = None,
 ) -> None:
     """Write a run as one HTML file: verdict, plots, tables, and what repeats it."""
+    from lab.cli.run import json_facts  # noqa: PLC0415 - help does not need it
+
+    more = further_parts(further, as_json)
     check_out(to, force, ".html", "an HTML file", "--to")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
@@ -50,4 +59,9 @@ def report(
             result.report(to, overwrite=force)
         except OSError as error:
             raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
-    print(to)
+        if as_json:
+            found = json_facts(result, more, progress, report=to)
+    if as_json:
+        print_json(found)
+    else:
+        print(to)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,19 +18,19 @@ from lab.cli.options import (
     Card,
     Config,
     Force,
+    Further,
     Mission,
     Seed,
     algorithms,
     check_out,
     experiment,
+    further_parts,
 )
-from lab.cli.terminal import table
+from lab.cli.terminal import ProgressLine, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lab.analysis.verdicts.verdict import Verdict
     from lab.experiment.experiment import Experiment
     from lab.experiment.result import Result
@@ -41,6 +40,7 @@ Examples:
   ins-lab run montreal
   ins-lab run los_angeles --seed 3 --out run.nc
   ins-lab run my_flight.csv --set navigator.r_scale=0.01 --json
+  ins-lab run montreal --json --with budget > montreal.json
   ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --algorithm my_filter.py:MyFilter
@@ -117,8 +117,10 @@ def run(
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
+    further: Further = None,
 ) -> None:
     """Navigate a mission; show the errors, and whether the filter states them correctly."""
+    more = further_parts(further, as_json)
     check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
@@ -130,9 +132,11 @@ def run(
             write_result(result, out, force)
         if export is not None:
             write(result, export, force, "--export")
+        if as_json:
+            found = json_facts(result, more, progress, out=out, export=export)
         verdict = result.tried_verdict
     if as_json:
-        print_json(facts(result, out, export))
+        print_json(found)
     else:
         print(report(result, verdict))
 
@@ -161,23 +165,13 @@ def write_result(result: Result, out: Path, force: bool) -> None:
         raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
-def facts(result: Result, out: Path | None, export: Path | None) -> dict[str, Any]:
-    """Return a result as data for JSON, with the files that were written."""
-    return {
-        "mission": result.experiment.mission,
-        "seed": result.experiment.seed,
-        "algorithm": result.algorithm or None,
-        "settings": result.experiment.to_dict(),
-        "summary": None if result.missing_reason("summary") else _renamed(result.summary),
-        "remarks": list(result.remarks),
-        "verdict": {**asdict(result.tried_verdict), "consistent": result.verdict.consistent},
-        "out": None if out is None else str(out),
-        "export": None if export is None else str(export),
-    }
-
-
-def _renamed(summary: pd.DataFrame) -> list[dict[Hashable, Any]]:
-    return list(summary.rename(columns={"95 %": "p95"}).to_dict("records"))
+def json_facts(
+    result: Result, more: Sequence[str], progress: ProgressLine, **written: Path | None
+) -> dict[str, Any]:
+    """Return a result as data for JSON, with what `--with` names, and the files that were written."""
+    found = result.identify(progress) if "identification" in more else None
+    files = {name: None if path is None else str(path) for name, path in written.items()}
+    return {**result.to_dict(budget="budget" in more, identification=found), **files}
 
 
 def _remarks(result: Result) -> list[str]:

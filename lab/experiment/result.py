@@ -7,6 +7,7 @@ degrees, datasheet units for the sensors, east-north-up. There are results of a 
 
 from __future__ import annotations
 
+import json
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
@@ -460,6 +461,28 @@ class Result(NotebookCard, Repeatable):
         result_files.write_csv(
             Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite, progress=progress
         )
+
+    def to_dict(
+        self, *, budget: bool = False, identification: Identification | None = None
+    ) -> dict[str, Any]:
+        """Return this run as plain data of a fixed form, without NaN; ``docs/json.md`` describes each field.
+
+        The advice of the verdict is tried, which takes some runs. Of a homework or a run of the gallery,
+        nothing that is hidden is in it.
+
+        Parameters
+        ----------
+        budget
+            Whether the error budget at the end is in it, which takes a while.
+        identification
+            What `identify` found, if that is to be in it.
+        """
+        form: dict[str, Any] = find("result", "json")(self, budget, identification)
+        return form
+
+    def to_json(self, *, budget: bool = False, identification: Identification | None = None) -> str:
+        """Return this run as JSON text; see `to_dict`."""
+        return json.dumps(self.to_dict(budget=budget, identification=identification), indent=2)
 
     def report(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write this run as one HTML file: verdict, changed settings, plots, tables, versions, all settings.

@@ -73,8 +73,11 @@ class SimulatedResult(Result):
 
     @property
     def realisation(self) -> str:
-        """Text that distinguishes this run from others with the same settings, such as ``"seed 1"``."""
-        return f"seed {self.experiment.seed}"
+        """Text that distinguishes this run from others with the same settings, such as ``"seed 1"``.
+
+        The seed of a run that hides something is hidden, too: with it, one could find what.
+        """
+        return "hidden seed" if self.experiment.hidden else f"seed {self.experiment.seed}"
 
     @property
     def has_temperature(self) -> bool:

@@ -105,6 +105,10 @@ class ExperimentSettings(Settings):
         except (TomlError, SettingError) as error:
             raise SettingError(f"{name}: {error}") from error
 
+    def shared(self) -> dict[str, Any]:
+        """Return the settings that are passed on: all of them; of a run that hides something, no seed."""
+        return {name: value for name, value in self.to_dict().items() if name != "seed" or not self.hidden}
+
     def to_toml(self) -> str:
-        """Return all settings as TOML text."""
-        return toml_text(self.to_dict())
+        """Return the settings that are passed on (`shared`) as TOML text."""
+        return toml_text(self.shared())

@@ -42,6 +42,7 @@ def register_cards() -> None:
     register("sweep", "plot", "lab.views.sweep_plot:sweep_plot")
     register("result", "view3d", "lab.views.scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
+    register("result", "json", "lab.experiment.json_form:json_of")
     register("result", "report", "lab.views.report:write_report")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
     register("experiment", "progress", "lab.views.notebook_display:shown")

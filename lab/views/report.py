@@ -20,6 +20,7 @@ from bokeh.resources import Resources
 
 from lab.base.files.atomic_file import atomic_file
 from lab.base.result_files import refuse_existing
+from lab.experiment.json_form import PACKAGES
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
@@ -36,8 +37,6 @@ BUCKETS = 330
 """Number of intervals to which each curve is thinned: one for each pixel of a plot."""
 WIDTH, LINE = 330, 205
 """Width of a plot, and height of a line of three [px]."""
-PACKAGES = ("ins-lab", "numpy", "scipy", "numba", "bokeh")
-"""Packages whose versions are named."""
 
 _STYLE = """
 body { margin: 0 auto; padding: 18px; max-width: 1024px; background: #fff; color: #1d2430;
@@ -155,21 +154,24 @@ def _table(table: pd.DataFrame) -> str:
 
 def _versions() -> str:
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in PACKAGES)}."
+    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in (*PACKAGES, 'bokeh'))}."
 
 
 def _repetition(result: Result) -> str:
     """Return all settings, and how the run is repeated with them."""
     name = result.experiment.mission
-    own = (
-        " The run was made by an algorithm of its own, which is not in this report."
-        if result.algorithm
-        else ""
-    )
+    if result.experiment.hidden:
+        how = "Some settings of this run are hidden, so the settings below do not repeat it."
+    else:
+        how = (
+            "Save the settings below as <code>settings.toml</code>, and run "
+            f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, "
+            "it gives the same figures to the last bit."
+        )
+    if result.algorithm:
+        how += " The run was made by an algorithm of its own, which is not in this report."
     return (
-        "<h2>Repeat this run</h2><p>Save the settings below as <code>settings.toml</code>, and run "
-        f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, it "
-        f"gives the same figures to the last bit.{own} SHA-256 of the recording: "
+        f"<h2>Repeat this run</h2><p>{how} SHA-256 of the recording: "
         f"<code>{escape(result.mission.content_hash)}</code>.</p>"
         f'<pre id="settings">{escape(result.experiment.to_toml())}</pre>'
     )

@@ -33,7 +33,8 @@ def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
     changed_only
         True omits settings with their default value.
     """
-    leaves = list(settings.leaves())
+    hides = bool(getattr(settings, "hidden", ""))  # a run that hides something passes its seed on to nobody
+    leaves = [leaf for leaf in settings.leaves() if not (hides and leaf[0] == "seed")]
     if not settings.groups() and not changed_only:
         return _table(leaves)
     changed = [leaf for leaf in leaves if is_changed(leaf)]

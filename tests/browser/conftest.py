@@ -131,6 +131,12 @@ def reset(page: Page) -> None:
     page.get_by_role("menuitem", name="Everything", exact=True).click()
 
 
+def share(page: Page, entry: str) -> None:
+    """Press Share, and an entry of its menu: two clicks from any page."""
+    page.get_by_role("button", name="Share", exact=True).click()
+    page.get_by_role("menuitem", name=entry, exact=True).click()
+
+
 def remember(page: Page, name: str, expression: str) -> None:
     """Keep the value of an expression in JavaScript as `window.NAME`, and send nothing of it to the test.
 

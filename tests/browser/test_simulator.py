@@ -20,6 +20,7 @@ from tests.browser.conftest import (
     RANGE_END,
     remember,
     reset,
+    share,
     show,
     wait_for,
     watched,
@@ -157,7 +158,7 @@ def test_the_address_brings_settings_that_are_saved_and_reset(open_page: Open) -
     expect(noise(page)[1]).to_have_value("0.2")
     expect(page.get_by_role("alert")).to_have_count(0)
     with page.expect_download() as download:
-        page.get_by_text("Settings", exact=True).click()
+        share(page, "Settings file")
     assert "noise_density" in download.value.path().read_text(encoding="utf-8")
     assert download.value.suggested_filename == "los_angeles_1.toml"
     reset(page)
@@ -325,24 +326,28 @@ def test_results_are_downloaded(shared_page: Page) -> None:
     seed.press("Enter")
     wait_for_new_data(page)
     with page.expect_download() as download:
-        page.get_by_text("netCDF", exact=True).click()
+        share(page, "Result (netCDF)")
     assert download.value.suggested_filename == "montreal_4.nc"
     with netCDF4.Dataset(download.value.path()) as file:
         assert {"truth", "solution", "errors", "sigma", "innovations"} <= set(file.groups)
         assert file["errors"]["position"].shape == (41_009, 3)
     with page.expect_download() as download:
-        page.get_by_text("csv as seen", exact=True).click()
-    assert download.value.suggested_filename == "montreal_4.csv"
-    with page.expect_download() as download:
-        page.get_by_text("csv of all", exact=True).click()
+        share(page, "All data (csv)")
         expect(page.get_by_text("Writing ")).to_be_visible()
     assert download.value.suggested_filename == "montreal_4.zip"
     with zipfile.ZipFile(download.value.path()) as archive:
         assert archive.testzip() is None
         assert {"errors.csv", "gps.csv"} <= {Path(name).name for name in archive.namelist()}
-    for label, ending, words in (("KML", "kml", "<name>Estimate</name>"), ("GPX", "gpx", "<trkpt ")):
+    for label, ending, words in (
+        ("Path (KML)", "kml", "<name>Estimate</name>"),
+        ("Path (GPX)", "gpx", "<trkpt "),
+        ("Data as seen (csv)", "csv", "position east [m]"),
+        ("Result (JSON)", "json", '"schema_version": 1'),
+        ("Settings file", "toml", "seed = 4"),
+        ("Report", "html", "<h1>Montréal</h1>"),
+    ):
         with page.expect_download() as download:
-            page.get_by_text(label, exact=True).click()
+            share(page, label)
         assert download.value.suggested_filename == f"montreal_4.{ending}"
         assert words in download.value.path().read_text(encoding="utf-8")
 

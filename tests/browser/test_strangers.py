@@ -20,7 +20,17 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.base.parameters.toml_file import MAX_BYTES
 from lab.missions import add_mission, mission
-from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context, show, wait_for
+from tests.browser.conftest import (
+    HARMLESS,
+    IDLE,
+    PATIENCE,
+    ROOT,
+    free_port,
+    new_context,
+    share,
+    show,
+    wait_for,
+)
 from tests.browser.test_page_walk import walk
 
 pytestmark = pytest.mark.browser
@@ -179,7 +189,7 @@ def test_every_tab_shows_its_own_plots_and_what_a_mission_and_a_file_say_is_text
     expect(page.get_by_role("textbox", name="Title")).to_have_value(re.compile("^<img"))
     page.get_by_role("button", name="Save").click()
     with page.expect_download() as download:
-        page.get_by_role("button", name="Settings", exact=True).click()
+        share(page, "Settings file")
     assert "mine" in download.value.path().read_text(encoding="utf-8")
     chosen = page.locator("input[accept='.toml']")
     for text, words in FILES.items():

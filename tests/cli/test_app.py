@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from asking import ask, process, refused
 
-from lab.cli.app import COMMANDS, plain
+from lab.base.plain_data import plain
+from lab.cli.app import COMMANDS
 
 
 def test_alone_it_prints_help_with_every_command_and_examples() -> None:
@@ -77,6 +78,13 @@ def test_the_version_is_the_one_installed() -> None:
         (["run", "montreal", "--config", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
         (["run", "montreal", "--out", "run.csv"], ["ending in .nc"]),
         (["run", "montreal", "--out", "nowhere/run.nc"], ["no folder nowhere"]),
+        (["run", "montreal", "--out", "run.json"], ["ending in .nc", "--json prints JSON", "> FILE.json"]),
+        (["run", "montreal", "--json", "run.json"], ["unexpected extra argument", "(run.json)"]),
+        (["run", "montreal", "--json=run.json"], ["--json", "does not take a value"]),
+        (["run", "montreal", "--json", "--with", "budgets"], ["budgets", "budget and identification"]),
+        (["run", "montreal", "--with", "budget"], ["needs --json", "ins-lab budget"]),
+        (["report", "montreal", "--json"], ["Missing option '--to'"]),
+        (["report", "montreal", "--json", "--to", "a.json"], ["ending in .html", "--json prints JSON"]),
         (["compare", "montrael"], ["Did you mean montreal?"]),
         (["compare", "montreal", "--models", "phi,psy"], ["navigator.model", "'psy'", "one of phi"]),
         (["compare", "montreal", "--models", ""], ["navigator.model", "one of phi"]),

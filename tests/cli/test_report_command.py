@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from asking import ask, refused
@@ -15,7 +16,10 @@ def test_a_report_is_written_and_replaced_only_when_told(tmp_path: Path) -> None
     assert answer.stdout.strip() == str(path)
     assert "<h1>Montréal</h1>" in path.read_text(encoding="utf-8")
     refused(ask(*asked), "exists already", "--force")
-    assert ask(*asked, "--force").exit_code == 0
+    told = ask(*asked, "--force", "--json")
+    assert told.exit_code == 0
+    facts = json.loads(told.stdout)
+    assert (facts["report"], facts["changed"]) == (str(path), {"trajectory.imu_rate": 50.0})
 
 
 def test_what_cannot_be_written_is_said_before_the_work(tmp_path: Path) -> None:

@@ -37,6 +37,8 @@ class Job:
         Called when a person cancels the job; None if it cannot be cancelled.
     pool
         Pool that does the work.
+    closeable
+        Whether a person can close an error or an outcome.
 
     Attributes
     ----------
@@ -44,7 +46,13 @@ class Job:
         Progress and outcome.
     """
 
-    def __init__(self, cancel: Callable[[], None] | None = None, pool: ThreadPoolExecutor = LONG) -> None:
+    def __init__(
+        self,
+        cancel: Callable[[], None] | None = None,
+        pool: ThreadPoolExecutor = LONG,
+        *,
+        closeable: bool = False,
+    ) -> None:
         self._document = pn.state.curdoc
         self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, pool)
         self._told = 0.0
@@ -58,7 +66,7 @@ class Job:
             button = pmui.Button(label="Cancel", size="small", variant="outlined", margin=(4, 4))
             button.on_click(lambda _event: cancel())
             self._row.append(button)
-        self._after = Notice()
+        self._after = Notice(closeable)
         self.view = pn.Column(self._row, self._after.view, sizing_mode="stretch_width", margin=0)
 
     @property

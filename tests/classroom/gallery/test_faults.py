@@ -97,7 +97,7 @@ def test_a_fault_is_hidden_and_only_where_it_was_put() -> None:
     experiment = FaultyExperiment(FAULTS["scale"]).update(FIXES)
     clean = Experiment().update(FIXES)
     assert experiment.to_dict() == clean.to_dict()
-    assert experiment.to_toml() == f"# {NOTE}\n{clean.to_toml()}"
+    assert experiment.to_toml() == f"# {NOTE}\n{clean.to_toml()}".replace("seed = 1\n", "")
     twin = experiment.copy()
     twin.set("navigator.states", 21)
     faulty = twin.run()

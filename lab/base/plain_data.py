@@ -1,0 +1,18 @@
+"""Plain data: what JSON can hold, without NaN, infinity, arrays or named tuples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def plain(data: Any) -> Any:
+    """Return data in a form for JSON, which has no NaN, infinity or NumPy numbers; these become None."""
+    if isinstance(data, Mapping):
+        return {str(key): plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if hasattr(data, "tolist"):
+        return plain(data.tolist())
+    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -1,0 +1,151 @@
+"""JSON form: a result as plain data of a fixed form, which ``docs/json.md`` describes field by field.
+
+A version only ever gains fields. One that changes or loses a field gets the next number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lab.analysis.consistency import chi_square_interval
+from lab.base.parameters.setting_kinds import is_changed
+from lab.base.plain_data import plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lab.analysis.identification.identification import Identification
+    from lab.analysis.verdicts.finding import Change, Finding, Suggestion, Verdict
+    from lab.experiment.result import Result
+    from lab.run.experiment_settings import ExperimentSettings
+
+SCHEMA, VERSION = "ins-lab result", 1
+"""Name and number of the form."""
+PACKAGES = ("ins-lab", "numpy", "scipy", "numba")
+"""Packages whose versions decide the figures of a run."""
+COLUMNS = {
+    "95 %": "p95",
+    "mean [σ]": "mean_sigma",
+    "within ±1σ [%]": "inside_1_sigma",
+    "within ±3σ [%]": "inside_3_sigma",
+    "mean ±": "mean_bound",
+    "variance from": "variance_low",
+    "variance to": "variance_high",
+    "Q": "ljung_box",
+    "p white": "p_white",
+}
+"""Names of fields, by the titles of those columns that have another one."""
+
+
+def json_of(result: Result, budget: bool, identification: Identification | None) -> dict[str, Any]:
+    """Return a result as plain data; see `Result.to_dict`."""
+    experiment, log = result.experiment, result.recorded
+    missing = {name: result.missing_reason(name) for name in ("summary", "coverage", "consistency", "budget")}
+    found: dict[str, Any] = {
+        "schema": SCHEMA,
+        "schema_version": VERSION,
+        "mission": experiment.mission,
+        "recording": result.mission.content_hash,
+        "kind": "simulation" if log is None else "log",
+        "duration": float(result.time[-1]),
+        "seed": experiment.seed if log is None and not experiment.hidden else None,
+        "algorithm": result.algorithm or None,
+        "versions": {name: version(name) for name in PACKAGES},
+        "settings": experiment.shared(),
+        "changed": changed_settings(experiment),
+        "missing": {name: reason for name, reason in missing.items() if reason},
+        "summary": None if missing["summary"] else _rows(result.summary),
+        "coverage": None if missing["coverage"] else _rows(result.coverage),
+        "nees": None if missing["consistency"] else _squares(result.consistency["nees"]),
+        "nis": _squares(result.innovations["nis"]),
+        "innovations": _rows(result.whiteness),
+        "remarks": result.remarks,
+        "verdict": _verdict(result.tried_verdict),
+        "gaps": None if log is None else {"filled": log.log.gaps, "breaks": log.log.breaks},
+        "budget": budget_of(result.budget.isel(time=-1)) if budget and not missing["budget"] else None,
+        "identification": None if identification is None else identification_of(identification),
+    }
+    form: dict[str, Any] = plain(found)
+    return form
+
+
+def changed_settings(experiment: ExperimentSettings) -> dict[str, Any]:
+    """Return the settings that differ from their defaults by their paths; not a seed that is hidden."""
+    changed = {leaf[0]: getattr(leaf[1], leaf[2]) for leaf in experiment.leaves() if is_changed(leaf)}
+    return {path: value for path, value in changed.items() if path != "seed" or not experiment.hidden}
+
+
+def budget_of(there: xr.Dataset) -> dict[str, Any]:
+    """Return an error budget at one time as plain data, each quantity separately."""
+    quantities = []
+    for quantity in there.quantity.values:
+        column = there.sel(quantity=quantity)
+        sources = zip(column.source.values, column.sigma.values, column.share.values, strict=True)
+        quantities.append(
+            {
+                "quantity": quantity,
+                "unit": column.unit.item(),
+                "total": column.total.item(),
+                "believed": column.believed.item(),
+                "sources": [
+                    {"source": source, "sigma": sigma, "percent": share} for source, sigma, share in sources
+                ],
+            }
+        )
+    return {"time_s": there.time.item(), "quantities": quantities, "left_out": there.attrs["left_out"]}
+
+
+def identification_of(found: Identification) -> dict[str, Any]:
+    """Return an identification as plain data."""
+    facts = {one.name: getattr(found, one.name) for one in fields(found) if one.name != "changes_of"}
+    return {
+        **facts,
+        "rows": [row._asdict() for row in found.rows],
+        "before": found.before._asdict(),
+        "after": found.after._asdict(),
+        "recommended": found.recommended,
+        "remarks": found.remarks,
+    }
+
+
+def _rows(table: pd.DataFrame) -> list[Mapping[Any, Any]]:
+    return list(table.rename(columns=COLUMNS).to_dict("records"))
+
+
+def _squares(values: xr.DataArray) -> dict[str, Any] | None:
+    """Return mean, expected value and share inside the 95 % interval of NEES or NIS; None without values."""
+    known, degrees = values.values[np.isfinite(values.values)], values.attrs["degrees"]
+    if not known.size or not degrees:
+        return None
+    low, high = chi_square_interval(degrees)
+    inside = 100 * np.mean((known >= low) & (known <= high))
+    return {"mean": known.mean(), "expected": degrees, "inside_95": inside, "count": known.size}
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "consistent": verdict.consistent,
+        "headline": verdict.headline,
+        "basis": verdict.basis,
+        "findings": [_finding(one) for one in verdict.findings],
+        "suggestions": [
+            {"sentence": one.sentence, "advice": one.advice, "changes": _changes(one)}
+            for one in verdict.suggestions
+        ],
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    values = {one.name: getattr(finding, one.name) for one in fields(finding)}
+    return {**values, "changes": _changes(finding)}
+
+
+def _changes(advised: Finding | Suggestion) -> list[dict[str, Any]]:
+    changes: Sequence[Change] = advised.changes
+    return [one._asdict() for one in changes]

@@ -1,0 +1,136 @@
+"""The JSON of a result: the fields that the document describes, no NaN, and the values of the Python API."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from document_code import ROOT
+from sensor_logs import tables, write
+
+from lab.analysis.consistency import chi_square_interval
+from lab.classroom.gallery.faults import FAULTS
+from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
+
+FREE = {"versions", "settings", "changed", "missing", "identification.changes"}
+"""Objects whose keys are names of other things."""
+VALUES = re.compile(r"(verdict\.\w+\[\]\.changes\[\]\.value|verdict\.suggestions\[\]\.changes\[\]).*")
+MAY_LACK = {"identification.at_bounds[]", "gaps.filled[][]", "gaps.breaks[][]", "out", "export", "report"}
+"""Lists that are empty in these runs, and the fields of commands."""
+
+
+def paths(value: Any, path: str = "") -> Iterator[str]:
+    """Iterate over the paths of all values, as the document writes them."""
+    if isinstance(value, dict) and path not in FREE:
+        for name, one in value.items():
+            yield from paths(one, f"{path}.{name}" if path else name)
+    elif isinstance(value, list):
+        for one in value:
+            yield from paths(one, f"{path}[]")
+    else:
+        yield VALUES.sub(r"\1", path)
+
+
+def simulated(**navigator: float) -> Experiment:
+    made = Experiment(mission="los_angeles", seed=4)
+    return made.update({"trajectory": {"imu_rate": 50.0}, "navigator": navigator})
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return simulated(q_scale=0.1).run()
+
+
+@pytest.fixture(scope="module")
+def data(result: Result) -> dict[str, Any]:
+    return result.to_dict(budget=True, identification=result.identify())
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    folder = write(tmp_path_factory.mktemp("logs") / "drive", tables(20, 80))
+    return Experiment(mission=str(folder)).run()
+
+
+def strict(text: str) -> Any:
+    """Parse what every parser of JSON reads: neither NaN nor infinity."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_the_document_describes_exactly_the_fields_that_are_written(
+    data: dict[str, Any], log: Result
+) -> None:
+    described = re.findall(r"^\| `([\w.\[\]]+)` \|", (ROOT / "docs/json.md").read_text("utf-8"), re.M)
+    assert len(described) == len(set(described))
+    written = {*paths(data), *paths(log.to_dict()), *paths(simulated().run().to_dict())}
+    assert written - set(described) == set()
+    unwritten = {
+        path for path in described if not any(re.match(rf"{re.escape(path)}(\W|$)", one) for one in written)
+    }
+    assert {path for path in unwritten if not path.startswith("verdict.suggestions")} <= MAY_LACK
+
+
+def test_values_are_those_of_python(result: Result, data: dict[str, Any]) -> None:
+    assert [row["rms"] for row in data["summary"]] == list(result.summary["rms"])
+    assert [row["p95"] for row in data["summary"]] == list(result.summary["95 %"])
+    assert [row["inside_3_sigma"] for row in data["coverage"]] == list(result.coverage["within ±3σ [%]"])
+    for name, group in (("nees", result.consistency), ("nis", result.innovations)):
+        values = group[name].values[np.isfinite(group[name].values)]
+        low, high = chi_square_interval(group[name].attrs["degrees"])
+        assert data[name]["mean"] == values.mean()
+        assert data[name]["inside_95"] == pytest.approx(
+            100 * sum(low <= one <= high for one in values) / len(values)
+        )
+    (first, *_), found = data["verdict"]["findings"], result.tried_verdict
+    assert data["verdict"]["headline"] == found.headline
+    assert (first["quantity"], first["factor"]) == ("Q", found.findings[0].factor)
+    assert first["changes"][0]["path"] == found.findings[0].changes[0].path == "navigator.q_scale"
+    assert data["changed"] == {
+        "mission": "los_angeles",
+        "seed": 4,
+        "trajectory.imu_rate": 50.0,
+        "navigator.q_scale": 0.1,
+    }
+    assert data["budget"]["quantities"][0]["total"] == result.budget.isel(time=-1).total.values[0]
+
+
+def test_the_settings_of_the_json_repeat_the_run(result: Result, data: dict[str, Any]) -> None:
+    again = Experiment().update(data["settings"]).run()
+    assert again.summary.equals(result.summary)
+    assert Experiment().update(data["changed"]).to_dict() == result.experiment.to_dict()
+
+
+def test_of_a_log_the_json_has_its_gaps_and_says_what_is_unknown(log: Result) -> None:
+    found = strict(log.to_json())
+    assert (found["kind"], found["seed"], found["nees"]) == ("log", None, None)
+    assert found["gaps"] == {"filled": [], "breaks": []}
+    assert "true biases" in found["missing"]["coverage"]
+    assert "mean" in found["summary"][0]
+
+
+def test_there_is_no_nan_even_where_nothing_is_known() -> None:
+    blind = simulated()
+    blind.set("sensors.gps.outages", [(0.0, 1000.0)])
+    found = strict(blind.run().to_json())
+    assert found["nis"] is None
+    assert found["verdict"]["consistent"] in (None, False)
+
+
+def test_a_run_of_the_gallery_names_neither_its_fault_nor_its_seed() -> None:
+    fault = FAULTS["latency"]
+    made = FaultyExperiment(fault)
+    made.update({"mission": "los_angeles", "seed": 4711, "trajectory": {"imu_rate": 50.0}})
+    text = made.run().to_json()
+    assert fault.title not in text
+    assert "4711" not in text
+    assert strict(text)["seed"] is None
