@@ -17,8 +17,8 @@ from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.missions import missions
 from lab.views.quantities import HELD as COLOURS
+from lab.views.quantities import LETTERS
 
-LETTERS = "ABCD"
 AS_DELIVERED = "default settings"
 LONGEST = 14
 """Longest value in the name of a result [characters]."""
