@@ -174,7 +174,7 @@ class TimePlot:
 
     @property
     def outside(self) -> dict[str, str]:
-        """Names of the columns of the values beyond ±3σ, and of their curves; of an interval, 5 % are beyond."""
+        """Columns of the values beyond ±3σ, with their curves; beyond an interval are 5 % anyway."""
         if isinstance(self.band, Interval):
             return {}
         return {f"{curve.name}_outside": curve.name for curve in self.judged}
