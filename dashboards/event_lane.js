@@ -31,7 +31,9 @@ export function render({model}) {
   const hush = () => { hint.hidden = true }
 
   const show = () => {
-    const {events, duration} = model.shown
+    const {duration} = model.shown
+    // A short event stands before a long one.
+    const events = [...model.shown.events].sort((one, other) => other[2] - other[1] - (one[2] - one[1]))
     hush()
     lane.replaceChildren(...events.map((event, index) => {
       const [kind, start, end] = event

@@ -82,17 +82,24 @@ def _gaps(times: FloatArray, start: float, end: float) -> list[tuple[float, floa
     if not times.size:
         return [(start, end)]
     edges = np.concatenate(([start], times, [end]))
-    steps = np.diff(edges)
-    longest = MISSING * float(np.median(np.diff(times))) if times.size > 1 else end - start
-    return [(float(edges[at]), float(edges[at + 1])) for at in np.flatnonzero(steps > longest)]
+    return [
+        (float(edges[at]), float(edges[at + 1])) for at in np.flatnonzero(np.diff(edges) > _longest(times))
+    ]
+
+
+def _longest(times: FloatArray) -> float:
+    """Return the longest time between two fixes without any missing [s]."""
+    return MISSING * float(np.median(np.diff(times))) if times.size > 1 else np.inf
 
 
 def _rejected(run: Run) -> Iterator[Event]:
-    """Iterate over the fixes that the gate rejected; fixes in a row are one event."""
-    for first, last in _rows(np.asarray(run.solution_arrays.fix_rejected, dtype=bool)):
-        count = last - first
-        words = "rejected fix" if count == 1 else f"{count} rejected fixes"
-        yield Event(REJECTED, float(run.fixes.time[first]), float(run.fixes.time[last - 1]), words)
+    """Iterate over the fixes that the gate rejected; those in a row are one event, unless some are missing."""
+    times, rejected = run.fixes.time, np.asarray(run.solution_arrays.fix_rejected, dtype=bool)
+    breaks = np.flatnonzero((np.diff(times) > _longest(times)) | (np.diff(rejected) != 0)) + 1
+    for row in np.split(np.arange(times.size), breaks):
+        if row.size and rejected[row[0]]:
+            words = "rejected fix" if row.size == 1 else f"{row.size} rejected fixes"
+            yield Event(REJECTED, float(times[row[0]]), float(times[row[-1]]), words)
 
 
 def _saturated(run: Run) -> Iterator[Event]:
@@ -110,12 +117,6 @@ def _at_limit(measured: Measured) -> NDArray[np.bool_]:
     """Return in which samples (n,) an axis is at the end of the range, which the largest output has."""
     sizes = np.abs(measured.increments)
     return np.asarray((sizes >= AT_LIMIT * sizes.max()).any(axis=1))
-
-
-def _rows(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first element of each row of true ones, and the one after its last."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def drawn(found: list[Event], duration: float) -> list[Event]:
