@@ -28,10 +28,12 @@ CROWDED = 500
 
 
 class PlotTools(JSComponent):
-    """Legend and values of all plots over time, and a menu in each plot; all in the browser."""
+    """Legend and values of all plots over time, and a menu in each plot; all in the browser.
 
-    _esm = _HERE / "plot_tools.js"
-    _stylesheets = [(_HERE / "plot_tools.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own
+    As a bundle, script and style are files that a browser keeps, and no part of the messages of a page.
+    """
+
+    _bundle = _HERE / "plot_tools.js"
 
 
 class Lane(JSComponent):

@@ -17,7 +17,7 @@ OUTAGE: Final = "outage"
 REJECTED: Final = "rejected"
 SATURATED: Final = "saturated"
 FAULTS: Final = (OUTAGE, REJECTED, SATURATED)
-SEVERAL: Final = {OUTAGE: "GPS outages", REJECTED: "rejected fixes", SATURATED: "saturated sensors"}
+SEVERAL: Final = {OUTAGE: "outages", REJECTED: "rejected fixes", SATURATED: "saturated sensors"}
 """Names of several events that are one in a drawing."""
 QUIET: Final = KINDS[-1]
 """The kind of manoeuvre that is no event: nothing happens."""
@@ -74,7 +74,7 @@ def _outages(run: Run) -> Iterator[Event]:
     missing = [gap for gap in gaps if not any(gap[0] < other and one < gap[1] for one, other in set_ones)]
     for first, last in sorted([*set_ones, *missing]):
         if first < last:
-            yield Event(OUTAGE, first, last, "GPS outage" if (first, last) in set_ones else "no GPS fix")
+            yield Event(OUTAGE, first, last, "outage" if (first, last) in set_ones else "no GPS fix")
 
 
 def _gaps(times: FloatArray, start: float, end: float) -> list[tuple[float, float]]:
@@ -93,7 +93,7 @@ def _longest(times: FloatArray) -> float:
 
 
 def _rejected(run: Run) -> Iterator[Event]:
-    """Iterate over the fixes that the gate rejected; those in a row are one event, unless some are missing."""
+    """Iterate over the fixes that the gate rejected; those in a row, with none missing, are one event."""
     times, rejected = run.fixes.time, np.asarray(run.solution_arrays.fix_rejected, dtype=bool)
     breaks = np.flatnonzero((np.diff(times) > _longest(times)) | (np.diff(rejected) != 0)) + 1
     for row in np.split(np.arange(times.size), breaks):

@@ -209,7 +209,8 @@ class TimePlot:
             parts.append(f"{shown}{THIN}% in the {self.band.label} band")
         elif self.band.centre is None:
             size = np.sqrt(inside.squares / inside.number)
-            parts += [f"rms {size:.2g}", f"{shown}{THIN}% in {self.band.label.removeprefix('±')}"]
+            rms = f"{size:.2g}" if size < 99.5 else f"{size:.0f}"
+            parts += [f"rms {rms}", f"{shown}{THIN}% in {self.band.label.removeprefix('±')}"]
         else:
             parts.append(f"truth {shown}{THIN}% in {self.band.label.removeprefix('±')}")
         return f"{THIN}·{THIN}".join(parts)

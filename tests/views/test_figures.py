@@ -122,7 +122,7 @@ def test_autocorrelation_has_its_band(result: Result) -> None:
     assert np.array_equal(data["position_east"], r)
     assert fig.y_range.start <= r.min() < r.max() <= fig.y_range.end
     box = next(item for item in fig.center if hasattr(item, "fill_alpha") and hasattr(item, "bottom"))
-    assert box.top == -box.bottom == pytest.approx(1.96 / np.sqrt(result.fixes.time.size), rel=0.02)
+    assert box.top == -box.bottom == pytest.approx(3 / np.sqrt(result.fixes.time.size), rel=0.02)
 
 
 def test_the_track_follows_the_cursor(result: Result) -> None:
