@@ -15,7 +15,7 @@ from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.glyphs import Line, Scatter, VArea, VStrip
 from bokeh.models.ranges import Range1d
 from bokeh.models.renderers import GlyphRenderer
-from bokeh.models.sources import ColumnDataSource
+from bokeh.models.sources import CDSView, ColumnDataSource
 from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
@@ -204,6 +204,7 @@ class TimeFigures:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
         outside = [name for plot in self.plots for name in plot.outside]
         self._outside = Columns(("time", *outside), f"outside:{self.plots[0].name}") if outside else None
+        self._all_marks = CDSView()
         self._legends: dict[str, LegendItem] = {}
         self._glyphs: dict[str, GlyphRenderer[Any]] = {}
         self._layers: list[_Layer] = []
@@ -313,7 +314,7 @@ class TimeFigures:
         if self._outside is not None:
             for name in plot.outside:
                 mark = Scatter(x="time", y=name, size=4, marker="square", fill_color=CURSOR, line_color=None)
-                fig.add_glyph(self._outside.source, mark, name=OUTSIDE)
+                fig.add_glyph(self._outside.source, mark, name=OUTSIDE, view=self._all_marks)
         if self.axis.hover:
             first = glyphs[plot.curves[0].label]
             fig.add_tools(HoverTool(mode="vline", renderers=[first], tooltips=_tooltips(plot)))
