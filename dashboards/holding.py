@@ -17,7 +17,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.missions import missions
 from lab.views.quantities import HELD as COLOURS
-from lab.views.quantities import LETTERS
+from lab.views.quantities import LETTERS as LETTERS  # noqa: PLC0414 - others know the names from here
 
 AS_DELIVERED = "default settings"
 LONGEST = 14

@@ -72,7 +72,7 @@ class EventLane:
         self._openings = Openings.of(document)
         self._result: Result | None = None
         self._work: LatestWins[Result] = LatestWins(self._find, self._deliver, LONG)
-        self.view = Lane(sizing_mode="stretch_width", margin=0)
+        self.view = Lane(sizing_mode="stretch_width", margin=0)  # type: ignore[no-untyped-call]
         self.view.param.watch(self._pressed, "asked")
         session.on_run(self._wait)
         session.param.watch(self._arrived, "result", onlychanged=False)

@@ -102,7 +102,7 @@ class TimeBar:
             height=48,
         )
         self.view = pn.Column(
-            PlotTools(sizing_mode="stretch_width", margin=0),
+            PlotTools(sizing_mode="stretch_width", margin=0),  # type: ignore[no-untyped-call]
             row,
             sizing_mode="stretch_width",
             margin=0,
