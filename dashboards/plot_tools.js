@@ -59,10 +59,13 @@ function rows_of(view) {
   const {name, unit} = heading(view)
   const band = band_of(view)
   const all = curves_of(view)
-  const own = all.filter((one) => !HELD.test(one.name))
-  return own.reverse().map((one, index) => {
+  const is_known = ({data_source, glyph}) => Array.prototype.some.call(data_source.data[field(glyph.y)] ?? [], Number.isFinite)
+  const plain = all.filter((one) => !HELD.test(one.name))
+  const known = plain.filter(is_known)
+  const own = known.length ? known : plain  // a log has no reference; a stretch of time may have no fixes
+  return own.toReversed().map((one) => {
     const reader = ({data_source, glyph}) => (time) => read(data_source, field(glyph.x), field(glyph.y), time)
-    const edges = band && index === 0
+    const edges = band && one === plain.at(-1)
       ? [band.glyph.y1, band.glyph.y2].map((y) => (time) => read(band.data_source, field(band.glyph.x), field(y), time))
       : null
     const held = Object.fromEntries(all.map((other) => [HELD.exec(other.name), other])
@@ -200,7 +203,7 @@ export function render({model}) {
       known = now
       const heads = ["", "value", "σ or 95 %", ...letters, "unit"]
       const cell = (role, text) => made("span", {role}, text)
-      table.style.setProperty("--columns", `minmax(0, 1fr) 72px 92px ${"72px ".repeat(letters.length)}52px`)
+      table.style.setProperty("--columns", `minmax(0, 1fr) 66px 84px ${"66px ".repeat(letters.length)}40px`)
       table.replaceChildren(
         made("div", {role: "row", class: "head"}, ...heads.map((text) => cell("columnheader", text))))
       cells = rows.map((row) => {
@@ -217,7 +220,7 @@ export function render({model}) {
     for (const view of views) {
       const {center, above, right, below} = view.model
       const has_own = [...center, ...above, ...right, ...below].some((part) => part.type === "Legend")
-      for (const one of view.model.renderers) {
+      for (const one of view.model.renderers.toReversed()) {
         const {name, glyph, data_source} = one
         if (!name || !glyph || HELD.test(name) || (has_own && field(glyph.y) && name !== OUTSIDE)) continue
         const values = data_source.data[field(glyph.y) ?? field(glyph.y1)]
