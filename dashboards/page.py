@@ -86,14 +86,14 @@ class SimulatorPage:
         assert document is not None
         self.session = Session(document)
         self._on_phone = "Mobi" in pn.state.headers.get("User-Agent", "")
-        self.axis = TimeAxis(touch=self._on_phone)
+        self.axis = TimeAxis(touch=self._on_phone, hover=False)
         self._document = document
         self._browser = Browser(document)
         self._zooming = False
         self._dark = False
         self._epoch = 0.0
         self._pages: dict[type[Page], Page] = {}
-        self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
+        self._time_bar = TimeBar(self.axis, document, self._follow, self._cut, self.session)
         self._settings: SettingsPanel | None = None
         self._files: Files | None = None
         self._sidebar = pn.Column(margin=0, sizing_mode="stretch_width")
@@ -341,7 +341,7 @@ class SimulatorPage:
     def close(self) -> None:
         """End the session."""
         self._closed = True
-        self._time_bar.stop()
+        self._time_bar.close()
         self._class.close()
         self._chip.close()
         self._share.close()

@@ -10,7 +10,9 @@ import panel_material_ui as pmui
 import param
 from bokeh.document import Document
 
+from dashboards.plot_tools import EventLane, PlotTools
 from dashboards.sending import together
+from dashboards.session import Session
 from dashboards.style import HIDDEN_LABEL, ON_SCREEN, TOOLTIP
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
@@ -26,6 +28,9 @@ SPEEDS = {"1 ×": 1.0, "5 ×": 5.0, "20 ×": 20.0}
 
 ROOMY = "@media (max-width: 800px) { :host { display: none !important; } }"
 """Hides labels on narrow windows, to leave room for the slider."""
+
+ABOVE = {"position": "relative"}
+"""Of the column in which the lane of events stands above the slider."""
 
 READOUT = """
 :host { width: 120px; white-space: nowrap; }
@@ -46,6 +51,8 @@ class TimeBar:
         Called with each new time [s].
     cut
         Called with start and end [s] of a GPS outage to add.
+    session
+        The session whose results have the events above the slider.
     """
 
     def __init__(
@@ -54,6 +61,7 @@ class TimeBar:
         document: Document,
         follow: Callable[[float], None],
         cut: Callable[[float, float], None],
+        session: Session,
     ) -> None:
         self._axis = axis
         self._cut = cut
@@ -81,17 +89,24 @@ class TimeBar:
         whole = _icon_button("zoom_out_map", "Whole flight", right=10)
         whole.on_click(lambda _event: axis.whole())
         axis.cursor.on_change("location", self._clicked)
-        self.view = pn.Row(
+        self._lane = EventLane(session, document, self.go)
+        row = pn.Row(
             self._play,
             self._speed,
-            self._slider,
+            pn.Column(self._lane.view, self._slider, sizing_mode="stretch_width", margin=0, styles=ABOVE),
             self._readout,
             outage,
             whole,
             sizing_mode="stretch_width",
             margin=0,
             height=48,
-            styles={"border-top": "1px solid rgba(128,128,128,.25)"},
+        )
+        self.view = pn.Column(
+            PlotTools(sizing_mode="stretch_width", margin=0),  # type: ignore[no-untyped-call]
+            row,
+            sizing_mode="stretch_width",
+            margin=0,
+            styles={"border-top": "1px solid rgba(128,128,128,.25)", "flex": "0 0 auto"},
             stylesheets=[ON_SCREEN],
         )
         self.span()
@@ -120,6 +135,11 @@ class TimeBar:
         """Move the cursor to a time of the flight [s]; a later one is its end."""
         self.stop()
         self._go(time)
+
+    def close(self) -> None:
+        """End the session: look for no more events."""
+        self.stop()
+        self._lane.close()
 
     def stop(self) -> None:
         """Stop playing."""

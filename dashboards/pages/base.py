@@ -16,8 +16,8 @@ from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
 GAP = 8
-AROUND = 160
-"""Height of header, tabs and time bar together [px]."""
+AROUND = 184
+"""Height of header, tabs, legend and time bar together [px]."""
 NARROW = 700
 """Width of the place of a page below which its plots are in one column [px]."""
 

@@ -62,6 +62,21 @@
   const {GlyphRendererView} = Bokeh.require("models/renderers/glyph_renderer");
   Object.defineProperty(GlyphRendererView.prototype, "needs_clip", {configurable: true, get: () => true});
 
+  // Bokeh has no list of the plots of a page, for what all plots share (plot_tools.js).
+  const plots = window.insLabPlots = new Set();
+  const render_plot = original(PlotView, "render");
+  PlotView.prototype.render = function() {
+    render_plot.call(this);
+    plots.add(this);
+    plots.added?.(this);
+  };
+  const remove_plot = original(PlotView, "remove");
+  PlotView.prototype.remove = function() {
+    plots.delete(this);
+    plots.changed?.();
+    remove_plot.call(this);
+  };
+
   // Each component that changes its size has the whole page laid out. A plot needs that at once; the others
   // share one layout in the next frame, because the browser itself has placed them.
   const waiting = new Set();

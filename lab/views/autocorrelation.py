@@ -13,15 +13,24 @@ from bokeh.models.tickers import BasicTicker, FixedTicker
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
+from lab.analysis.consistency import whiteness_band
 from lab.views.envelope import nice_limit
 from lab.views.figures import hide, plain_figure
 from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
+from lab.views.time_plot import THIN
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lab.experiment.result import Result
 
 LEAST_LIMIT = 0.4
 """Smallest limit of the ordinate, so that it stays constant while small correlations change."""
+
+
+def three_sigma(dataset: xr.Dataset) -> float:
+    """Return the half-width of the ±3σ band of white innovations, from the one of 95 % of the dataset."""
+    return 3 * float(dataset.attrs["band"]) / whiteness_band(1)
 
 
 class AutocorrelationFigures:
@@ -53,7 +62,7 @@ class AutocorrelationFigures:
             values = dataset[kind].values[1:count]
             data |= {f"{kind}_{axis}": values[:, index] for index, axis in enumerate(EAST_NORTH_UP)}
             largest = max(largest, float(np.abs(np.nan_to_num(values)).max(initial=0)))
-        band = float(dataset.attrs["band"])
+        band = three_sigma(dataset)
         for annotation in self._band.values():
             annotation.update(bottom=-band, top=band)
         limit = nice_limit(largest)
@@ -67,7 +76,7 @@ class AutocorrelationFigures:
     def _draw(self, name: str, colour: str) -> figure:
         kind, axis = name.split("_")
         fig = plain_figure(
-            f"{kind.capitalize()} autocorrelation, {axis}",
+            f"{kind.capitalize()} autocorrelation, {axis}{THIN}·{THIN}±3σ if white",
             x_range=Range1d(start=0.2, end=LAGS + 0.8),
             y_range=Range1d(start=-LEAST_LIMIT, end=LEAST_LIMIT),
             tools=[],

@@ -179,17 +179,19 @@ class BudgetFigures:
             text_baseline="bottom",
         )
         glyphs: dict[str, GlyphRenderer[Any]] = {
-            label: fig.line("time", name, source=self._curves, color=colour, line_width=1.6, line_dash=dash)
+            label: fig.line(
+                *("time", name), source=self._curves, color=colour, line_width=1.6, line_dash=dash, name=label
+            )
             for label, name, colour, dash in (
                 ("of the errors", "total", TOTAL, "solid"),
                 ("according to the filter", "believed", BELIEVED, "dashed"),
                 ("without fixes", "free", FREE, "dotted"),
             )
         }
-        rows = [("time", "@time{0.0} s")]
-        rows += [(label, f"@{glyph.glyph.y}{{0.0000}}") for label, glyph in glyphs.items()]
-        hover = HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows)
-        fig.add_tools(hover)
+        if axis.hover:
+            rows = [("time", "@time{0.0} s")]
+            rows += [(label, f"@{glyph.glyph.y}{{0.0000}}") for label, glyph in glyphs.items()]
+            fig.add_tools(HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows))
         items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
         legend = Legend(items=items, click_policy="hide", margin=2, styles=SMALL)
         legend.orientation = "vertical" if axis.touch else "horizontal"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 import numpy as np
@@ -15,16 +15,17 @@ from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.glyphs import Line, Scatter, VArea, VStrip
 from bokeh.models.ranges import Range1d
 from bokeh.models.renderers import GlyphRenderer
-from bokeh.models.sources import ColumnDataSource
+from bokeh.models.sources import CDSView, ColumnDataSource
 from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
 from lab.run.run import Run
-from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
+from lab.views.envelope import SMALLEST_DRAWN, FloatArray, limits
 from lab.views.legend import add_legend
-from lab.views.quantities import CURSOR, HELD, times_of_aid
-from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Inside, Interval, TimePlot
+from lab.views.quantities import CURSOR, HELD, LETTERS
+from lab.views.thinned import Thinned, columns_of, thinned
+from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Interval, TimePlot
 
 if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
@@ -40,8 +41,10 @@ source.setv({data}, {sync: false});
 """Splits the transferred block into the columns of a source, without copying or sending them back."""
 
 
-AT_ONCE = 2**15
-"""Samples of a long flight that are read together, with some 700 bytes of datasets each."""
+OUTSIDE = "outside ±3σ"
+"""Name of the marks of values beyond ±3σ."""
+SAME_EVERYWHERE = {"estimate", "truth", "GPS fixes"}
+"""Curves that look the same in all plots: the legend of the page explains them once."""
 MOST_DECADES = 10
 """Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
 
@@ -56,6 +59,9 @@ class TimeAxis:
     name
         First word of the names of its models, by which they are found in a document: no two axes that may be
         in the same document have the same.
+    hover
+        Whether each figure explains its curves, and shows their values under the mouse. A page does both
+        once, for all its figures.
 
     Attributes
     ----------
@@ -69,8 +75,8 @@ class TimeAxis:
         End of the flight [s].
     """
 
-    def __init__(self, *, touch: bool = False, name: str = "time") -> None:
-        self.touch = touch
+    def __init__(self, *, touch: bool = False, name: str = "time", hover: bool = True) -> None:
+        self.touch, self.hover = touch, hover
         self.duration = 1.0
         self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name=f"{name} axis")
         self.cursor = Span(
@@ -162,13 +168,6 @@ class Columns:
             self._parcel.data = {"all": np.concatenate([columns[name] for name in self._names])}
 
 
-class _Thinned(NamedTuple):
-    """What the figures of a result show in a window of time."""
-
-    columns: dict[Clock, dict[str, FloatArray]]
-    inside: dict[str, Inside]  # by the name of the plot
-
-
 class TimeFigures:
     """Figures over the shared time axis, with one data source for each clock.
 
@@ -198,12 +197,16 @@ class TimeFigures:
         self._buckets = buckets
         self._in_place = in_place
         self._sources: dict[Clock, Columns] = {}
-        self._ready: tuple[ref[Result | Ensemble], tuple[float, float], _Thinned] | None = None
+        self._ready: tuple[ref[Result | Ensemble], tuple[float, float], Thinned] | None = None
         for clock in CLOCKS:
-            names = [name for plot in self.plots for name in _columns(plot, clock)]
+            names = [name for plot in self.plots for name in columns_of(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
+        outside = [name for plot in self.plots for name in plot.outside]
+        self._outside = Columns(("time", *outside), f"outside:{self.plots[0].name}") if outside else None
+        self._all_marks = CDSView()
         self._legends: dict[str, LegendItem] = {}
+        self._glyphs: dict[str, GlyphRenderer[Any]] = {}
         self._layers: list[_Layer] = []
         self.figures = [self._draw(plot) for plot in self.plots]
 
@@ -230,11 +233,13 @@ class TimeFigures:
         drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
         for clock, source in self._sources.items():
             source.show(drawn.columns[clock])
+        if self._outside is not None:
+            self._outside.show(drawn.outside)
         for plot, fig in zip(self.plots, self.figures, strict=True):
             series = {
                 name: columns[name]
                 for clock, columns in drawn.columns.items()
-                for name in _columns(plot, clock)
+                for name in columns_of(plot, clock)
             }
             if plot.band is not None:
                 assert isinstance(fig.title, Title)
@@ -264,53 +269,9 @@ class TimeFigures:
 
     def _thinned(
         self, result: Result | Ensemble, window: tuple[float, float], clocks: Sequence[Clock] | None = None
-    ) -> _Thinned:
-        """Return the columns of some clocks in a window of time, and how the samples lie in the bands."""
-        thinned: dict[Clock, dict[str, FloatArray]] = {}
-        inside = {plot.name: Inside() for plot in self.plots}
-
-        def counted(clock: Clock, names: Sequence[str], values: Sequence[FloatArray], seen: slice) -> None:
-            columns = {name: one[seen] for name, one in zip(names, values, strict=True)}
-            for plot in self.plots:
-                if plot.clock == clock:
-                    inside[plot.name] += plot.inside(columns)
-
-        for clock in self._sources if clocks is None else clocks:
-            names = list(dict.fromkeys(name for plot in self.plots for name in _columns(plot, clock)))
-            times = _times(result, clock)
-            if clock == "time" and getattr(result, "is_long", False):
-                assert isinstance(result, Run)
-
-                def read(
-                    first: int, last: int, run: Any = result, clock: Clock = clock, names: list[str] = names
-                ) -> list[FloatArray]:
-                    values = self._part(run, first, last)
-                    counted(clock, names, values, slice(None))
-                    return values
-
-                time, values = envelope_in_parts(times, read, window, self._buckets, AT_ONCE)
-            else:
-                whole = self._series(result, clock)
-                seen = slice(*np.searchsorted(times, window + np.array((0.0, 1e-9))).tolist())
-                counted(clock, names, whole, seen)
-                time, values = envelope(times, whole, window, self._buckets)
-            named = zip(("time", *names), (time, *values), strict=True)
-            thinned[clock] = {name: series.astype(np.float32) for name, series in named}
-        return _Thinned(thinned, inside)
-
-    def _series(self, result: Result | Ensemble, clock: Clock) -> list[FloatArray]:
-        """Return all columns at a clock, besides the time."""
-        columns: dict[str, FloatArray] = {}
-        for plot in self.plots:
-            columns |= _columns(plot, clock, result)
-        return list(columns.values())
-
-    def _part(self, result: Result, first: int, last: int) -> list[FloatArray]:
-        """Return the columns of a long flight over the IMU's time, from one sample up to another."""
-        if any(curve.is_whole for plot in self.plots for curve in plot.curves):
-            return [values[first:last] for values in self._series(result, "time")]
-        before = max(first - 1, 0)  # of the first sample of a part, not everything is known
-        return [values[first - before :] for values in self._series(result.part(before, last), "time")]
+    ) -> Thinned:
+        wanted = tuple(self._sources) if clocks is None else clocks
+        return thinned(self.plots, result, window, self._buckets, wanted)
 
     def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
         """Hide a figure, or an entry of its legend, without known values, as in sensor logs and homework."""
@@ -319,10 +280,13 @@ class TimeFigures:
         whole = hides or getattr(result, "recorded", None) is not None
         known = {curve.name: not whole or _is_known(plot, curve, result) for curve in plot.curves}
         hide(fig, not any(known.values()), in_place=self._in_place)
-        for curve in (*plot.curves, *([plot.fixes] if plot.fixes else [])):
+        for curve in plot.drawn:
+            label = _spoken(curve.label, result)
+            if self._glyphs[curve.name].name != label:
+                self._glyphs[curve.name].name = label
             if curve.name in self._legends:
                 is_known = known.get(curve.name, not whole or _is_known(plot, curve, result))
-                self._legends[curve.name].update(visible=is_known, label=value(_spoken(curve.label, result)))
+                self._legends[curve.name].update(visible=is_known, label=value(label))
 
     def _name_zeros(self, plot: TimePlot, fig: figure, series: dict[str, FloatArray]) -> None:
         """Report visible curves that are zero, because a logarithmic axis cannot show them."""
@@ -347,12 +311,17 @@ class TimeFigures:
         if plot.fixes is not None:
             glyphs[plot.fixes.label] = draw_curve(fig, plot.fixes, self._sources["time_gps"].source, "time")
         glyphs |= {curve.label: draw_curve(fig, curve, source, "time") for curve in reversed(plot.curves)}
-        hover = HoverTool(mode="vline", renderers=[glyphs[plot.curves[0].label]], tooltips=_tooltips(plot))
-        fig.add_tools(hover)
-        if len(glyphs) > 1:
+        if self._outside is not None:
+            for name in plot.outside:
+                mark = Scatter(x="time", y=name, size=4, marker="square", fill_color=CURSOR, line_color=None)
+                fig.add_glyph(self._outside.source, mark, name=OUTSIDE, view=self._all_marks)
+        if self.axis.hover:
+            first = glyphs[plot.curves[0].label]
+            fig.add_tools(HoverTool(mode="vline", renderers=[first], tooltips=_tooltips(plot)))
+        self._glyphs |= {curve.name: glyphs[curve.label] for curve in plot.drawn}
+        if len(glyphs) > 1 and (self.axis.hover or not set(glyphs) <= SAME_EVERYWHERE):
             items = add_legend(fig, dict(reversed(glyphs.items())))
-            drawn = (*plot.curves, *([plot.fixes] if plot.fixes else []))
-            self._legends |= {curve.name: items[curve.label] for curve in drawn}
+            self._legends |= {curve.name: items[curve.label] for curve in plot.drawn}
         return fig
 
 
@@ -364,7 +333,7 @@ class _Layer:
     """
 
     def __init__(self, plots: Sequence[TimePlot], slot: int) -> None:
-        self._colour = HELD[slot]
+        self._colour, self._letter = HELD[slot], LETTERS[slot]
         self.clocks = tuple(
             clock
             for clock in CLOCKS
@@ -372,7 +341,7 @@ class _Layer:
         )
         self._sources: dict[Clock, Columns] = {}
         for clock in self.clocks:
-            names = dict.fromkeys(name for plot in plots for name in _columns(plot, clock))
+            names = dict.fromkeys(name for plot in plots for name in columns_of(plot, clock))
             self._sources[clock] = Columns(("time", *names), f"held {slot} {clock}:{plots[0].name}")
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self._columns: dict[Clock, dict[str, FloatArray]] = {}
@@ -393,10 +362,10 @@ class _Layer:
         for curve in _own_curves(plot):
             if curve.style == "points":
                 points = Scatter(x="time", y=curve.name, size=3, fill_color=colour, line_color=None)
-                self._glyphs.append(fig.add_glyph(source, points))
+                self._glyphs.append(fig.add_glyph(source, points, name=f"{self._letter}: {curve.label}"))
             else:
                 line = Line(x="time", y=curve.name, line_color=colour, line_width=1.0)
-                self._glyphs.append(fig.add_glyph(source, line))
+                self._glyphs.append(fig.add_glyph(source, line, name=f"{self._letter}: {curve.label}"))
         if plot.band is not None and not isinstance(plot.band, Interval):
             for edge in (plot.band.low, plot.band.high):
                 line = Line(x="time", y=edge, line_color=colour, line_width=0.8, line_dash="dashed")
@@ -546,17 +515,17 @@ def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> G
     # `add_glyph` makes one glyph; `fig.line` makes two more, for selected and muted data, which are not used.
     if curve.style == "points":
         points = Scatter(x=x, y=curve.name, size=4, fill_color=curve.colour, line_color=None)
-        return fig.add_glyph(source, points)
+        return fig.add_glyph(source, points, name=curve.label)
     dash = "dashed" if curve.style == "dashed" else "solid"
     width = 1.6 if curve.style == "dashed" else 1.3
     line = Line(x=x, y=curve.name, line_color=curve.colour, line_width=width, line_dash=dash)
-    return fig.add_glyph(source, line)
+    return fig.add_glyph(source, line, name=curve.label)
 
 
 def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     """Draw a band of a source over its time."""
     area = VArea(x="time", y1=band.low, y2=band.high, fill_color=band.colour, fill_alpha=0.2)
-    fig.add_glyph(source, area)
+    fig.add_glyph(source, area, name=band.label)
 
 
 def _is_zero(values: FloatArray) -> bool:
@@ -587,20 +556,6 @@ def _frame(height: int) -> dict[str, Any]:
     }
 
 
-def _columns(plot: TimePlot, clock: Clock, result: Result | Ensemble | None = None) -> dict[str, FloatArray]:
-    """Return the names of a plot's columns at a clock, with their samples if there is a result."""
-    nothing = np.zeros(0)
-    columns: dict[str, FloatArray] = {}
-    if plot.clock == clock:
-        columns |= {curve.name: nothing if result is None else curve.read(result) for curve in plot.curves}
-        if plot.band is not None:
-            edges = (nothing, nothing) if result is None else plot.band.edges(result)
-            columns |= dict(zip((plot.band.low, plot.band.high), edges, strict=True))
-    if plot.fixes is not None and clock == "time_gps":
-        columns[plot.fixes.name] = nothing if result is None else plot.fixes.read(result)
-    return columns
-
-
 def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
     rows = [("time", "@time{0.00} s")]
     rows += [(curve.label, f"@{curve.name}{{0.0000}} {plot.unit}") for curve in plot.curves]
@@ -608,13 +563,3 @@ def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
         edges = f"@{plot.band.low}{{0.0000}} … @{plot.band.high}{{0.0000}}"
         rows.append((plot.band.label, f"{edges} {plot.unit}"))
     return rows
-
-
-def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
-    # An ensemble has no IMU times; its times are those of the fixes.
-    if clock == "time":
-        return result.time
-    if clock in AID_CLOCKS:
-        assert isinstance(result, Run)  # an ensemble has none
-        return times_of_aid(result, clock)
-    return result.grid if clock == "time_between" else result.fixes.time  # type: ignore[union-attr]

@@ -224,7 +224,15 @@ class LiveFigures:
         self._sigma = RollingPlot("σ of the attitude", "°", ANGLES, ages, parcel, logarithmic=True, group=2)
         self._velocity = RollingPlot("Velocity", "m/s", NORTH_EAST_DOWN, ages, parcel, least=0.5, group=2)
         self._innovation = RollingPlot(
-            "Innovations", "σ", INNOVATIONS, ages, parcel, points=True, least=3.5, legend=_MEASURED, group=3
+            "Innovations, dashed ±3",
+            "σ",
+            INNOVATIONS,
+            ages,
+            parcel,
+            points=True,
+            least=3.5,
+            legend=_MEASURED,
+            group=3,
         )
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(

@@ -19,6 +19,7 @@ from jinja2 import Environment
 from panel.theme.base import DarkTheme
 
 from lab.views import notebook_display
+from lab.views.autocorrelation import three_sigma
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.notebook_display import theme_hook
 from lab.views.quantities import (
@@ -261,9 +262,9 @@ def _curve(plot: TimePlot, curve: Curve, time: np.ndarray, values: np.ndarray) -
 
 
 def _autocorrelation(result: Result, name: str, axis: int) -> hv.Overlay:
-    """Draw the autocorrelation of one channel's innovations with its 95 % band."""
+    """Draw the autocorrelation of one channel's innovations with its ±3σ band."""
     r = result.autocorrelation
-    band = float(r.attrs["band"])
+    band = three_sigma(r)
     lag = hv.Dimension("lag", label="Lag", unit="fixes")
     value = hv.Dimension(f"autocorrelation_{name}_{EAST_NORTH_UP[axis]}", label="Autocorrelation")
     spikes = hv.Spikes((r["lag"].values[1:], r[name].values[1:, axis]), lag, value)
@@ -275,7 +276,7 @@ def _autocorrelation(result: Result, name: str, axis: int) -> hv.Overlay:
         width=WIDTH,
         height=HEIGHT_PIXELS,
         title=f"Autocorrelation, {name} {EAST_NORTH_UP[axis]}",
-        xlabel="Lag [fixes]; 95 % are in the band",
+        xlabel="Lag [fixes]; band: ±3σ if white",
         ylabel="",
         ylim=(-0.6, 0.6),
         hooks=[theme_hook],

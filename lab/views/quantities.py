@@ -28,6 +28,8 @@ TRUTH, ESTIMATE, FIXES, CURSOR = "#8b95a5", BLUE, "#c2569b", "#e5484d"
 
 HELD = ("#9b5de5", "#d6457f", "#8a9a2e", "#7d8794")
 """Colours of held results, visible on white and on black."""
+LETTERS = "ABCD"
+"""Their names."""
 
 _AT_FIXES = ("gps", "innovations", "consistency")
 """Datasets over the times of the fixes."""

@@ -159,10 +159,28 @@ class TimePlot:
         """Title and unit, as printed above the plot."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
+    @property
+    def drawn(self) -> tuple[Curve, ...]:
+        """All curves, with the fixes."""
+        return self.curves if self.fixes is None else (*self.curves, self.fixes)
+
+    @property
+    def judged(self) -> tuple[Curve, ...]:
+        """The curves that should lie in the band: of a band about an estimate, the truth."""
+        if self.band is None:
+            return ()
+        is_about_estimate = self.band.centre is not None and not isinstance(self.band, Interval)
+        return self.curves[1:] if is_about_estimate else self.curves
+
+    @property
+    def outside(self) -> dict[str, str]:
+        """Columns of the values beyond ±3σ, with their curves; beyond an interval are 5 % anyway."""
+        if isinstance(self.band, Interval):
+            return {}
+        return {f"{curve.name}_outside": curve.name for curve in self.judged}
+
     def inside(self, columns: Mapping[str, FloatArray]) -> Inside:
         """Return how some samples lie in the band.
-
-        Of a band about an estimate, it is the truth that should lie inside.
 
         Parameters
         ----------
@@ -171,11 +189,9 @@ class TimePlot:
         """
         if self.band is None:
             return Inside()
-        is_about_estimate = self.band.centre is not None and not isinstance(self.band, Interval)
-        curves = self.curves[1:] if is_about_estimate else self.curves
         low, high = columns[self.band.low], columns[self.band.high]
         found = Inside()
-        for values in (columns[curve.name] for curve in curves):
+        for values in (columns[curve.name] for curve in self.judged):
             known = np.isfinite(values) & np.isfinite(low)
             within = np.count_nonzero((low <= values) & (values <= high) & known)
             squares = np.sum(values**2, where=known, dtype=np.float64) if self.band.centre is None else 0.0
@@ -193,7 +209,8 @@ class TimePlot:
             parts.append(f"{shown}{THIN}% in the {self.band.label} band")
         elif self.band.centre is None:
             size = np.sqrt(inside.squares / inside.number)
-            parts += [f"rms {size:.2g}", f"{shown}{THIN}% in {self.band.label.removeprefix('±')}"]
+            rms = f"{size:.2g}" if size < 99.5 else f"{size:.0f}"
+            parts += [f"rms {rms}", f"{shown}{THIN}% in {self.band.label.removeprefix('±')}"]
         else:
             parts.append(f"truth {shown}{THIN}% in {self.band.label.removeprefix('±')}")
         return f"{THIN}·{THIN}".join(parts)

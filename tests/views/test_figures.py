@@ -123,7 +123,7 @@ def test_autocorrelation_has_its_band(result: Result) -> None:
     assert np.array_equal(data["position_east"], r)
     assert fig.y_range.start <= r.min() < r.max() <= fig.y_range.end
     box = next(item for item in fig.center if hasattr(item, "fill_alpha") and hasattr(item, "bottom"))
-    assert box.top == -box.bottom == pytest.approx(1.96 / np.sqrt(result.fixes.time.size), rel=0.02)
+    assert box.top == -box.bottom == pytest.approx(3 / np.sqrt(result.fixes.time.size), rel=0.02)
 
 
 def test_the_track_is_in_metres_from_the_start(result: Result) -> None:
@@ -299,3 +299,49 @@ def test_a_held_result_may_lack_the_further_states(result: Result, axis: TimeAxi
     figures.show(more, [result])
     columns = figures._layers[0]._columns["time"]
     assert np.isnan(columns["gyro_misalignment_xy"]).all()
+
+
+def test_values_beyond_three_sigma_are_marked_and_no_others(result: Result) -> None:
+    overconfident = Experiment().update({"navigator": {"q_scale": 0.1}}).run()
+    axis = TimeAxis()
+    axis.span(float(result.time[-1]))
+    figures = TimeFigures(ERRORS, axis)
+    for shown, window in ((overconfident, (0.0, axis.duration)), (overconfident, (50.0, 51.0))):
+        axis.range.update(start=window[0], end=window[1])
+        figures.show(shown)
+        marks = (
+            figures.figures[0].select_one({"type": ColumnDataSource, "name": "outside:position_east"}).data
+        )
+        inside = (marks["time"] >= window[0]) & (marks["time"] <= window[1])
+        heading = marks["attitude_heading_outside"][inside]
+        sizes = np.abs(shown.errors["attitude"].values[:, 2])
+        sigma = shown.sigma["attitude"].values[:, 2]
+        beyond = (sizes > 3 * sigma) & (shown.time >= window[0]) & (shown.time <= window[1])
+        assert np.isin(np.abs(heading[np.isfinite(heading)]), sizes[beyond].astype(np.float32)).all()
+        assert np.isfinite(heading).sum() <= 800
+        if window[1] - window[0] < 2:  # each sample is drawn
+            np.testing.assert_array_equal(
+                marks["time"][inside & np.isfinite(marks["attitude_heading_outside"])],
+                shown.time[beyond].astype(np.float32),
+            )
+        assert marks["time"].size > 0
+
+
+def test_five_percent_beyond_an_interval_are_not_marked(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(CONSISTENCY, axis)
+    figures.show(result)
+    assert {name for plot in CONSISTENCY for name in plot.outside} == {
+        f"normalised_{kind}_{way}_outside"
+        for kind in ("position", "velocity")
+        for way in ("east", "north", "up")
+    }
+
+
+def test_the_figures_of_a_page_say_once_what_their_curves_are(result: Result) -> None:
+    axis = TimeAxis(hover=False)
+    figures = [*TimeFigures(HEIGHT, axis).figures, *TimeFigures(COVARIANCE, axis).figures]
+    assert not any(tool for fig in figures for tool in fig.tools if type(tool).__name__ == "HoverTool")
+    names = [{renderer.name for renderer in fig.renderers} - {None, "time cursor"} for fig in figures]
+    assert names[0] == {"estimate", "truth", "GPS fixes"} and not figures[0].legend
+    assert names[1] == {"error", "±3σ", "outside ±3σ"}
+    assert names[3] == {"east", "north", "up"} and figures[3].legend  # only these plots have such curves

@@ -1,0 +1,136 @@
+"""Plot tools: what all plots of a page share: legend, values at the cursor, menus, and the lane of events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from weakref import ref
+
+import param
+from bokeh.document import Document
+from panel.custom import JSComponent
+
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
+from dashboards.openings import Openings
+from dashboards.sending import soon
+from dashboards.session import Session
+from lab.analysis.events import drawn, events
+from lab.base.progress import Progress
+from lab.experiment.result import Result
+from lab.run.memory import give_back, large_blocks_given_back
+
+_HERE = Path(__file__).parent
+SETTLED = 300
+"""Time after a new result until its events are looked for [ms], so that a moving slider is not slowed."""
+CROWDED = 500
+"""Time between two looks whether all pages that open have opened [ms]."""
+
+
+class PlotTools(JSComponent):
+    """Legend and values of all plots over time, and a menu in each plot; all in the browser.
+
+    As a bundle, script and style are files that a browser keeps, and no part of the messages of a page.
+    """
+
+    _bundle = _HERE / "plot_tools.js"
+
+
+class Lane(JSComponent):
+    """Events as coloured spans over the whole flight; a press on one asks for its time."""
+
+    shown: dict[str, Any] = param.Dict(
+        {"events": [], "duration": 1.0},
+        doc="Kind, start, end [s] and words of the events; end of the flight.",
+    )
+    asked: dict[str, Any] = param.Dict({}, doc="The last press: a time [s], and a count.")
+
+    _esm = _HERE / "event_lane.js"
+    _stylesheets = [(_HERE / "event_lane.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own
+
+
+class EventLane:
+    """The events of the shown result, found once it has been shown for a moment.
+
+    Parameters
+    ----------
+    session
+        The session whose results are shown.
+    document
+        The document of the page.
+    go
+        Called with the time of an event that was pressed [s].
+
+    Attributes
+    ----------
+    view : Lane
+        The lane.
+    """
+
+    def __init__(self, session: Session, document: Document, go: Callable[[float], None]) -> None:
+        self._document, self._go = document, go
+        self._openings = Openings.of(document)
+        self._result: Result | None = None
+        self._work: LatestWins[Result] = LatestWins(self._find, self._deliver, LONG)
+        self.view = Lane(sizing_mode="stretch_width", margin=0)  # type: ignore[no-untyped-call]
+        self.view.param.watch(self._pressed, "asked")
+        session.on_run(self._wait)
+        session.param.watch(self._arrived, "result", onlychanged=False)
+
+    def close(self) -> None:
+        """Look for no more events."""
+        self._work.close()
+        self._result = None
+
+    def _wait(self) -> None:
+        """Let go of the result: that of a long flight is released before a run begins."""
+        self._work.cancel()
+        self._result = None
+
+    def _arrived(self, event: param.parameterized.Event) -> None:
+        self._result = event.new
+        if event.new is None:
+            return
+        duration, wanted = float(event.new.time[-1]), ref(event.new)
+        if duration != self.view.shown["duration"]:
+            self._show([], duration)
+        self._document.add_timeout_callback(lambda: self._begin(wanted), SETTLED)
+
+    def _begin(self, wanted: ref[Result]) -> None:
+        """Look for the events of a result, unless another one has come, or pages open."""
+        result = self._result
+        if result is None or wanted() is not result:
+            return
+        if self._openings is not None and self._openings.busy:
+            self._document.add_timeout_callback(lambda: self._begin(wanted), CROWDED)
+        else:
+            self._work.submit(result)
+
+    def _find(self, result: Result, _progress: Progress) -> Outcome:
+        with large_blocks_given_back(result.time.size):
+            found = attempt(lambda: drawn(events(result), float(result.time[-1])))
+        if result.is_long:
+            give_back()
+        return found
+
+    def _deliver(self, result: Result, outcome: Outcome) -> None:
+        wanted = ref(result)
+        soon(self._document, lambda: self._receive(wanted, outcome))
+
+    def _receive(self, wanted: ref[Result], outcome: Outcome) -> None:
+        result = self._result
+        if result is not None and wanted() is result:
+            rows = [
+                [one.kind, round(one.start, 2), round(one.end, 2), one.words] for one in outcome.result or []
+            ]
+            self._show(rows, float(result.time[-1]))
+
+    def _show(self, rows: list[list[Any]], duration: float) -> None:
+        shown = {"events": rows, "duration": duration}
+        if shown != self.view.shown:
+            self.view.shown = shown
+
+    def _pressed(self, event: param.parameterized.Event) -> None:
+        time = event.new.get("time")
+        if isinstance(time, int | float):
+            self._go(float(time))

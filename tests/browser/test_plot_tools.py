@@ -1,0 +1,88 @@
+"""Tools of the plots in a real browser: menu, legend, values at pointer and cursor, lane of events."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import wait_for
+
+pytestmark = pytest.mark.browser
+
+CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')"
+EAST = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
+
+NEAR = """(data, time) => {
+  const far = Array.from(data.time, (t) => Math.abs(t - time));
+  const near = far.indexOf(Math.min(...far));
+  return [data.position_east[near], data.position_east_band_high[near] / 3].map((one) => one.toPrecision(3));
+}"""
+"""Error and σ of the sample next to a time, with three digits."""
+
+
+def saved(page: Page, item: str) -> tuple[str, bytes]:
+    """Choose an item of the menu of the first plot by keys; return the name and the content of the file."""
+    page.get_by_role("button", name="Menu of Position error, east").focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("menuitem").first).to_be_focused()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name=item).click()
+    return download.value.suggested_filename, Path(download.value.path()).read_bytes()
+
+
+def test_each_plot_gives_pictures_numbers_and_a_link(open_page: Callable[..., Page]) -> None:
+    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&zoom=20-40")
+    name, content = saved(page, "PNG")
+    assert name == "position_error_east.png" and content.startswith(b"\x89PNG") and len(content) > 2000
+    name, content = saved(page, "SVG")
+    drawing = content.decode()
+    assert name == "position_error_east.svg" and "Position error, east [m]" in drawing
+    assert "<image" not in drawing  # lines, and no picture of them
+    name, content = saved(page, "csv")
+    head, *rows = csv.reader(io.StringIO(content.decode()))
+    assert head == ["time [s]", "±3σ from [m]", "±3σ to [m]", "error [m]"]
+    seen = page.evaluate(
+        f"[...{EAST}.time].flatMap((t, i) => t >= 20 && t <= 40 ? [[t, {EAST}.position_east[i]]] : [])"
+    )
+    assert len(rows) == len(seen) > 500
+    for row, (time, error) in zip(rows, seen, strict=True):
+        assert (float(row[0]), float(row[3])) == pytest.approx((time, error), rel=1e-6)
+    page.evaluate("navigator.clipboard.writeText = (text) => { window.copied = text; }")
+    page.get_by_role("button", name="Menu of Position error, east").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("ArrowUp")  # from the first item to the last
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status").get_by_text("Link copied")).to_be_visible()
+    assert page.evaluate("window.copied === location.href && location.search.includes('zoom')")
+
+
+def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., Page]) -> None:
+    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&sensors.gps.outages=[[30,40]]")
+    lane = page.get_by_role("toolbar", name="Events of the flight")
+    lane.get_by_role("button", name="Outage: 30.0 s to 40.0 s").click()
+    wait_for(page, f"{CURSOR}.location === 30")
+    legend = page.get_by_role("group", name="Legend")
+    for words in ("error", "±3σ of the filter", "no GPS"):
+        expect(legend.get_by_text(words, exact=True)).to_be_visible()
+    page.keyboard.press("v")
+    row = page.get_by_role("table", name="Values at the time cursor").get_by_role("row").nth(1)
+    expect(row.get_by_role("rowheader")).to_have_text("Position error, east")
+    for time in (30, 39):
+        page.evaluate(f"{CURSOR}.location = {time}")
+        expect(page.get_by_text(f"at {time}.00 s", exact=True)).to_be_visible()
+        error, sigma = page.evaluate(f"({NEAR})({EAST}, {time})")
+        assert row.get_by_role("cell").all_inner_texts() == [error.replace("-", "\u2212"), sigma, "m"]
+    page.get_by_role("tab", name="Height", exact=True).click()
+    expect(legend.get_by_role("button", name="truth")).to_be_visible()
+    truths = "Bokeh.documents[0]._all_models.values().filter((m) => m.name === 'truth').map((m) => m.visible)"
+    legend.get_by_role("button", name="truth").click()
+    expect(legend.get_by_role("button", name="truth")).to_have_attribute("aria-pressed", "false")
+    assert page.evaluate(f"Array.from({truths}).filter((one) => !one).length === 2")
+    expect(page.get_by_role("table", name="Values at the time cursor")).to_contain_text(
+        "Height above the ellipsoid, estimate"
+    )
