@@ -58,7 +58,7 @@ class Holding:
             icon="push_pin",
             description="Hold this result, to compare it with the next ones (H)",
             size="small",
-            margin=(6, 0),
+            margin=(9, 0),
             stylesheets=[TOOLTIP],
             sx={"color": "#ffffff"},
         )

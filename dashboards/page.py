@@ -613,7 +613,7 @@ def _lessons_button() -> pmui.IconButton:
         icon="school",
         description="Lessons, beside the plots",
         size="small",
-        margin=(6, 0),
+        margin=(9, 0),
         stylesheets=[TOOLTIP],
         sx={"color": "#ffffff"},
     )

@@ -16,6 +16,7 @@ KEYS = (
     ("Space", "play, or stop"),
     ("← →", "go to the fix before, or to the next one"),
     ("H", "hold this result"),
+    ("V", "show or hide all values at the cursor"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     ("Esc", "close the missions, the lessons, this list"),
     ("?", "this list"),
@@ -66,7 +67,7 @@ class Shortcuts:
             icon="help_outline",
             description="What keys and mouse do (?)",
             size="small",
-            margin=(6, 0),
+            margin=(9, 0),
             stylesheets=[TOOLTIP],
             sx={"color": "#ffffff"},
         )
