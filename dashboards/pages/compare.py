@@ -22,6 +22,7 @@ from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
 from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.settings_panel import may_change
 from dashboards.style import WHOLE
 from dashboards.sweep_choice import Plan, SweepChoice, present
 from lab.base.cache import digest
@@ -234,6 +235,8 @@ class Compare(ComputedPage):
         assert isinstance(experiment, Experiment)
         if self._on("A sweep"):
             self._sweep.suit(experiment, bool(result.recorded))
+        if self._plan is not None and not all(may_change(experiment, path) for path in self._plan.values):
+            self._plan = None  # it was made before a homework was opened
         is_long = result.is_long
         if is_long:
             self._summary = summary_html(result)

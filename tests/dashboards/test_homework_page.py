@@ -18,6 +18,7 @@ from dashboards.pages.compare import Compare
 from dashboards.pages.lessons.homework_part import IS_OFF
 from dashboards.query import homework_of_query
 from dashboards.settings_panel import SettingsPanel
+from dashboards.sweep_choice import Plan
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.homework.hand_in import open_hand_in
 from lab.classroom.homework.homework_file import Keyed, homework_text, make_homework, write_key
@@ -193,6 +194,11 @@ def test_the_comparison_shows_and_changes_nothing_that_a_homework_hides(walk: Wa
     written = str([shown._table.object, labels, [model.properties_with_values() for model in models]])
     secrets = (FAULTS["r"].title, keyed.homework.scenario.key, "HiddenExperiment", "Scenario")
     assert [secret for secret in secrets if secret in written] == []
+    shown._plan = Plan({"navigator.q_scale": (0.1, 1.0)}, 1)  # as chosen before the homework was opened
+    with set_curdoc(walk._document):
+        walk.page._show_again(shown)
+    walk.settle()
+    assert walk.figures() == []
 
 
 def test_a_file_is_opened_and_a_damaged_one_says_so(walk: Walk, keyed: Keyed, tmp_path: Path) -> None:
