@@ -131,7 +131,7 @@ def _of_errors(result: Result) -> tuple[FloatArray, FloatArray, FloatArray, floa
             known = np.isfinite(errors)
             sums[number] += np.sum(errors**2, axis=0, where=known)
             counts[number] += np.count_nonzero(known, axis=0)
-            inside += np.count_nonzero(np.abs(errors) <= 3 * sigma)
+            inside += int(np.count_nonzero(np.abs(errors) <= 3 * sigma))
     squares = np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0)
     is_known = counts.all() and not result.missing_reason("coverage")
     return squares[0], squares[1], squares[2], 100 * inside / counts.sum() if is_known else np.nan
