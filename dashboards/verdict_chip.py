@@ -234,7 +234,7 @@ class VerdictChip:
         assert self._card is not None
         self._card.open = False
         if result is not None:
-            self._session.go("Consistency", worst_time(result))
+            self._session.go("Verdict", worst_time(result))
 
     def _applied(self) -> None:
         """Change the settings as the first advice says that was tried."""

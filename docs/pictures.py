@@ -63,7 +63,7 @@ PICTURES = {
     "errors": Picture(MONTREAL + "&sensors.gps.outages=[[90,110]]", "Errors", "Position error, east [m]", ""),
     "consistency": Picture(
         MONTREAL + "&navigator.q_scale=0.1",
-        "Consistency",
+        "Verdict",
         "NEES: errors of all states, normalised",
         "too small",
     ),

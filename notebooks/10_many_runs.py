@@ -213,6 +213,6 @@ pn.Column("# Many runs", pn.FlexBox(count, q, r), pn.bind(watched, *knobs)).serv
 # ## Where to go next
 #
 # - `ins-lab compare montreal --seeds 20`: the same on the command line.
-# - The page *Consistency* has the verdict on many seeds, with its advice.
+# - The page *Verdict* has the verdict on many seeds, with its advice.
 # - Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
 #   section 5.4: these tests.

@@ -66,7 +66,7 @@ class Consistency(ComputedPage):
     One run is drawn at once. Many runs are computed in the background; the old ones stay visible meanwhile.
     """
 
-    title = "Consistency"
+    title = "Verdict"
     seen = ("consistency",)
     depends_on_window = True
 

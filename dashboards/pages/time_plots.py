@@ -94,7 +94,7 @@ class Covariance(TimePlots):
 class SensorErrors(TimePlots):
     """Estimated and true biases, and other errors of sensors if they are states; and the temperature."""
 
-    title = "Sensor errors"
+    title = "States"
     plots = SENSOR_ERRORS
     seen = ("sensor_errors",)
     scale_plots = SCALE_ERRORS

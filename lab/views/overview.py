@@ -91,7 +91,7 @@ def numbers_of(result: Result) -> list[Number]:
         rms = float(np.sqrt(used.mean())) if used.size else np.nan
         return [
             Number(_shown(rms, "m"), "Position innovations, rms", "See them", "Innovations"),
-            Number(_shown(nis), "NIS, expected 1", "Identify noise …", "Consistency"),
+            Number(_shown(nis), "NIS, expected 1", "Identify noise …", "Verdict"),
             Number(
                 _shown(100 * rejected / fixes if fixes else np.nan, "%"),
                 "Fixes rejected",
@@ -114,7 +114,7 @@ def numbers_of(result: Result) -> list[Number]:
         Number(_shown(np.sqrt(velocities.sum()), "m/s"), "Velocity, rms", "See the errors", "Errors"),
         Number(_shown(np.sqrt(heading), "°"), "Heading, rms", "See its sources", "Budget"),
         Number(_shown(inside, "%"), "Inside 3σ, expected 99.7", "See σ", "Covariance"),
-        Number(_shown(nees), "NEES, expected 1", "Read the verdict", "Consistency"),
+        Number(_shown(nees), "NEES, expected 1", "Read the verdict", "Verdict"),
         Number(_shown(nis), "NIS, expected 1", "See innovations", "Innovations"),
     ]
 

@@ -133,7 +133,7 @@ def of_page(mission: str, **settings: object) -> None:
             with step(title):
                 walk.open(title)
                 settle(walk)
-        walk.open("Consistency")
+        walk.open("Verdict")
         with step("slider moved on Consistency"):
             change(walk, "sensors.gyro.noise_density", 0.02)
 

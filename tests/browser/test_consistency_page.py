@@ -30,7 +30,7 @@ TABLES_FOLLOW_THE_PLOTS = """
 @pytest.mark.proof
 def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&sensors.gps.latency=0.2&navigator.latency=0")
-    show(page, "Consistency")
+    show(page, "Verdict")
     expect(page.get_by_role("heading", name="The fixes are 0.20 s late")).to_be_visible()
     advice = page.get_by_text("Set “Navigator and filter: Latency the filter assumes” to 0.20")
     expect(advice).to_be_visible()
@@ -43,7 +43,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
 @pytest.mark.proof
 def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles")
-    show(page, "Consistency")
+    show(page, "Verdict")
     choose(page, "10 seeds")
     expect(page.get_by_text("10 flights, seeds 1 to 10")).to_be_visible()
     expect(page.get_by_text("Judged by 10 runs")).to_be_visible()

@@ -19,7 +19,7 @@ LIGATURE = re.compile(r'^\s*- \'?\w+ "[a-z]+(_[a-z]+)+\b.*', re.M)
 """A part whose name begins with that of its icon, as "restart_alt Reset"."""
 TABS = {
     "Errors": ("slider", "Time"),
-    "Consistency": ("button", re.compile("Identify")),
+    "Verdict": ("button", re.compile("Identify")),
     "Missions": ("button", "Choose Montréal"),
     "Live": ("button", "Connect"),
 }

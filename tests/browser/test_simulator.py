@@ -388,7 +388,7 @@ SCROLLED = """
 
 
 def test_one_cannot_scroll_far_below_the_plots(shared_page: Page) -> None:
-    for tab in ("Errors", "Innovations", "Sensor errors"):
+    for tab in ("Errors", "Innovations", "States"):
         show(shared_page, tab)
         wait_for(shared_page, f"{TITLES}[0] === {FIRST[tab]!r} && {IDLE}")
         wait_for(shared_page, f"({SCROLLED})() < 50")

@@ -1,4 +1,4 @@
-"""The button *Apply the advice* on the page Consistency: it writes what was tried, and no truth."""
+"""The button *Apply the advice* on the page Verdict: it writes what was tried, and no truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def applied(walk: Walk, made: Experiment) -> Experiment:
     """Return the settings of the session after the advice on a run was applied."""
     walk.page.session.experiment = made.copy()
     assert walk.run(made).problem == ""
-    walk.open("Consistency")
+    walk.open("Verdict")
     page = walk.shown
     assert page._follow.visible
     page._followed()

@@ -142,9 +142,9 @@ def test_a_reload_shows_tab_time_zoom_and_runs(monkeypatch: pytest.MonkeyPatch) 
         with set_curdoc(walk._document):
             page.servable()
         shown = page._shown_view()
-        assert shown == View("Consistency", 12.5, (10.0, 60.0), 10)
+        assert shown == View("Verdict", 12.5, (10.0, 60.0), 10)
         assert walk.sent()["search"] == page._address.search  # not lost while the result is computed
-        assert {kind.title for kind in page._pages} == {"Consistency"}  # others would take time
+        assert {kind.title for kind in page._pages} == {"Verdict"}  # others would take time
         page.session._browser_ready = True
         walk.run(Experiment(mission="los_angeles"))
         assert page._shown_view() == shown

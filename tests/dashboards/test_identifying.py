@@ -1,4 +1,4 @@
-"""The button on the page Consistency: it finds what the innovations say, and applies it to the session."""
+"""The button on the page Verdict: it finds what the innovations say, and applies it to the session."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_the_table_comes_and_is_applied(walk: Walk) -> None:
     made.navigator.update({"r_scale": 100.0})
     walk.page.session.experiment = made.copy()
     assert walk.run(made).problem == ""
-    walk.open("Consistency")
+    walk.open("Verdict")
     identifying = walk.shown._identifying
     identifying._asked()
     until = time.monotonic() + 120

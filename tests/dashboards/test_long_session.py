@@ -56,7 +56,7 @@ def settle(walk: Walk) -> None:
 
 @pytest.mark.proof
 def test_a_replaced_result_is_gone_before_the_next_run(long: Walk) -> None:
-    for title in ("Overview", "Flight", "Errors", "Consistency", "Ground track", "3-D", "Budget", "Compare"):
+    for title in ("Overview", "Flight", "Errors", "Verdict", "Ground track", "3-D", "Budget", "Compare"):
         long.open(title)
     session = long.page.session
     assert session.result is not None

@@ -154,7 +154,7 @@ def test_a_log(walk: Walk, own_missions: Path, request: pytest.FixtureRequest, h
     assert float(found["Duration"].split("\u2009")[0]) == pytest.approx(result.time[-1], rel=5e-3)
     assert found["GPS fixes"] == str(result.fixes.time.size)
     press(walk, "1 Consistency")
-    assert walk.title == "Consistency"
+    assert walk.title == "Verdict"
     walk.open("Overview")
     press(walk, "outage")
     ((start, _end),) = walk.page.session.experiment.get(OUTAGES)

@@ -128,7 +128,7 @@ def test_show_me_opens_the_evidence_at_the_worst_fix(walk: Walk) -> None:
     with set_curdoc(walk._document):
         chip._shown()
     walk.settle()
-    assert walk.title == "Consistency"
+    assert walk.title == "Verdict"
     result = walk.page.session.result
     worst = int(np.nanargmax(result.innovations["nis"].values))
     assert walk.page.axis.time == pytest.approx(float(result.fixes.time[worst]))

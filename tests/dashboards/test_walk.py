@@ -117,7 +117,7 @@ def test_every_card(walk: Walk, name: str) -> None:
     flown.update({"sensors": settings})
     assert walk.run(flown).problem == ""
     assert (
-        visit(walk, ("Covariance", "Sensor errors", "Innovations", "Consistency", "Allan", "Compare")) == {}
+        visit(walk, ("Covariance", "States", "Innovations", "Verdict", "Allan", "Compare")) == {}
     )
     for sensor in ("gyro", "accelerometer"):
         errs = any(np.any(settings.get(sensor, {}).get(term, 0.0)) for term in SCALE)
@@ -180,7 +180,7 @@ def test_a_log(walk: Walk, tmp_path, reference: bool) -> None:
 def test_several_runs_and_one_again(walk: Walk) -> None:
     for states in (15, 21):
         walk.run(experiment(navigator__states=states))
-        walk.open("Consistency")
+        walk.open("Verdict")
         for runs in (10, 1):
             walk.shown._choice.value = runs
             walk.settle()
@@ -205,7 +205,7 @@ def test_runs_that_are_done_are_drawn_while_others_go_on(walk: Walk, monkeypatch
 
     monkeypatch.setattr(Consistency, "_draw_runs", draw_and_note)
     first = walk.run(experiment(seed=31)).result
-    walk.open("Consistency")
+    walk.open("Verdict")
     walk.shown._choice.value = 10
     walk.settle()
     counts = [count for count, _ in seen]
@@ -225,7 +225,7 @@ def test_runs_that_are_done_are_drawn_while_others_go_on(walk: Walk, monkeypatch
 
 def test_runs_that_arrive_after_one_was_chosen_again_are_not_drawn(walk: Walk) -> None:
     outcome = walk.run(experiment(navigator__q_scale=0.1))
-    walk.open("Consistency")
+    walk.open("Verdict")
     assert outcome.result is not None
     assert "Tried" in walk.text()
     late = Outcome(result=ensemble(outcome.result, 2, lambda *_: None))
@@ -238,7 +238,7 @@ def test_the_advice_for_a_heading_that_is_too_uncertain_is_applied(walk: Walk) -
     wide = experiment(navigator__attitude_sigma=(0.5, 0.5, 60.0))
     walk.page.session.experiment = wide.copy()
     walk.run(wide)
-    walk.open("Consistency")
+    walk.open("Verdict")
     page = walk.shown
     assert "Tried: " in walk.text()
     assert page._follow.visible
@@ -247,7 +247,7 @@ def test_the_advice_for_a_heading_that_is_too_uncertain_is_applied(walk: Walk) -
     assert changed.navigator.model == "invariant"
     assert changed.copy().update({"navigator.model": "phi"}).to_dict() == wide.to_dict()
     walk.run(changed)
-    walk.open("Consistency")
+    walk.open("Verdict")
     assert "Consistent" in walk.text()
     assert not page._follow.visible
 
@@ -309,7 +309,7 @@ def assert_told(walk: Walk, title: str) -> None:
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("title", ["Consistency", "Allan", "Budget"])
+@pytest.mark.parametrize("title", ["Verdict", "Allan", "Budget"])
 def test_what_is_worked_out_and_cannot_be_drawn_is_said(
     walk: Walk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, title: str
 ) -> None:
@@ -318,7 +318,7 @@ def test_what_is_worked_out_and_cannot_be_drawn_is_said(
 
     walk.open(title)
     walk.run(experiment(seed=4))
-    if title == "Consistency":
+    if title == "Verdict":
         walk.shown._choice.value = 10
         walk.settle()
     with monkeypatch.context() as patch:
@@ -330,7 +330,7 @@ def test_what_is_worked_out_and_cannot_be_drawn_is_said(
     caplog.clear()
     walk.run(experiment(seed=6))
     assert walk.complaints() == []
-    if title == "Consistency":
+    if title == "Verdict":
         walk.shown._choice.value = 1
 
 

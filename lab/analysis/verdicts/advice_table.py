@@ -29,7 +29,7 @@ ADVICE: dict[str, Advice] = {
     ),
     "identify": Advice(
         "It is better to identify the noise from the innovations, because several assumptions are wrong at "
-        "once: the button on the page Consistency, ins-lab identify, or result.identify()."
+        "once: the button on the page Verdict, ins-lab identify, or result.identify()."
     ),
     "compare": Advice(
         "Compare with a reference, or with another IMU or receiver. A flight with more turns shows the "
