@@ -17,7 +17,7 @@ const made = (kind, attributes = {}, ...content) => {
 }
 const field = (spec) => spec?.field ?? (typeof spec === "string" ? spec : undefined)
 const over_time = (view) => view.model.x_range?.name === "time axis"
-const is_visible = (view) => view.el.isConnected && view.el.checkVisibility({visibilityProperty: true})
+const is_visible = (view) => view.el.isConnected && (view.el.checkVisibility?.({visibilityProperty: true}) ?? true)
 
 function heading(view) {
   const [text] = (view.model.title?.text ?? "").split("\u2009·\u2009")
