@@ -116,9 +116,7 @@ def test_every_card(walk: Walk, name: str) -> None:
     settings = cards()[name].settings()
     flown.update({"sensors": settings})
     assert walk.run(flown).problem == ""
-    assert (
-        visit(walk, ("Covariance", "States", "Innovations", "Verdict", "Allan", "Compare")) == {}
-    )
+    assert visit(walk, ("Covariance", "States", "Innovations", "Verdict", "Allan", "Compare")) == {}
     for sensor in ("gyro", "accelerometer"):
         errs = any(np.any(settings.get(sensor, {}).get(term, 0.0)) for term in SCALE)
         assert (f"{sensor} scale factors [%]: zero" in covariance_titles(walk)) != errs

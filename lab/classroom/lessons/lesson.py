@@ -36,7 +36,13 @@ PAGES = (
     "Live",
 )
 """Titles of the pages that a step may show."""
-RENAMED = {"Summary": "Compare", "Models": "Compare", "Height": "Flight"}
+RENAMED = {
+    "Summary": "Compare",
+    "Models": "Compare",
+    "Height": "Flight",
+    "Consistency": "Verdict",
+    "Sensor errors": "States",
+}
 """Titles of older lessons, and the pages that took their place."""
 NOT_YET = "The check does not accept your result yet."
 NO_ANSWER = "Give an answer first."
