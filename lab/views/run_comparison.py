@@ -48,6 +48,7 @@ COLUMNS = (
     Column("NEES per state", "", 1.0),
     Column("NIS per measured value", "", 1.0),
 )
+"""The columns of the table, in order."""
 (
     RMS_POSITION,
     MOST_POSITION,

@@ -168,7 +168,7 @@ def test_a_student_wanders_off_and_returns_and_keeps_the_own_settings(room: Room
     room.teacher.open("Covariance")
     room.look()
     settle(student)
-    assert student.title == "Errors"
+    assert student.title == "Overview"
     assert student.page.session.experiment.get("navigator.r_scale") == 1.0
     assert room.school_class.tally(None).following == 0
     bar(student).follow()
@@ -202,7 +202,7 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
         room.look()
         assert not bar(student).follows
         assert room.school_class.moment == shown
-        assert room.teacher.title == "Errors"
+        assert room.teacher.title == "Overview"
         assert room.teacher.page.session.experiment.seed == 1
         bar(student).follow()
         settle(student)

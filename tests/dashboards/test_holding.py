@@ -30,6 +30,7 @@ def run(walk: Walk, q_scale: float) -> None:
     made.set("trajectory.imu_rate", 50.0)
     made.set("navigator.q_scale", q_scale)
     walk.page.session.experiment = made.copy()
+    walk.open("Errors")
     assert walk.run(made).problem == ""
 
 

@@ -122,7 +122,7 @@ class Walk:
     @property
     def shown(self) -> Page:
         """The page that is open."""
-        return self.page._pages[self._kind]
+        return self.page._made(self._kind)
 
     @property
     def reason(self) -> str:
