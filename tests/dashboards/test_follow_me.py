@@ -179,7 +179,7 @@ def test_a_student_wanders_off_and_returns_and_keeps_the_own_settings(room: Room
     bar(student).back()
     settle(student)
     assert words(student) == OWN_WAY
-    assert (student.title, student.page.session.experiment.get(NOISE)) == ("Errors", 0.3)
+    assert (student.title, student.page.session.experiment.get(NOISE)) == ("Overview", 0.3)
     bar(student).wander()
     bar(student).follow()
     settle(student)

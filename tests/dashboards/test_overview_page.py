@@ -153,7 +153,7 @@ def test_a_log(walk: Walk, own_missions: Path, request: pytest.FixtureRequest, h
     assert "Horizontal position error" not in titles(walk)
     assert float(found["Duration"].split("\u2009")[0]) == pytest.approx(result.time[-1], rel=5e-3)
     assert found["GPS fixes"] == str(result.fixes.time.size)
-    press(walk, "1 Consistency")
+    press(walk, "1 Verdict")
     assert walk.title == "Verdict"
     walk.open("Overview")
     press(walk, "outage")

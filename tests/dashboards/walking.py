@@ -69,6 +69,8 @@ class Walk:
         with set_curdoc(self._document):
             self.page._dock.close()
             self.page._open(title)
+            if not self._stage.objects:  # the page that opens first, which a server shows
+                self.page._show()
         self.settle()
 
     def ask(self, what: str, position: int = 0) -> dict[str, Any]:

@@ -36,7 +36,6 @@ export function render({model}) {
     const drawn = drawings.get(box.dataset.name)
     if (!drawn) return
     const face = box.querySelector(".face")
-    face.title = mission.origin
     face.disabled = Boolean(drawn.problem)
     face.querySelector(".picture").innerHTML = drawn.picture
     face.querySelector(".picture").hidden = Boolean(drawn.problem)
