@@ -8,14 +8,17 @@ from __future__ import annotations
 import gzip
 import shutil
 from pathlib import Path
+from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 import xarray as xr
 from flights import circle
 
-from dashboards.query import experiment_of_query
+from dashboards.page import PAGES
+from dashboards.query import experiment_of_query, view_of_query
 from lab import Experiment, mission
+from lab.classroom.lessons.lesson_file import read_lesson
 
 SAVED = Path(__file__).with_name("saved")
 
@@ -78,3 +81,20 @@ def test_a_result_opens_and_its_settings_give_the_same_flight(
                     np.testing.assert_allclose(
                         today, values, rtol=1e-6, atol=1e-9, err_msg=f"{name} {quantity}"
                     )
+
+
+def test_a_lesson_of_before_and_a_link_to_each_of_its_pages_open_what_took_their_place() -> None:
+    titles = [page.title for page in PAGES]
+    steps = read_lesson(SAVED / "lesson.toml").steps
+    assert [step.page for step in steps if step.page not in titles] == []
+    for step in steps:
+        view, problems = view_of_query(urlencode({"tab": step.title}), titles)
+        assert (view.tab, problems) == (step.page, [])
+    now = {step.title: step.page for step in steps if step.page != step.title}
+    assert now == {
+        "Consistency": "Verdict",
+        "Sensor errors": "States",
+        "Models": "Compare",
+        "Height": "Flight",
+        "Summary": "Compare",
+    }
