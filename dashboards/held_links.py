@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import partial
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl, unquote_plus, urlencode
 
 from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, run
-from dashboards.holding import name_of
+from dashboards.holding import LONGEST_NAME, name_of
 from dashboards.openings import Openings
 from dashboards.query import HELD, MOST_FIELDS, experiment_of_query, query
 from dashboards.sending import soon
@@ -25,6 +25,8 @@ from lab.missions import missions
 
 SETTLED, CROWDED = 200, 1000
 """Time that a result is shown before the held ones are computed, and the same while pages open [ms]."""
+NAME = "name"
+"""What names a held result in its query, if a person has named it."""
 MARK = "# held: "
 """What a line of a settings file with a held result begins with; for all other readers it is a comment."""
 _PLAIN = "[],.:"
@@ -44,7 +46,7 @@ class HeldLinks:
 
     def __init__(self, session: Session, document: Document) -> None:
         self._session, self._document = session, document
-        self._waiting: deque[Experiment] = deque()
+        self._waiting: deque[tuple[Experiment, str]] = deque()
         self._due = False
         self._openings = Openings.of(document)
         self._work: LatestWins[Experiment] = LatestWins(self._run, self._deliver, LONG)
@@ -53,9 +55,12 @@ class HeldLinks:
     @property
     def texts(self) -> list[str]:
         """The settings of the held results, and of those that are still to be computed, each as a query."""
-        held = [one.result for one in self._session.held]
-        told = [one.experiment for one in held if not (one.experiment.hidden or one.algorithm)]
-        return [query(one) for one in (*told, *self._waiting)]
+        told = [
+            (one.result.experiment, one.name)
+            for one in self._session.held
+            if not (one.result.experiment.hidden or one.result.algorithm)
+        ]
+        return [_text(*one) for one in (*told, *self._waiting)]
 
     @property
     def query(self) -> str:
@@ -96,7 +101,8 @@ class HeldLinks:
             if len(self._session.held) + len(self._waiting) >= MOST_HELD:
                 problems.append(f"{MOST_HELD} results can be held. The others were ignored.")
                 break
-            experiment, wrong = experiment_of_query(text)
+            name, rest = _name_in(text)
+            experiment, wrong = experiment_of_query(rest)
             if experiment.mission not in missions():
                 problems.append(
                     f"A held result is of the mission {experiment.mission[:60]!r}, which is not here. "
@@ -104,7 +110,7 @@ class HeldLinks:
                 )
                 continue
             problems += [f"Of a held result: {sentence}" for sentence in wrong[:1]]
-            self._waiting.append(experiment)
+            self._waiting.append((experiment, name or name_of(experiment)))
         self._shown()
         return problems
 
@@ -120,7 +126,7 @@ class HeldLinks:
             return
         self._due = False
         if self._waiting:
-            self._work.submit(self._waiting[0])
+            self._work.submit(self._waiting[0][0])
 
     def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
         return run(experiment, progress)
@@ -129,13 +135,30 @@ class HeldLinks:
         soon(self._document, partial(self._arrive, experiment, outcome))
 
     def _arrive(self, experiment: Experiment, outcome: Outcome) -> None:
-        if not self._waiting or self._waiting[0] is not experiment:
+        if not self._waiting or self._waiting[0][0] is not experiment:
             return
-        self._waiting.popleft()
+        _, name = self._waiting.popleft()
         if outcome.result is None:
             self._session.problem = f"A held result could not be computed again. {outcome.problem}"
         elif outcome.result.is_long:
             self._session.problem = "A result of so long a flight cannot be held."
         elif len(self._session.held) < MOST_HELD:
-            self._session.held = (*self._session.held, Held(name_of(experiment), outcome.result))
+            self._session.held = (*self._session.held, Held(name, outcome.result))
         self._begin()
+
+
+def _text(experiment: Experiment, name: str) -> str:
+    """Return the settings of a held result as a query, with the name that a person gave it."""
+    parts = [query(experiment)]
+    if name != name_of(experiment):
+        parts.append(urlencode({NAME: name}))
+    return "&".join(filter(None, parts))
+
+
+def _name_in(text: str) -> tuple[str, str]:
+    """Return the name in the query of a held result, empty without one, and the rest of the query."""
+    fields = text.split("&")
+    names = [field for field in fields if field.startswith(f"{NAME}=")]
+    rest = "&".join(field for field in fields if not field.startswith(f"{NAME}="))
+    name = unquote_plus(names[-1].removeprefix(f"{NAME}=")) if names else ""
+    return " ".join(name.split())[:LONGEST_NAME], rest

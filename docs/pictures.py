@@ -72,7 +72,7 @@ PICTURES = {
     ),
     "verdict": Picture(MONTREAL + "&navigator.q_scale=0.1&tab=Verdict", "NEES", "too small"),
     "budget": Picture(MONTREAL + "&tab=Budget", "Parts of the variance of heading [%]", "At the end"),
-    "compare": Picture(MONTREAL + "&tab=Compare&held=navigator.q_scale%3D0.1", "", "relative to"),
+    "compare": Picture(MONTREAL + "&tab=Compare&hold=navigator.q_scale%3D0.1", "", "relative to"),
     "missions": Picture(MONTREAL + "&beside=Missions", "", "Over the Pacific"),
     "lessons": Picture(MONTREAL + "&tab=Errors&beside=Lessons", "Position error, east [m]", "Tuning R"),
 }

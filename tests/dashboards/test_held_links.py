@@ -114,7 +114,7 @@ def test_a_held_result_that_cannot_be_computed_is_named_and_the_next_one_is(walk
         take(walk, f"{SMALL}&trajectory.imu_rate=10&navigator.model=nonlinear&sensors.gps.period=60", SMALL)
         == []
     )
-    walk.page._address.held._waiting[0].run = _fail  # type: ignore[method-assign]
+    walk.page._address.held._waiting[0][0].run = _fail  # type: ignore[method-assign]
     finish(walk)
     assert "could not be computed again. It diverges" in walk.page.session.problem
     assert len(walk.page.session.held) == 1
@@ -165,4 +165,19 @@ def _held(experiment: Experiment) -> Held:
 def test_hidden_settings_are_not_held_in_an_address(walk: Walk) -> None:
     secret = type("Hidden", (Experiment,), {"hidden": "a lesson"})
     walk.page.session.held = (_held(secret()), _held(small()))
-    assert walk.page._address.held.texts == ["mission=los_angeles&trajectory.imu_rate=50.0"]
+    assert walk.page._address.held.texts == ["mission=los_angeles&trajectory.imu_rate=50.0&name=made"]
+
+
+def test_a_name_that_a_person_gave_comes_back_with_the_link(walk: Walk) -> None:
+    hold(walk, small(q_scale=0.1))
+    (held,) = walk.page.session.held
+    walk.page.session.held = (held._replace(name="Fast & <b>loose</b>"),)
+    (text,) = walk.page._address.held.texts
+    walk.page.session.held = ()
+    assert take(walk, text, f"{SMALL}&navigator.r_scale=4&name={'x' * 500}") == []
+    finish(walk)
+    first, second = walk.page.session.held
+    assert first.name == "Fast & <b>loose</b>"
+    assert len(second.name) == 40
+    assert first.result.experiment.navigator.q_scale == 0.1
+    assert walk.page._address.held.texts[0] == text
