@@ -61,21 +61,20 @@ class Aside:
         self.button = button
         button.on_click(lambda _event: self._turn(not self.is_open))
         self._turned = turned
+        self._place = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+        self.view = pn.Column(visible=False, margin=0, stylesheets=[style, ON_SCREEN])
+
+    def _head(self) -> pn.viewable.Viewable:
+        """Return the title, and the button that closes it."""
+        title = self.kind.title
         close = pmui.IconButton(
-            icon="close", description=f"Close {kind.title} (Esc)", size="small", stylesheets=[TOOLTIP]
+            icon="close", description=f"Close {title} (Esc)", size="small", stylesheets=[TOOLTIP]
         )
         close.on_click(lambda _event: self.close())
         heading = pn.pane.HTML(
-            f"<h2>{kind.title}</h2>", sizing_mode="stretch_width", margin=(4, 8), stylesheets=[_HEADING]
+            f"<h2>{title}</h2>", sizing_mode="stretch_width", margin=(4, 8), stylesheets=[_HEADING]
         )
-        self._place = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
-        self.view = pn.Column(
-            pn.Row(heading, close, sizing_mode="stretch_width", margin=(4, 8)),
-            self._place,
-            visible=False,
-            margin=0,
-            stylesheets=[style, ON_SCREEN],
-        )
+        return pn.Row(heading, close, sizing_mode="stretch_width", margin=(4, 8))
 
     @property
     def is_open(self) -> bool:
@@ -97,6 +96,8 @@ class Aside:
 
     def _turn(self, is_open: bool) -> None:
         if is_open != self.is_open:
+            if not self.view.objects:
+                self.view[:] = [self._head(), self._place]
             self.view.visible = is_open
             self._place.clear()  # what is hidden costs nothing, and is made anew
             self._turned()
