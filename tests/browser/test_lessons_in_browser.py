@@ -37,8 +37,10 @@ def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Pag
     expect(page.get_by_text("1 of 3 solved")).to_be_visible()
     page.get_by_role("button", name="Next step").click()
     wait_for(page, "location.search.includes('navigator.r_scale=0.1')")
-    page.get_by_role("button", name="Look at Consistency").click()
+    page.get_by_role("button", name="Look at Verdict").click()
     expect(page.get_by_text("R position is about").first).to_be_visible()
+    expect(page.get_by_text("Tuning R · step 2 of 3")).to_be_visible()  # beside the verdict
+    page.get_by_role("button", name="Close Lessons").click()
     expect(page.get_by_text("Tuning R, step 2 of 3")).to_be_visible()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import wait_for
+from tests.browser.conftest import shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -38,4 +38,4 @@ def test_the_introduction_is_closed_for_ever_and_its_buttons_are_undone(
     page.get_by_role("button", name="Read the verdict").wait_for()
     expect(introduction).to_be_hidden()
     page.get_by_role("button", name="Read the verdict").click()
-    expect(page.get_by_role("tab", name="Verdict", exact=True)).to_have_attribute("aria-selected", "true")
+    shown(page, "Verdict")
