@@ -48,6 +48,7 @@ def walk(page: Page) -> None:
 
     `test_strangers` does so with a mission of a stranger, whose words are on the tabs too.
     """
+    show(page, "Errors")
     wait_for(page, f"{DATA}?.time?.length > 100")
     for name in (one.title for one in PAGES):
         show(page, name)

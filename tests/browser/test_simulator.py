@@ -269,7 +269,7 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_
     page = shared_page
     page.set_viewport_size(SMALL)
     remember_data(page)
-    tab = page.get_by_role("tab", name="Flight", exact=True)
+    tab = page.get_by_role("tab", name="Sensors", exact=True)
     ink = tab.evaluate("element => getComputedStyle(element).color")
     toggle = page.get_by_role("button", name="Toggle theme")
     toggle.click()
