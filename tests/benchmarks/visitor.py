@@ -15,8 +15,8 @@ from tornado.websocket import WebSocketClientConnection, websocket_connect
 from dashboards.settings_panel import COMMON, SECTIONS
 from lab.experiment.experiment import Experiment
 
-PLOTS = 60_000
-"""Bytes of numbers in the nine plots of errors, at least: 28 columns of 666 numbers are 75 kB."""
+PLOTS = 50_000
+"""Bytes of numbers in the plots of the Overview, at least: with each step of a slider, 55 kB."""
 PATIENCE = 300.0
 """Longest time to wait for anything [s]."""
 

@@ -20,7 +20,9 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     context = new_context(chromium, viewport={"width": 360, "height": 800}, user_agent="Mobi")
     context.grant_permissions(["clipboard-read", "clipboard-write"])
     page = context.new_page()
-    page.goto(f"{address}?mission=los_angeles&navigator.q_scale=0.5&class=none&theme=dark&hold={held}&tab=Errors")
+    page.goto(
+        f"{address}?mission=los_angeles&navigator.q_scale=0.5&class=none&theme=dark&hold={held}&tab=Errors"
+    )
     wait_for(page, DRAWN)
     expect(page.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
