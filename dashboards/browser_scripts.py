@@ -61,9 +61,26 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 """Prints a page as large as it is: a browser paints no plot anew for paper, but makes the page smaller."""
 
 
+COVER = """
+const models = [...Bokeh.documents[0].all_models], named = (name) => models.find((one) => one.name === name);
+const stage = named("page stage");
+const cover = () => {
+  const [{el}] = Array.from(Bokeh.index.query((view) => view.model === stage));
+  const {change} = stage.properties.children;
+  const arrive = () => { change.disconnect(arrive); delete el.dataset.waiting; };
+  el.dataset.waiting = "Drawing …";
+  change.connect(arrive);
+};
+for (const [name, turned] of [["page tabs", "active"], ["page parts", "value"]]) {
+  models.find((one) => one.data?.name === name)?.data.properties[turned].change.connect(cover);
+}
+"""
+"""Covers the page that one leaves at once, until the next one comes: the server may be at work."""
+
+
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
     document.js_on_event(
-        DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + ROOM_FOR_PLOTS + PRINT)
+        DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + ROOM_FOR_PLOTS + COVER + PRINT)
     )
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

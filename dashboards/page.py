@@ -111,8 +111,8 @@ class SimulatorPage:
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
-        self._tabs = PageTabs(self._stage, self._turn)
+        self._stage = pn.Column(name="page stage", sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._tabs = PageTabs(self._turn)
         self._sheet = Aside(Missions, _mission_button(), SHEET, self._turn_aside)
         self._dock = Aside(Lessons, _lessons_button(), DOCK, self._turn_aside)
         self._address = Address(

@@ -48,23 +48,11 @@ _ROW = """
 """The parts stand at the right of the tabs, or below them where both do not fit."""
 
 
-_WAIT = """
-const [{el}] = Array.from(Bokeh.index.query((view) => view.model === stage));
-const {change} = stage.properties.children;
-const arrive = () => { change.disconnect(arrive); delete el.dataset.waiting; };
-el.dataset.waiting = "Drawing …";
-change.connect(arrive);
-"""
-"""Covers the page that one leaves at once, until the next one comes: the server may be at work."""
-
-
 class PageTabs:
     """The tabs, and the parts of the open tab.
 
     Parameters
     ----------
-    stage
-        Where the open page is shown.
     turned
         Called when another page is open, chosen by a person or by `open`.
 
@@ -76,7 +64,7 @@ class PageTabs:
         The open page.
     """
 
-    def __init__(self, stage: pn.Column, turned: Callable[[], None]) -> None:
+    def __init__(self, turned: Callable[[], None]) -> None:
         self.kind = FIRST
         self._turned = turned
         self._silent = False
@@ -85,6 +73,7 @@ class PageTabs:
         tab = self._tab_of(FIRST)
         self._tabs = Tabs(
             *((title, pn.Spacer(height=0)) for title in TABS),
+            name="page tabs",
             active=self._titles.index(tab),
             height=48,
             margin=0,
@@ -92,6 +81,7 @@ class PageTabs:
             sx={"& .MuiTab-root": _TAB},
         )
         self._parts = pmui.RadioButtonGroup(
+            name="page parts",
             options=[page.title for page in TABS[tab]],
             value=FIRST.title,
             size="small",
@@ -102,8 +92,6 @@ class PageTabs:
         )
         self._tabs.param.watch(self._tab_chosen, "active")
         self._parts.param.watch(self._part_chosen, "value")
-        self._tabs.jscallback(args={"stage": stage}, active=_WAIT)
-        self._parts.jscallback(args={"stage": stage}, value=_WAIT)
         self.view = pn.Row(
             self._tabs, self._parts, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW, ON_SCREEN]
         )

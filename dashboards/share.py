@@ -29,6 +29,7 @@ from dashboards.exchange import (
 from dashboards.pages.missions.job import Job
 from dashboards.query import query
 from dashboards.session import Session
+from dashboards.upstream.components import send_to_browser
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.json_form import changed_settings
@@ -111,7 +112,7 @@ class ShareMenu(JSComponent):
 
     def give(self, name: str, content: bytes) -> None:
         """Give the browser a file; nothing of it is kept."""
-        self._send_msg([name, content])
+        send_to_browser(self, [name, content])
 
 
 class Share:

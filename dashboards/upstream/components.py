@@ -28,6 +28,11 @@ _FOLLOWED = (WidgetBase, param.Parameter)
 """Types of values that a component follows, in Panel's code."""
 
 
+def send_to_browser(component: ReactiveESM, content: Any) -> None:
+    """Send something to the browser's part of a component; nothing of it is kept."""
+    component._send_msg(content)
+
+
 def begin_components_faster() -> None:
     """Make Panel begin components faster from now on."""
     _share_declarations()

@@ -190,7 +190,7 @@ class Recorder(PartOfWatched):
             path, name, title, station, warning = self._stopped.popleft()
             try:
                 made.append(add_log(log_of_recording(path), free_name(name), title=title).name)
-                outcome = f"Saved in the library as {made[-1]}: open it under Missions."
+                outcome = f"{made[-1]} is in the library: open it under Missions."
             except (ValueError, OSError) as error:
                 outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
                 problems.append(outcome)
