@@ -34,7 +34,7 @@ from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import memory
 from lab.run import run as arrays
 from lab.sensors.imu import Measured
-from lab.views import figures
+from lab.views import thinned
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS
 from lab.views.time_plot import TimePlot
@@ -55,7 +55,7 @@ def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for module in (navigator, smoother, unscented, memory):
         monkeypatch.setattr(module, "SINGLE", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
-    for module in (trajectory, arrays, observability, figures):
+    for module in (trajectory, arrays, observability, thinned):
         monkeypatch.setattr(module, "AT_ONCE", 1000)
     for module in (navigator, unscented):
         monkeypatch.setattr(module, "PIECE", 777)

@@ -22,7 +22,6 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from dashboards.page_tabs import TABS
 from lab.missions import add_mission, mission
 
 ROOT = Path(__file__).parents[2]
@@ -133,7 +132,7 @@ class Visitor:
 
     def tabs(self) -> str:
         """Return the name of the model of the tabs."""
-        (tabs,) = self.models(_names=list(TABS))
+        (tabs,) = self.models(name="page tabs")
         return str(tabs["id"])
 
     async def wait(self) -> float:

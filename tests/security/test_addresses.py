@@ -22,6 +22,7 @@ from processor_time import takes_less_than
 from dashboards import exchange
 from dashboards.exchange import Files, experiment_of
 from dashboards.headers import sockets
+from dashboards.held_links import HeldLinks
 from dashboards.query import experiment_of_query, query, view_of_query
 from dashboards.session import Session
 from dashboards.upstream.page_address import address_parts
@@ -137,7 +138,7 @@ def files() -> Iterator[Uploading]:
     document = Document()
     with set_curdoc(document):
         session = Session(document)
-        made = Files(session, lambda: ((), (0.0, 1.0)))
+        made = Files(session, HeldLinks(session, document))
     yield made, session, document
     made.close()
     session.close()

@@ -20,6 +20,7 @@ from panel.io.state import set_curdoc
 from dashboards import exchange
 from dashboards.computing import LatestWins
 from dashboards.exchange import Files
+from dashboards.held_links import HeldLinks
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.library import Library
 from dashboards.session import Session
@@ -49,7 +50,7 @@ def document() -> Iterator[Document]:
 
 def test_a_settings_file_is_refused_before_it_is_whole(document: Document, temporary: Path) -> None:
     session = Session(document)
-    files = Files(session, lambda: ((), (0.0, 1.0)))
+    files = Files(session, HeldLinks(session, document))
     upload = files._upload
     upload._send_msg = lambda _message: None
     piece = bytes(2**18)
