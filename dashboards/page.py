@@ -108,6 +108,7 @@ class SimulatorPage:
         self._reminder: Notice | None = None
         self._reminded = ""
         self._waiting_time: float | None = None
+        self._waiting_beside = ""
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
@@ -173,9 +174,11 @@ class SimulatorPage:
         self._steps += [self._show, self._add_settings, self._add_files]
         view = self._address.view
         self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
-        self._open(view.tab)
-        if view.beside:
-            self._open(view.beside)
+        if view.tab in (Missions.title, Lessons.title):
+            self._waiting_beside = view.tab
+        else:
+            self._open(view.tab)
+        self._waiting_beside = view.beside or self._waiting_beside
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
@@ -187,7 +190,7 @@ class SimulatorPage:
         pn.state.on_session_destroyed(partial(_close, self))
         add_browser_scripts(self._document)
         # A browser ignores changes that arrive before the requested document.
-        self._document.on_event(DocumentReady, lambda _event: self._go_on())
+        self._document.on_event(DocumentReady, lambda _event: self._is_ready())
         self._address.read()
         if self.session.homework is not None:
             self._made(Lessons)  # it reminds of the homework on all pages
@@ -224,7 +227,8 @@ class SimulatorPage:
         start, end = self.axis.window
         zoom = None if start <= 0 and end >= self.axis.duration else (start, end)
         tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
-        beside = next((one.kind.title for one in (self._sheet, self._dock) if one.is_open), "")
+        is_open = [one.kind.title for one in (self._sheet, self._dock) if one.is_open]
+        beside = is_open[0] if is_open else self._waiting_beside
         return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside)
 
     def _show_of_class(self, moment: Moment) -> None:
@@ -308,6 +312,13 @@ class SimulatorPage:
         _unlink_busy(frame)
         leave_out_hooks(frame)
         return frame
+
+    def _is_ready(self) -> None:
+        """Open what a link opens beside the tabs, whose parts ask the server as they appear; go on."""
+        title, self._waiting_beside = self._waiting_beside, ""
+        if title:
+            self._open(title)
+        self._go_on()
 
     def _go_on(self) -> None:
         """Request the turn for the next step of the opening."""

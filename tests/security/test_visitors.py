@@ -29,6 +29,7 @@ from lab.missions import missions
 from lab.views.figures import TimeAxis
 from tests.cli.asking import ask, refused
 from tests.security.conftest import Served
+from tests.security.watch import say
 
 
 @pytest.fixture
@@ -128,6 +129,7 @@ def test_a_visitor_of_a_server_for_others_finds_no_import(served: Served, run) -
 
     async def ask_for_import() -> str:
         async with served.visitor("/?tab=Missions") as visitor:
+            await say(visitor, "document_ready")
             while not (found := list(visitor.models(value="Library"))):
                 await visitor.pull()
             for title in ("Import", "X-Plane", "Library"):
