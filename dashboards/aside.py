@@ -44,7 +44,7 @@ class Aside:
     style
         `SHEET` or `DOCK`.
     turned
-        Called when it was opened or closed.
+        Called with it when it was opened or closed.
 
     Attributes
     ----------
@@ -55,7 +55,11 @@ class Aside:
     """
 
     def __init__(
-        self, kind: type[Page], button: pmui.Button | pmui.IconButton, style: str, turned: Callable[[], None]
+        self,
+        kind: type[Page],
+        button: pmui.Button | pmui.IconButton,
+        style: str,
+        turned: Callable[[Aside], None],
     ) -> None:
         self.kind = kind
         self.button = button
@@ -100,7 +104,7 @@ class Aside:
                 self.view[:] = [self._head(), self._place]
             self.view.visible = is_open
             self._place.clear()  # what is hidden costs nothing, and is made anew
-            self._turned()
+            self._turned(self)
 
 
 _HEADING = "h2 { margin: 4px 0; font-size: 1.1rem; font-weight: 500; }"

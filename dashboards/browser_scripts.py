@@ -62,8 +62,8 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 
 
 COVER = """
-const models = [...Bokeh.documents[0].all_models], named = (name) => models.find((one) => one.name === name);
-const stage = named("page stage");
+const models = [...Bokeh.documents[0].all_models];
+const stage = models.find((one) => one.name === "page stage");
 const cover = () => {
   const [{el}] = Array.from(Bokeh.index.query((view) => view.model === stage));
   const {change} = stage.properties.children;
@@ -71,9 +71,10 @@ const cover = () => {
   el.dataset.waiting = "Drawing …";
   change.connect(arrive);
 };
-for (const [name, turned] of [["page tabs", "active"], ["page parts", "value"]]) {
-  models.find((one) => one.data?.name === name)?.data.properties[turned].change.connect(cover);
-}
+const tabs = models.find((one) => one.data?.name === "page tabs");
+const parts = models.find((one) => one.css_classes?.includes?.("page-parts"));
+tabs.data.properties.active.change.connect(cover);
+parts.data.properties.value.change.connect(cover);
 """
 """Covers the page that one leaves at once, until the next one comes: the server may be at work."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from html import escape
 
 import numpy as np
@@ -47,7 +48,6 @@ class CardChooser:
         self._session = session
         self._name: str | None = None
         self._showing = False
-        self._base: tuple[tuple[str | None, bool], Experiment] | None = None
         self._widget = pmui.Select(
             label="Sensors",
             groups=_by_grade(),
@@ -68,7 +68,7 @@ class CardChooser:
         )
         self._note = pn.pane.HTML("", margin=(0, 0, 4, 0), sizing_mode="stretch_width", visible=False)
         self._widget.param.watch(self._chosen, "value")
-        self._switch.param.watch(lambda _event: self._reload(), "value")
+        self._switch.param.watch(lambda _event: self._filled(), "value")
         session.on_settings(self._arrived)
         self._arrived()
 
@@ -80,13 +80,7 @@ class CardChooser:
     @property
     def base(self) -> Experiment:
         """The settings before changes: those of the card in use as loaded, or else the first ones."""
-        key = (self._name, bool(self._switch.value))
-        if self._base is None or self._base[0] != key:
-            base = Experiment()
-            if self._name:
-                card(self._name, assumed=key[1]).load(base)
-            self._base = (key, base)
-        return self._base[1]
+        return _as_loaded(self._name, bool(self._switch.value))
 
     def refresh(self) -> None:
         """Show whether the sensors still match the card, and which of their terms are assumed or lacking."""
@@ -127,6 +121,10 @@ class CardChooser:
             return
         self._load(event.new)
 
+    def _filled(self) -> None:
+        self._session.fills_gaps = bool(self._switch.value)
+        self._reload()
+
     def _reload(self) -> None:
         """Reload the current card if it has assumed terms; a changed card stays as it is."""
         found = card_in_force(self._session.experiment.sensors)
@@ -134,9 +132,23 @@ class CardChooser:
             self._load(found)
 
     def _load(self, name: str) -> None:
-        trial = self._session.experiment.copy()
-        card(name, assumed=bool(self._switch.value)).load(trial)
-        self._session.accept(trial, called=f"Sensors: {name}")
+        load_card(self._session, name)
+
+
+def load_card(session: Session, name: str) -> None:
+    """Load a card, with what its datasheet lacks if the session fills such gaps."""
+    trial = session.experiment.copy()
+    card(name, assumed=session.fills_gaps).load(trial)
+    session.accept(trial, called=f"Sensors: {name}")
+
+
+@cache
+def _as_loaded(name: str | None, assumed: bool) -> Experiment:
+    """Return the first settings with a card, which nobody changes; None is no card."""
+    base = Experiment()
+    if name:
+        card(name, assumed=assumed).load(base)
+    return base
 
 
 def _by_grade() -> dict[str, list[str]]:

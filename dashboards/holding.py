@@ -16,7 +16,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.missions import missions
 from lab.views.quantities import HELD as COLOURS
-from lab.views.quantities import LETTERS as LETTERS  # noqa: PLC0414 - others know the names from here
+from lab.views.quantities import LETTERS
 
 if TYPE_CHECKING:
     from dashboards.address import HistoryBar

@@ -62,8 +62,6 @@ ZOOM_DEBOUNCE = 60
 HALF_STEP = 1e-3
 """Least distance of the next fix from the cursor [s]."""
 
-OUTAGES = "sensors.gps.outages"
-
 PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
 """The pages in the tabs, and those beside them."""
 
@@ -395,20 +393,19 @@ class SimulatorPage:
         self._address.moved()
         self._class.acted()
 
-    def _turn_aside(self) -> None:
-        """Show what was opened beside the tabs, and rest what was closed."""
+    def _turn_aside(self, aside: Aside) -> None:
+        """Show what was opened beside the tabs, or rest what was closed."""
         with together(self._document):
-            for aside in (self._sheet, self._dock):
-                page = self._pages.get(aside.kind)
-                if page is not None and not aside.is_open:
-                    page.hide()
-                elif aside.is_open:
-                    page = self._made(aside.kind)
-                    page.forget()
-                    page.appear()
-            hidden = {"visibility": "hidden" if self._sheet.is_open else "visible"}
-            for part in (self._tabs.view, self._middle, self._time_bar.view):  # below the sheet
-                part.styles = {**part.styles, **hidden}
+            page = self._made(aside.kind)
+            if aside.is_open:
+                page.forget()
+                page.appear()
+            else:
+                page.hide()
+            if aside is self._sheet:
+                below = {"visibility": "hidden" if aside.is_open else "visible"}
+                for part in (self._tabs.view, self._middle, self._time_bar.view):
+                    part.styles = {**part.styles, **below}
             self._show_asides()
             self._show_reminder()
         self._address.update()
@@ -527,17 +524,8 @@ class SimulatorPage:
         self._show_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
-        """Add a GPS outage at times of the plots; outages that touch become one."""
-        start, end = round(start + self._epoch, 1), round(end + self._epoch, 1)
-        outages: list[tuple[float, float]] = []
-        for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
-            if outages and stretch[0] <= outages[-1][1]:
-                outages[-1] = (outages[-1][0], max(outages[-1][1], stretch[1]))
-            else:
-                outages.append(stretch)
-        self.session.change(OUTAGES, outages)
-        if self._settings is not None:
-            self._settings.refresh()
+        """Add a GPS outage at times of the plots."""
+        self.session.take_gps_away(start + self._epoch, end + self._epoch)
 
     def _go_to(self, title: str | None, time: float | None) -> None:
         """Open a page, and move the cursor to a time; see `Session`."""

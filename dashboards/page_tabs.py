@@ -81,7 +81,7 @@ class PageTabs:
             sx={"& .MuiTab-root": _TAB},
         )
         self._parts = pmui.RadioButtonGroup(
-            name="page parts",
+            css_classes=["page-parts"],
             options=[page.title for page in TABS[tab]],
             value=FIRST.title,
             size="small",

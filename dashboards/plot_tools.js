@@ -147,15 +147,25 @@ function csv(view) {
   return [head, ...sorted.map(({at, cells}) => [written(at), ...cells].join(","))].join("\r\n") + "\r\n"
 }
 
+// The address without what is of this person alone: the code of a class, and the theme.
+function link() {
+  const [path, query = ""] = window.location.href.split("#")[0].split("?")
+  const kept = query.split("&").filter((part) => part && !/^(class|theme)=/.test(part))
+  return kept.length ? `${path}?${kept.join("&")}` : path
+}
+
+// Return what is said of it: a browser may refuse its clipboard, and has none for an address without encryption.
 async function copy(text) {
   try {
     await navigator.clipboard.writeText(text)
-  } catch {  // a browser has no clipboard for an address without encryption
+    return "Link copied"
+  } catch {
     const box = made("textarea", {}, text)
     document.body.append(box)
     box.select()
-    document.execCommand("copy")
+    const copied = document.execCommand("copy")
     box.remove()
+    return copied ? "Link copied" : "The browser does not allow copying; Share shows the link"
   }
 }
 
@@ -163,7 +173,7 @@ const ACTIONS = {
   "Picture (PNG)": (view, name) => picture(view, "png", name),
   "Drawing (SVG)": (view, name) => picture(view, "svg", name),
   "Numbers seen (csv)": (view, name) => save(new Blob([csv(view)], {type: "text/csv"}), name, "csv"),
-  "Copy link to this view": () => copy(window.location.href),
+  "Copy link to this view": () => copy(link()),
 }
 
 const DOTS = new CSSStyleSheet()
@@ -317,8 +327,8 @@ export function render({model}) {
       const item = made("button", {type: "button", role: "menuitem", tabindex: -1}, words)
       item.addEventListener("click", async () => {
         close()
-        await act(view, name.replaceAll(/[^\p{L}\p{N}]+/gu, "_").toLowerCase())
-        said.textContent = words.startsWith("Copy") ? "Link copied" : `${words} saved`
+        const told = await act(view, name.replaceAll(/[^\p{L}\p{N}]+/gu, "_").toLowerCase())
+        said.textContent = told ?? `${words} saved`
         setTimeout(() => { said.textContent = "" }, 3000)
       })
       return item

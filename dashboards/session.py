@@ -21,6 +21,7 @@ from lab.live.owner import Visitor
 from lab.missions import missions, names_in_words
 from lab.missions.library import DeletedMission, take_mission_away
 
+OUTAGES = "sensors.gps.outages"
 PATIENCE = 500
 """Time after which the page shows the progress of a run [ms]."""
 
@@ -79,6 +80,8 @@ class Session(param.Parameterized):
     ----------
     homework : Homework or None
         The homework of the server that is open, whose name is in the address.
+    fills_gaps : bool
+        Whether a card is loaded with typical values for what its datasheet lacks.
     prepare
         Called in a thread with each new result, before it is shown.
     go
@@ -111,6 +114,7 @@ class Session(param.Parameterized):
         self.experiment = Experiment()
         self._document = document
         self.homework: Homework | None = None
+        self.fills_gaps = True
         self.prepare: Callable[[Result], None] = lambda _result: None
         self.go: Callable[[str | None, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
@@ -263,6 +267,27 @@ class Session(param.Parameterized):
         if self._resting:
             self._resting = False
             self._document.add_timeout_callback(self._rest, REST)
+
+    def change_shown(self, path: str, value: Any) -> None:
+        """Change one setting from elsewhere than its field, which then shows it."""
+        changed = self.experiment.copy()
+        try:
+            changed.check_change(path)
+            changed.set(path, value)
+            self.accept(changed)
+        except SettingError as error:
+            self.problem = str(error)
+
+    def take_gps_away(self, start: float, end: float) -> None:
+        """Add a GPS outage [s], in the clock of the settings; outages that touch become one."""
+        start, end = round(start, 1), round(end, 1)
+        outages: list[tuple[float, float]] = []
+        for stretch in sorted([*self.experiment.get(OUTAGES), (start, end)]):
+            if outages and stretch[0] <= outages[-1][1]:
+                outages[-1] = (outages[-1][0], max(outages[-1][1], stretch[1]))
+            else:
+                outages.append(stretch)
+        self.change_shown(OUTAGES, outages)
 
     def accept(self, experiment: Experiment, ready: Result | None = None, *, called: str = "") -> None:
         """Take over all settings of an experiment, and run them.

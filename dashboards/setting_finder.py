@@ -86,7 +86,7 @@ class SettingFinder:
         self._found(sought)
 
 
-def was(view: pn.viewable.Viewable, before: str) -> None:
+def mark_changed(view: pn.viewable.Viewable, before: str) -> None:
     """Mark a field as changed, with what it was before; an empty text takes the mark away."""
     marked = MARK in view.css_classes
     styles = {name: value for name, value in view.styles.items() if name != "--was"}

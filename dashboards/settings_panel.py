@@ -16,7 +16,7 @@ from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
 from dashboards.session import Glide, Session
-from dashboards.setting_finder import MARKED, SettingFinder, was
+from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field, shown
@@ -164,7 +164,7 @@ class SettingsPanel:
         """Mark the field of a changed setting, and say what it was."""
         before = self._cards.base.get(path) if path in self._finder.names else None
         differs = path in self._finder.names and before != self._session.experiment.get(path)
-        was(made.view, f"was {shown(before) or 'empty'}" if differs else "")
+        mark_changed(made.view, f"was {shown(before) or 'empty'}" if differs else "")
 
     def _rows(self, paths: Iterable[str]) -> list[pn.viewable.Viewable]:
         """Return a field for each of some settings, with the name of its group before the first of each."""

@@ -16,7 +16,6 @@ from dashboards.algorithms import served_algorithm, served_names
 from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
 from dashboards.ensembles import WORKERS, ensemble
-from dashboards.holding import LETTERS
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
@@ -35,6 +34,7 @@ from lab.experiment.result import Result
 from lab.experiment.sweep import Sweep
 from lab.sensors.cards import card
 from lab.views.figures import TimeAxis
+from lab.views.quantities import LETTERS
 from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_html
 from lab.views.sweep_figure import is_known, sweep_figure
 

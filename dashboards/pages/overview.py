@@ -14,8 +14,8 @@ from dashboards.overview_head import OverviewHead
 from dashboards.pages.base import AROUND, NARROW
 from dashboards.pages.computed import ComputedPage
 from dashboards.query import query
-from dashboards.session import Session
-from lab.base.parameters.setting_error import SettingError
+from dashboards.session import OUTAGES, Session
+from dashboards.settings_panel import may_change
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -24,7 +24,7 @@ from lab.views.overview import BY_INNOVATIONS, OVERVIEW, Number, numbers_of, sen
 from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 
-OUTAGES, Q_SCALE = "sensors.gps.outages", "navigator.q_scale"
+Q_SCALE = "navigator.q_scale"
 OUTAGE = 20.0
 """Length of the outage of the first button, in the middle of the flight [s]."""
 FOOLED = 0.1
@@ -168,7 +168,7 @@ class Overview(ComputedPage):
             ("outage", f"Take away GPS for {OUTAGE:g} s", OUTAGES),
             ("fool", f"Fool the filter (Q × {FOOLED:g})", Q_SCALE),
         ):
-            if _may_change(experiment, path):
+            if may_change(experiment, path):
                 offered.append((key, label))
         if not experiment.hidden:
             offered.append(("lesson", "A first lesson"))
@@ -181,42 +181,16 @@ class Overview(ComputedPage):
         if key == "lesson" and key in offered:
             self._session.go("Lessons", None)
         elif key == "fool" and key in offered:
-            self._change(Q_SCALE, FOOLED * self._session.experiment.get(Q_SCALE))
+            self._session.change_shown(Q_SCALE, FOOLED * self._session.experiment.get(Q_SCALE))
         elif key == "outage" and key in offered and self._wanted is not None:
-            self._change(OUTAGES, with_outage(self._session.experiment.get(OUTAGES), self._wanted))
+            middle = self._wanted.epoch + float(self._wanted.time[0] + self._wanted.time[-1]) / 2
+            self._session.take_gps_away(middle - OUTAGE / 2, middle + OUTAGE / 2)
         elif page and self._content is not None and page in {one.page for one in self._content[1].numbers}:
             self._session.go(page, None)
-
-    def _change(self, path: str, value: object) -> None:
-        """Change a setting, and show it in its field."""
-        changed = self._session.experiment.copy()
-        try:
-            changed.set(path, value)
-            self._session.accept(changed)
-        except SettingError as error:
-            self._session.problem = str(error)
 
 
 def _plots_of(result: Result) -> tuple[TimePlot, ...]:
     return BY_INNOVATIONS if result.missing_reason("errors") else OVERVIEW
-
-
-def _may_change(experiment: Experiment, path: str) -> bool:
-    """Return whether a person may change a setting."""
-    try:
-        experiment.check_change(path)
-    except SettingError:
-        return False
-    return True
-
-
-def with_outage(outages: list[tuple[float, float]], result: Result) -> list[tuple[float, float]]:
-    """Return outages [s], with another one in the middle of a flight; those that touch it become one."""
-    middle = result.epoch + float(result.time[0] + result.time[-1]) / 2
-    start, end = round(middle - OUTAGE / 2, 1), round(middle + OUTAGE / 2, 1)
-    touching = [one for one in outages if one[0] <= end and start <= one[1]]
-    whole = min([start, *(one[0] for one in touching)]), max([end, *(one[1] for one in touching)])
-    return sorted([whole, *(one for one in outages if one not in touching)])
 
 
 def settings_html(experiment: Experiment) -> str:

@@ -12,6 +12,7 @@ import panel as pn
 import param
 from panel.custom import JSComponent
 
+from dashboards.card_chooser import load_card
 from dashboards.pages.base import Page
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
@@ -102,9 +103,7 @@ class SensorCards(Page):
     def _load(self, name: str) -> None:
         """Load a card; a hand-made message may name none that there is."""
         if name in cards():
-            trial = self._session.experiment.copy()
-            card(name).load(trial)
-            self._session.accept(trial, called=f"Sensors: {name}")
+            load_card(self._session, name)
 
 
 def card_table() -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from lab.sensors.cards import card_in_force, cards
 from lab.views.flight_plots import horizontal, series
 from lab.views.quantities import BLUE, CONSISTENCY, COVARIANCE, ERRORS
+from lab.views.run_comparison import mean_over_degrees
 from lab.views.time_plot import Band, Curve, FloatArray, TimePlot
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class Number(NamedTuple):
 
 def numbers_of(result: Result) -> list[Number]:
     """Return six figures of a run; of a log without reference, those of its innovations and its content."""
-    nis = _mean_of(result, "innovations", "nis")
+    nis = mean_over_degrees(result, "innovations", "nis")
     if result.missing_reason("errors"):
         innovations, time = result.innovations, result.time
         squares = np.nansum(innovations["position"].values ** 2, axis=1)
@@ -107,7 +108,7 @@ def numbers_of(result: Result) -> list[Number]:
                 "Allan",
             ),
         ]
-    nees = _mean_of(result, "consistency", "nees")
+    nees = mean_over_degrees(result, "consistency", "nees")
     (east, north, _up), velocities, (_roll, _pitch, heading), inside = _of_errors(result)
     return [
         Number(_shown(np.sqrt(east + north), "m"), "Horizontal position, rms", "See the errors", "Errors"),
@@ -135,15 +136,6 @@ def _of_errors(result: Result) -> tuple[FloatArray, FloatArray, FloatArray, floa
     squares = np.divide(sums, counts, out=np.full((3, 3), np.nan), where=counts > 0)
     is_known = counts.all() and not result.missing_reason("coverage")
     return squares[0], squares[1], squares[2], 100 * inside / counts.sum() if is_known else np.nan
-
-
-def _mean_of(result: Result, group: str, name: str) -> float:
-    """Return the mean of NEES or NIS over its degrees of freedom; NaN if it is unknown."""
-    if result.missing_reason(group):
-        return np.nan
-    values = getattr(result, group)[name]
-    known, degrees = values.values[np.isfinite(values.values)], values.attrs["degrees"]
-    return float(known.mean() / degrees) if known.size and degrees else np.nan
 
 
 def _shown(value: float, unit: str = "") -> str:

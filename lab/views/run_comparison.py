@@ -117,8 +117,8 @@ class Row:
 def assess(result: Result) -> Assessment:
     """Return the figures of a run: errors, their share inside ±3σ, mean NEES and NIS over their numbers."""
     values = {
-        NEES: _mean_of(result, "consistency", "nees"),
-        NIS: _mean_of(result, "innovations", "nis"),
+        NEES: mean_over_degrees(result, "consistency", "nees"),
+        NIS: mean_over_degrees(result, "innovations", "nis"),
     }
     why = result.missing_reason("errors")
     if not why:
@@ -224,7 +224,7 @@ def _most(values: FloatArray) -> float:
     return float(np.quantile(known, 0.95)) if known.size else float("nan")
 
 
-def _mean_of(result: Result, group: str, name: str) -> float:
+def mean_over_degrees(result: Result, group: str, name: str) -> float:
     """Return the mean of NEES or NIS over its degrees of freedom; NaN if it is unknown."""
     if result.missing_reason(group):
         return float("nan")

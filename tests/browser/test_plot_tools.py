@@ -59,6 +59,17 @@ def test_each_plot_gives_pictures_numbers_and_a_link(open_page: Callable[..., Pa
     page.keyboard.press("Enter")
     expect(page.get_by_role("status").get_by_text("Link copied")).to_be_visible()
     assert page.evaluate("window.copied === location.href && location.search.includes('zoom')")
+    page.evaluate("history.replaceState(history.state, '', location.href + '&class=abc&theme=dark')")
+    page.evaluate("navigator.clipboard.writeText = (text) => Promise.reject()")
+    page.evaluate(
+        "document.execCommand = () => { window.selected = document.activeElement.value; return false }"
+    )
+    page.get_by_role("button", name="Menu of Position error, east").press("Enter")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status").get_by_text("does not allow copying")).to_be_visible()
+    assert "class=" not in page.evaluate("window.selected")
+    assert "theme=" not in page.evaluate("window.selected")
 
 
 def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., Page]) -> None:

@@ -64,3 +64,16 @@ def test_changed_sensors_are_no_card(walk: Walk) -> None:
     assert isinstance(walk.shown, SensorCards)
     assert "no card as loaded" in walk.text()
     assert "0.123" in walk.text()
+
+
+def test_gaps_are_filled_as_the_switch_beside_the_cards_says(walk: Walk) -> None:
+    walk.page._add_settings()
+    panel, session = walk.page._settings, walk.page.session
+    assert panel is not None
+    press(walk, "BMI270")
+    assert np.max(session.experiment.sensors.gyro.flicker) > 0
+    panel._cards._switch.value = False
+    press(walk, "ADIS16470")
+    press(walk, "BMI270")
+    assert card("BMI270").is_assumed("gyro", "flicker")
+    assert np.max(session.experiment.sensors.gyro.flicker) == 0

@@ -1,0 +1,59 @@
+"""Tabs in a browser: keys, what covers a page that one leaves, and what a link opens beside the tabs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import shown, wait_for
+
+pytestmark = pytest.mark.browser
+
+COVERED = """
+() => {
+  const inside = (root) => [...root.querySelectorAll("*")].some((one) =>
+    one.dataset?.waiting || (one.shadowRoot && inside(one.shadowRoot)));
+  window.covered = [];
+  document.addEventListener("click", () => setTimeout(() => window.covered.push(inside(document)), 0), true);
+}
+"""
+"""Notes after each click whether the page that one leaves is covered, in the turn of the browser after it."""
+LOCATION = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
+
+
+def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(shared_page: Page) -> None:
+    page = shared_page
+    page.keyboard.press("2")
+    shown(page, "Flight")
+    page.keyboard.press("3")
+    shown(page, "Errors")
+    for time in (1, 2):
+        page.keyboard.press("ArrowRight")
+        wait_for(page, f"Math.abs({LOCATION} - {time}) < 0.01")
+    page.keyboard.press("ArrowLeft")
+    wait_for(page, f"Math.abs({LOCATION} - 1) < 0.01")
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog").get_by_text("hold this result")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_be_hidden()
+    page.get_by_role("button", name="Lessons,").click()
+    expect(page.get_by_role("button", name="Close Lessons")).to_be_visible()
+    page.mouse.move(1, 1)
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="Close Lessons")).to_be_hidden()
+    page.evaluate(COVERED)
+    page.get_by_role("tab", name="Sensors", exact=True).click()
+    wait_for(page, "window.covered.length === 1")
+    assert page.evaluate("window.covered[0]")
+    expect(page.get_by_role("button", name="Cards", exact=True)).to_be_visible()
+    expect(page.get_by_text("Sensors in use")).to_be_visible()
+
+
+def test_a_link_opens_the_missions_with_all_their_cards(open_page: Callable[..., Page]) -> None:
+    page = open_page("?beside=Missions", drawn=False)
+    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
