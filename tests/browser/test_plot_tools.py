@@ -25,6 +25,14 @@ NEAR = """(data, time) => {
 """Error and σ of the sample next to a time, with three digits."""
 
 
+REFUSE = """() => {
+  navigator.clipboard.writeText = () => Promise.reject();
+  const execute = () => { window.selected = document.activeElement.value; return false; };
+  document.execCommand = execute;
+}"""
+"""Has the browser allow no copying, and note what would have been copied."""
+
+
 def saved(page: Page, item: str) -> tuple[str, bytes]:
     """Choose an item of the menu of the first plot by keys; return the name and the content of the file."""
     page.get_by_role("button", name="Menu of Position error, east").focus()
@@ -60,10 +68,7 @@ def test_each_plot_gives_pictures_numbers_and_a_link(open_page: Callable[..., Pa
     expect(page.get_by_role("status").get_by_text("Link copied")).to_be_visible()
     assert page.evaluate("window.copied === location.href && location.search.includes('zoom')")
     page.evaluate("history.replaceState(history.state, '', location.href + '&class=abc&theme=dark')")
-    page.evaluate("navigator.clipboard.writeText = (text) => Promise.reject()")
-    page.evaluate(
-        "document.execCommand = () => { window.selected = document.activeElement.value; return false }"
-    )
+    page.evaluate(REFUSE)
     page.get_by_role("button", name="Menu of Position error, east").press("Enter")
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
