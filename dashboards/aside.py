@@ -32,6 +32,15 @@ BESIDE = """
 """The row of the plots and the dock."""
 
 
+_MISSION = {
+    "color": "#ffffff",
+    "textTransform": "none",
+    "maxWidth": "min(240px, 34vw)",
+    "whiteSpace": "nowrap",
+    "overflow": "hidden",
+}
+
+
 class Aside:
     """A page that stands beside the open tab while it is open.
 
@@ -105,6 +114,33 @@ class Aside:
             self.view.visible = is_open
             self._place.clear()  # what is hidden costs nothing, and is made anew
             self._turned(self)
+
+
+def mission_button() -> pmui.Button:
+    """Return the button with the title of the mission, which opens the library."""
+    return pmui.Button(
+        label="Missions",
+        end_icon="arrow_drop_down",
+        description="Missions: choose, import, fly, record",
+        variant="text",
+        size="small",
+        margin=(8, 0),
+        css_classes=["mission"],
+        stylesheets=[TOOLTIP],
+        sx=_MISSION,
+    )
+
+
+def lessons_button() -> pmui.IconButton:
+    """Return the button that opens the lessons."""
+    return pmui.IconButton(
+        icon="school",
+        description="Lessons, beside the plots",
+        size="small",
+        margin=(9, 0),
+        stylesheets=[TOOLTIP],
+        sx={"color": "#ffffff"},
+    )
 
 
 _HEADING = "h2 { margin: 4px 0; font-size: 1.1rem; font-weight: 500; }"

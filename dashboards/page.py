@@ -9,14 +9,13 @@ from functools import partial
 
 import numpy as np
 import panel as pn
-import panel_material_ui as pmui
 import param
 from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
 from dashboards.address import Address, Shown
-from dashboards.aside import BESIDE, DOCK, SHEET, Aside
+from dashboards.aside import BESIDE, DOCK, SHEET, Aside, lessons_button, mission_button
 from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Files
@@ -37,7 +36,7 @@ from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
-from dashboards.style import DRESS, FRAME, STAGE, THEME, TOOLTIP
+from dashboards.style import DRESS, FRAME, STAGE, THEME
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
@@ -64,14 +63,6 @@ HALF_STEP = 1e-3
 
 PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
 """The pages in the tabs, and those beside them."""
-
-_MISSION = {
-    "color": "#ffffff",
-    "textTransform": "none",
-    "maxWidth": "min(240px, 34vw)",
-    "whiteSpace": "nowrap",
-    "overflow": "hidden",
-}
 
 _BY_TITLE = {page.title: page for page in PAGES}
 
@@ -112,8 +103,8 @@ class SimulatorPage:
         self._large_type = LargeType()
         self._stage = pn.Column(name="page stage", sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self._tabs = PageTabs(self._turn)
-        self._sheet = Aside(Missions, _mission_button(), SHEET, self._turn_aside)
-        self._dock = Aside(Lessons, _lessons_button(), DOCK, self._turn_aside)
+        self._sheet = Aside(Missions, mission_button(), SHEET, self._turn_aside)
+        self._dock = Aside(Lessons, lessons_button(), DOCK, self._turn_aside)
         self._address = Address(
             self.session, document, Shown(tuple(_BY_TITLE), self._shown_view, self._place, self._restore)
         )
@@ -591,31 +582,6 @@ class SimulatorPage:
         self._zooming = False
         with together(self._document):
             self._show_if_begun()
-
-
-def _mission_button() -> pmui.Button:
-    return pmui.Button(
-        label="Missions",
-        end_icon="arrow_drop_down",
-        description="Missions: choose, import, fly, record",
-        variant="text",
-        size="small",
-        margin=(8, 0),
-        css_classes=["mission"],
-        stylesheets=[TOOLTIP],
-        sx=_MISSION,
-    )
-
-
-def _lessons_button() -> pmui.IconButton:
-    return pmui.IconButton(
-        icon="school",
-        description="Lessons, beside the plots",
-        size="small",
-        margin=(9, 0),
-        stylesheets=[TOOLTIP],
-        sx={"color": "#ffffff"},
-    )
 
 
 def _unlink_busy(frame: MaterialPage) -> None:
