@@ -2,7 +2,9 @@
 // number of a state. What came before this opening of the page is opened again by its address.
 
 const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
+// Elements that do something of their own with Space, and those that do with arrows.
 const ACTIVE = "a, button, input, select, summary, [role]:not([role=presentation]):not([role=tabpanel])"
+const ARROWS = "input, select, [role=slider], [role=combobox], [role=tab], [role^=menu], [role=option], [role=radio]"
 const STEPS = {arrowleft: -1, arrowright: 1}  // to the fix before, and to the next one
 const WISHES = {h: "hold", escape: "close", "?": "help"}
 const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-1.88 5.12-1.88 3.54 0 6.55 2.31 7.6 5.5"
@@ -76,7 +78,7 @@ window.addEventListener("keydown", (event) => {
     if (key !== "z" || event.repeat) return
     event.preventDefault()
     ask(event.shiftKey ? "redo" : "undo", 0)
-  } else if (key in STEPS && !at.closest?.(ACTIVE)) {
+  } else if (key in STEPS && !event.defaultPrevented && !at.closest?.(ARROWS)) {
     event.preventDefault()
     ask("step", STEPS[key])
   } else if (event.repeat) {

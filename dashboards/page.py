@@ -385,7 +385,9 @@ class SimulatorPage:
         self._class.acted()
 
     def _turn_aside(self, aside: Aside) -> None:
-        """Show what was opened beside the tabs, or rest what was closed."""
+        """Show what was opened beside the tabs, or rest what was closed; the sheet would cover the dock."""
+        if aside is self._dock and aside.is_open:
+            self._sheet.close()
         with together(self._document):
             page = self._made(aside.kind)
             if aside.is_open:

@@ -2,10 +2,10 @@
 // All of it is read from the plots that the browser has: the server is not asked.
 
 const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
-const SIGMA = /^±(\d+)σ$/
+const SIGMA = /^(±?)(\d+)σ$/  // of a length, the band has one side
 const HELD = /^([A-D]): (.*)$/
 const OUTSIDE = "outside ±3σ"
-const MEANING = {"±3σ": "±3σ of the filter", "95 %": "95 % of a right filter"}
+const MEANING = {"±3σ": "±3σ of the filter", "3σ": "3σ of the filter", "95 %": "95 % of a right filter"}
 const NOTHING = "–"
 const plots = window.insLabPlots  // in which upstream.js notes them
 
@@ -71,15 +71,21 @@ function rows_of(view) {
     const held = Object.fromEntries(all.map((other) => [HELD.exec(other.name), other])
       .filter(([found]) => found?.[2] === one.name).map(([found, other]) => [found[1], reader(other)]))
     const label = own.length > 1 ? `${name}, ${one.name}` : name
-    return {label, unit, held, value: reader(one), edges, factor: Number(SIGMA.exec(band?.name)?.[1] ?? 0)}
+    return {label, unit, held, value: reader(one), edges, factor: factor_of(band)}
   })
+}
+
+// The width of a band in σ; 0 for the interval of NEES and NIS.
+function factor_of(band) {
+  const [, sides, number] = SIGMA.exec(band?.name) ?? []
+  return number ? (sides ? 2 : 1) * Number(number) : 0
 }
 
 function spread(row, time) {
   if (!row.edges) return ""
   const [low, high] = row.edges.map((edge) => edge(time))
   if (!Number.isFinite(low)) return NOTHING
-  return row.factor ? digits((high - low) / 2 / row.factor) : `${digits(low)} to ${digits(high)}`
+  return row.factor ? digits((high - low) / row.factor) : `${digits(low)} to ${digits(high)}`
 }
 
 function save(blob, name, kind) {

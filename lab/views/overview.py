@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 class Bound(Band):
     """The region in which the length of an error is expected: up to `factor` times its root mean square."""
 
+    @property
+    def label(self) -> str:
+        """Label in a legend: a length has one side."""
+        return f"{self.factor:g}σ"
+
     def edges(self, result: Result | Ensemble) -> tuple[FloatArray, FloatArray]:
         """Return the lower edge, which is zero, and the upper one, each (n,)."""
         high = self.factor * self.sigma(result)

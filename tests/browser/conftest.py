@@ -272,6 +272,7 @@ class Keeper:
         wait_for(page, f"location.search === '{ERRORS}' && {CURVE} === window.asOpened")
         wait_for(page, IDLE)
         page.mouse.move(1, 1)  # over no button, whose tooltip would be there
+        page.evaluate("document.activeElement.blur()")
         expect(page.get_by_role("alert")).to_have_count(0)
 
     def close(self) -> None:

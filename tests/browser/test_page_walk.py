@@ -36,6 +36,7 @@ WORDS = {
     "Missions": ("Over the Pacific",),
     "Compare": ("position east error", "95 %"),
     "Verdict": ("Judged by 1 run",),
+    "Cards": ("Sensors in use",),
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),

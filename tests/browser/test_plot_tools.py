@@ -102,3 +102,17 @@ def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., 
     expect(page.get_by_role("table", name="Values at the time cursor")).to_contain_text(
         "Height above the ellipsoid, estimate"
     )
+
+
+def test_the_sigma_of_a_length_is_a_third_of_its_bound(open_page: Callable[..., Page]) -> None:
+    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&tab=Overview&time=30", drawn=False)
+    wait_for(page, f"{CURSOR}?.location === 30")
+    page.keyboard.press("v")
+    row = page.get_by_role("table", name="Values at the time cursor").get_by_role("row").nth(1)
+    expect(row.get_by_role("rowheader")).to_have_text("Horizontal position error")
+    high = page.evaluate("""() => {
+      const {data} = Bokeh.documents[0].get_model_by_name("time:overview_position");
+      const far = Array.from(data.time, (time) => Math.abs(time - 30));
+      return data.overview_position_band_high[far.indexOf(Math.min(...far))];
+    }""")
+    assert float(row.get_by_role("cell").nth(1).inner_text()) == pytest.approx(high / 3, rel=5e-3)

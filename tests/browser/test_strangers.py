@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -86,8 +87,11 @@ def server(own_missions: Path) -> Iterator[str]:
             yield f"http://localhost:{port}"
         finally:
             process.terminate()
-    for path in own_missions.iterdir():
-        path.unlink()
+    for path in own_missions.iterdir():  # among them what a page keeps of a mission that it deleted
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 def _wait(address: str, process: subprocess.Popen[bytes]) -> None:

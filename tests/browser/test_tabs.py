@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import shown, wait_for
+from tests.browser.conftest import show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -29,6 +29,7 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     shown(page, "Flight")
     page.keyboard.press("3")
     shown(page, "Errors")
+    page.get_by_role("button", name="Whole flight", exact=True).click()  # a button has no use for arrows
     for time in (1, 2):
         page.keyboard.press("ArrowRight")
         wait_for(page, f"Math.abs({LOCATION} - {time}) < 0.01")
@@ -56,4 +57,9 @@ def test_a_link_opens_the_missions_with_all_their_cards(open_page: Callable[...,
     page = open_page("?beside=Missions", drawn=False)
     expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
     page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+    show(page, "Missions")
+    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
+    page.get_by_role("button", name="Lessons,").click()  # they are not opened behind the missions
+    expect(page.get_by_role("button", name="Tuning R", exact=True)).to_be_visible()
     expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
