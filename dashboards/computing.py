@@ -36,6 +36,8 @@ it."""
 
 T = TypeVar("T")
 
+_in_line: set[LatestWins[Any]] = set()
+"""What waits for a thread of its pool."""
 _last_run = [-math.inf]
 """When a run of any session was last begun or ended [s, monotonic]."""
 
@@ -66,6 +68,9 @@ class Outcome:
 class LatestWins(Generic[T]):
     """Works on one item at a time; a newer item replaces the waiting one.
 
+    Work that nobody sees goes to the back of the line of its pool while work that somebody sees waits there,
+    and begins anew after it.
+
     Parameters
     ----------
     work
@@ -81,6 +86,8 @@ class LatestWins(Generic[T]):
     ----------
     stage : tuple of str, float
         Description of the current work, and the fraction done.
+    is_seen : bool
+        Whether somebody sees what this works on, or for other reasons waits for it.
     """
 
     def __init__(
@@ -101,6 +108,7 @@ class LatestWins(Generic[T]):
         self._closed = self._cancelled = False
         self._begun = 0.0
         self.stage = ("", 0.0)
+        self.is_seen = True
 
     @property
     def busy(self) -> bool:
@@ -138,22 +146,31 @@ class LatestWins(Generic[T]):
                 self._running = False
                 return
         self.stage, self._begun = ("Waiting for a free core", 0.0), time.monotonic()
+        _in_line.add(self)
         self._pool.submit(self._run, thing)
 
+    @property
+    def _must_yield(self) -> bool:
+        """Whether nobody sees the work, and some work that is seen waits for a thread of the pool."""
+        return not self.is_seen and any(one.is_seen and one._pool is self._pool for one in list(_in_line))
+
     def _run(self, thing: T) -> None:
+        _in_line.discard(self)
         try:
-            outcome = self._work(thing, self._progress)
+            outcome = None if self._must_yield else self._work(thing, self._progress)
         except SupersededError:
-            self._next()
-            return
+            outcome = None
         with self._lock:
+            if outcome is None and self._waiting is None and not self._cancelled:  # it yields
+                self._waiting = thing
             closed = self._closed
-        if not closed:
+        if outcome is not None and not closed:
             self._deliver(thing, outcome)
         self._next()
 
     def _progress(self, stage: str, fraction: float) -> None:
-        if self._at_once and (self._closed or self._cancelled or self._waiting is not None):
+        stops = self._closed or self._cancelled or self._waiting is not None or self._must_yield
+        if self._at_once and stops:
             raise SupersededError
         self.stage = (stage, fraction)
 

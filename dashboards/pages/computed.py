@@ -86,6 +86,14 @@ class ComputedPage(Page):
         """Show a text in the line above the content."""
         self.words.object = f"<p>{escape(text)}</p>"
 
+    def appear(self) -> None:
+        """Let the computation go before those of pages that nobody sees."""
+        self._work.is_seen = True
+
+    def hide(self) -> None:
+        """Let the computations of pages that somebody sees go before this one."""
+        self._work.is_seen = False
+
     def close(self) -> None:
         """End the computation, and draw no more."""
         self._wanted = self._content = None

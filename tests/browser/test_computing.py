@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from queue import Queue
 from threading import Event
 
@@ -64,6 +65,38 @@ def test_the_latest_wins(gate: Event, held: Work, at_once: bool, delivered: list
     gate.set()
     assert receiver.done.wait(PATIENCE)
     assert receiver.numbers == delivered
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_what_nobody_sees_waits_behind_what_is_seen(begun: bool) -> None:
+    """Whether it was under way already, or waited before the other; it is done afterwards."""
+    delivered: Queue[int] = Queue()
+    gate, started = Event(), Event()
+
+    def work(number: int, progress: Progress) -> Outcome:
+        started.set()
+        assert gate.wait(PATIENCE)
+        progress("working", 0.5)
+        return Outcome(result=number)
+
+    with ThreadPoolExecutor(1) as pool:
+        holds: LatestWins[int] = LatestWins(work, lambda number, _outcome: delivered.put(number), pool)
+        left, seen = (
+            LatestWins[int](work, lambda number, _outcome: delivered.put(number), pool, at_once=True)
+            for _ in range(2)
+        )
+        if not begun:
+            holds.submit(0)
+            assert started.wait(PATIENCE)
+        left.submit(1)
+        assert started.wait(PATIENCE)
+        left.is_seen = False
+        seen.submit(2)
+        gate.set()
+        order = [delivered.get(timeout=PATIENCE) for _ in range(2 if begun else 3)]
+        assert order == ([2, 1] if begun else [0, 2, 1])
+        left.submit(3)  # nothing waits: it is not put off
+        assert delivered.get(timeout=PATIENCE) == 3
 
 
 def test_nothing_comes_after_the_end(gate: Event, held: Work) -> None:
