@@ -66,7 +66,7 @@ class View3D(Page):
     def draw(self, result: Result) -> None:
         """Draw a result."""
         if self._scene is not None:
-            self._scene.show(result, self.axis.time)
+            self._scene.show(result, self.axis.time, self.held())
             self._legend.object = _legend(result, self._scene.scale)
 
     def release(self) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from lab.base.arrays import FloatArray
 from lab.base.notebook_card import HtmlFrame
 from lab.motion.frames.east_north_up import NED_TO_ENU
 from lab.views.envelope import thin_path
-from lab.views.quantities import ESTIMATE, FIXES, TRUTH
+from lab.views.quantities import ESTIMATE, FIXES, HELD, LETTERS, TRUTH
 
 if TYPE_CHECKING:
     from lab.experiment.result import Result
@@ -69,6 +70,9 @@ SEGMENTS = 4000
 
 ELLIPSOIDS = 200
 """Largest number of drawn ellipsoids."""
+
+OUTLINES = 40
+"""Largest number of drawn ellipsoids of a held result; they are of wire, which hides nothing."""
 
 SIGMAS = 3.0
 """Semi-axes of an ellipsoid, in standard deviations."""
@@ -142,8 +146,12 @@ class Scene:
         self._colours = DARK if dark else LIGHT
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
-    def show(self, result: Result, time: float = 0.0) -> None:
-        """Draw a result in place of the previous one, with the aircraft at a time [s]."""
+    def show(self, result: Result, time: float = 0.0, held: Sequence[Result] = ()) -> None:
+        """Draw a result in place of the previous one, with the aircraft at a time [s].
+
+        Held results stand beside it: a thin path, and 3σ ellipsoids of wire. Those of another map zone are
+        too far away.
+        """
         new_flight = self._mission != result.mission.name
         self._result, self._mission = result, result.mission.name
         if new_flight:
@@ -157,7 +165,8 @@ class Scene:
                 self._draw_path("/true path", self._path(result, "true"), TRUTH, 2.0)
             self._draw_path("/estimated path", estimated, ESTIMATE, 3.0)
             self._draw_fixes(result)
-            self._draw_ellipsoids(result)
+            self._draw_ellipsoids("/3σ ellipsoids", result, ESTIMATE, ELLIPSOIDS)
+            self._draw_held(result, held)
             self._draw_ground(middle)
             self._draw_aircraft()
         if new_flight:
@@ -220,9 +229,19 @@ class Scene:
             precision="float32",
         )
 
-    def _draw_ellipsoids(self, result: Result) -> None:
+    def _draw_held(self, result: Result, held: Sequence[Result]) -> None:
+        near = [one if one.projection.zone == result.projection.zone else None for one in held]
+        for letter, colour, one in zip_longest(LETTERS, HELD, near):
+            if one is None:
+                self._server.scene.remove_by_name(f"/{letter}")
+            else:
+                self._draw_path(f"/{letter}/path", self._path(one, "estimated"), colour, 1.5)
+                self._draw_ellipsoids(f"/{letter}/3σ ellipsoids", one, colour, OUTLINES)
+
+    def _draw_ellipsoids(self, name: str, result: Result, colour: str, most: int) -> None:
+        """Draw at most so many ellipsoids; those of a held result are of wire."""
         times = result.fixes.time
-        chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), ELLIPSOIDS)).astype(int))
+        chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), most)).astype(int))
         covariance = result.position_covariance.values[chosen]
         usable = np.isfinite(covariance).all(axis=(1, 2))
         chosen, covariance = chosen[usable], covariance[usable]
@@ -233,16 +252,18 @@ class Scene:
         variances, axes = np.linalg.eigh(covariance)
         axes[np.linalg.det(axes) < 0, :, 0] *= -1
         size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.scale
-        ball = trimesh.creation.icosphere(subdivisions=2)
+        is_wire = most == OUTLINES
+        ball = trimesh.creation.icosphere(subdivisions=1 if is_wire else 2)
         self._server.scene.add_batched_meshes_simple(
-            "/3σ ellipsoids",
+            name,
             ball.vertices.astype(np.float32),
             ball.faces.astype(np.uint32),
             batched_wxyzs=Rotation.from_matrix(axes).as_quat(scalar_first=True).astype(np.float32),
             batched_positions=centres.astype(np.float32),
             batched_scales=size.astype(np.float32),
-            batched_colors=_rgb(ESTIMATE),
-            opacity=0.25,
+            batched_colors=_rgb(colour),
+            wireframe=is_wire,
+            opacity=0.4 if is_wire else 0.25,
             lod="off",
             cast_shadow=False,
             receive_shadow=False,

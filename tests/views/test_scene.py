@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import viser
 
+from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.scene import LENGTH, Scene, aircraft
 
@@ -82,6 +83,21 @@ def test_one_page_without_a_server(server: viser.ViserServer, result: Result) ->
 def test_a_new_result_replaces_the_old(server: viser.ViserServer, result: Result) -> None:
     scene = Scene(server, result)
     names = set(server.scene._handle_from_node_name)
+    scene.show(result, 10.0)
+    assert set(server.scene._handle_from_node_name) == names
+
+
+def test_held_results_stand_beside_as_thin_paths_and_wire(server: viser.ViserServer, result: Result) -> None:
+    other, far = Experiment(seed=2).run(), Experiment(mission="los_angeles").run()
+    scene = Scene(server, result)
+    names = set(server.scene._handle_from_node_name)
+    scene.show(result, 10.0, [far, other])
+    assert set(server.scene._handle_from_node_name) - names == {"/B", "/B/path", "/B/3σ ellipsoids"}
+    ends = node(server, "/B/path").points
+    start = [result.track[name].values[0, 0] for name in ("easting", "northing", "height")]
+    last = [other.track.sel(path="estimated")[name].values[-1] for name in ("easting", "northing", "height")]
+    np.testing.assert_allclose(ends[-1, 1], np.subtract(last, start) / 1000, atol=1e-5)
+    assert 0 < len(node(server, "/B/3σ ellipsoids").batched_positions) <= 40
     scene.show(result, 10.0)
     assert set(server.scene._handle_from_node_name) == names
 
