@@ -24,6 +24,7 @@ Trans. AES 11 (1975).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,6 +226,25 @@ def path_of(time: FloatArray, period: float) -> NDArray[np.int64]:
     while math.gcd(apart, from_fix) > 1:
         apart -= 1
     return np.arange(0, time.size, apart)
+
+
+def outage_ends(
+    time: FloatArray, outages: Sequence[tuple[float, float]], epoch: float = 0.0
+) -> NDArray[np.int64]:
+    """Return the last sample before the end of each GPS outage that is in the flight.
+
+    Parameters
+    ----------
+    time : (n + 1,) array
+        Times of the IMU samples [s].
+    outages
+        Start and end of each outage [s].
+    epoch
+        Time 0 in the clock of the outages [s].
+    """
+    half = 0.5 * float(time[-1] - time[0]) / max(time.size - 1, 1)
+    ends = [end - epoch for start, end in outages if start - epoch < time[-1] and end - epoch > time[0]]
+    return np.maximum(np.searchsorted(time, np.array(ends, dtype=np.float64) - half) - 1, 0)
 
 
 def errors_of(position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, truth: Truth) -> FloatArray:

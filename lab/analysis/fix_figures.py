@@ -71,6 +71,8 @@ class FixFigures(NamedTuple):
         NEES of the position between the fixes.
     rms, largest : (9,) arrays
         Root mean square and largest size of the errors along the path.
+    horizontal : (l,) array
+        Length of the horizontal error along the path [m].
     """
 
     x: FloatArray
@@ -81,9 +83,10 @@ class FixFigures(NamedTuple):
     between: FloatArray
     rms: FloatArray
     largest: FloatArray
+    horizontal: FloatArray
 
     @classmethod
-    def empty(cls, fixes: int, between: int, states: int) -> FixFigures:
+    def empty(cls, fixes: int, between: int, states: int, path: int) -> FixFigures:
         """Return room for the figures."""
         return cls(
             np.empty((fixes, states)),
@@ -94,6 +97,7 @@ class FixFigures(NamedTuple):
             np.empty(between),
             np.empty(QUANTITIES),
             np.empty(QUANTITIES),
+            np.empty(path),
         )
 
 
@@ -260,7 +264,7 @@ def _between(solution: Solution, before: Samples, there: TruthArrays, out: FixFi
 
 @allocating_kernel
 def _along(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
-    """Write rms and largest size of the errors along the path."""
+    """Write rms and largest size of the errors along the path, and the length of the horizontal ones."""
     error = np.empty(QUANTITIES)
     out.rms[:] = 0.0
     out.largest[:] = 0.0
@@ -274,6 +278,7 @@ def _along(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
         )
         turn = euler[0] - path.euler[k, 0], euler[1] - path.euler[k, 1], euler[2] - path.euler[k, 2]
         _put_errors(error, off, faster, turn)
+        out.horizontal[k] = math.hypot(error[0], error[1])
         for i in range(QUANTITIES):
             out.rms[i] += error[i] * error[i]
             out.largest[i] = max(out.largest[i], abs(error[i]))
@@ -331,6 +336,6 @@ def fix_figures(
         The truth along the path.
     """
     fixes = np.flatnonzero(solution.fix_sample >= 0)
-    out = FixFigures.empty(fixes.size, before.size, solution.states)
+    out = FixFigures.empty(fixes.size, before.size, solution.states, motion.shape[0])
     _measure(solution, fixes, before, there, bias, scale, motion, path, out)
     return out

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lab.analysis.errors import outage_ends
 from lab.base.arrays import FloatArray
 from lab.experiment.datasets.flight import error_component
 from lab.views.ensemble_cards import SIGNS
@@ -63,7 +64,6 @@ COLUMNS = (
 ) = COLUMNS
 UNKNOWN = "It is unknown."
 NO_OUTAGE = "There is no GPS outage."
-NOT_KEPT = "It is not kept of many runs."
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,7 @@ def _errors(result: Result) -> dict[Column, float]:
 
     east_north = [of("position", axis) for axis in (0, 1)]
     horizontal = np.hypot(*east_north)
+    ends = outage_ends(result.time, result.experiment.sensors.gps.outages, result.epoch)
     velocity, level = (
         _root_sum([_rms(of(name, axis)) for axis in axes])
         for name, axes in (("velocity", (0, 1, 2)), ("attitude", (0, 1)))
@@ -146,23 +147,12 @@ def _errors(result: Result) -> dict[Column, float]:
     return {
         RMS_POSITION: _rms(horizontal),
         MOST_POSITION: _most(horizontal),
-        OUTAGE_END: _rms(horizontal[outage_ends(result)]),
+        OUTAGE_END: _rms(horizontal[ends]),
         RMS_HEIGHT: _rms(of("position", 2)),
         RMS_VELOCITY: velocity,
         RMS_LEVEL: level,
         RMS_HEADING: _rms(of("attitude", 2)),
     }
-
-
-def outage_ends(result: Result) -> list[int]:
-    """Return the last sample before the end of each GPS outage that the settings have in the flight."""
-    time = result.time
-    half = 0.5 * float(time[-1] - time[0]) / max(time.size - 1, 1)
-    stretches = [
-        (start - result.epoch, end - result.epoch) for start, end in result.experiment.sensors.gps.outages
-    ]
-    inside = [end for start, end in stretches if start < time[-1] and end > time[0]]
-    return [max(int(np.searchsorted(time, end - half)) - 1, 0) for end in inside]
 
 
 def assess_seeds(runs: Ensemble, wanted: int) -> Assessment:
@@ -178,6 +168,8 @@ def assess_seeds(runs: Ensemble, wanted: int) -> Assessment:
     rms = runs.rms
     each = {
         RMS_POSITION: np.hypot(rms[:, 0], rms[:, 1]),
+        MOST_POSITION: runs.most,
+        OUTAGE_END: runs.at_outage_ends,
         RMS_HEIGHT: rms[:, 2],
         RMS_VELOCITY: np.linalg.norm(rms[:, 3:6], axis=1),
         RMS_LEVEL: np.hypot(rms[:, 6], rms[:, 7]),
@@ -284,9 +276,8 @@ def _cells(
     cells = []
     for column, text_of_best in best.items():
         if column not in found.values:
-            kept = not found.spread or column not in (MOST_POSITION, OUTAGE_END)
             why = found.why_unknown or (NO_OUTAGE if column is OUTAGE_END else UNKNOWN)
-            cells.append(f'<td title="{escape(why if kept else NOT_KEPT)}">–</td>')
+            cells.append(f'<td title="{escape(why)}">–</td>')
             continue
         value, spread = found.values[column], found.spread.get(column, 0.0)
         text = f"{value:.3g}"

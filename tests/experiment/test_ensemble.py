@@ -55,6 +55,22 @@ def test_runs_are_those_of_the_experiment_with_their_seeds(many: Ensemble) -> No
     assert (many.seconds > 0).all()
 
 
+@pytest.mark.parametrize("model", ["phi", "nonlinear"])
+def test_horizontal_figures_are_those_of_the_runs(model: str) -> None:
+    """Whether they run abreast or alone: the 95 % quantile, and the rms at the ends of two outages."""
+    outages = [[30.0, 40.0], [60.003, 80.0]]
+    changes = {"trajectory.imu_rate": 50.0, "sensors.gps.outages": outages, "navigator.model": model}
+    experiment = Experiment(mission="los_angeles").update(changes)
+    many = run_ensemble(experiment, 9)
+    for row in (0, 8):
+        result = experiment.copy().update({"seed": many.seeds[row]}).run()
+        horizontal = np.hypot(*result.errors.position.values[:, :2].T)
+        ends = [int(np.flatnonzero(result.time < end - 0.01)[-1]) for end in (40.0, 80.0)]
+        assert many.at_outage_ends[row] == pytest.approx(np.sqrt(np.mean(horizontal[ends] ** 2)), rel=1e-6)
+        assert many.most[row] == pytest.approx(np.quantile(horizontal, 0.95), rel=0.02)
+    assert np.isnan(run_ensemble(experiment.copy().update({"sensors.gps.outages": []}), 1).at_outage_ends[0])
+
+
 def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:
     data = many.consistency
     for name, of_runs, degrees in (("anees", many.mean_nees, 15), ("anis", many.mean_nis, 6)):

@@ -85,6 +85,9 @@ class Ensemble(NotebookCard):
         Degrees of freedom of `between`.
     rms, largest : (runs, 9) arrays
         Root mean square and largest size of the errors over each whole flight, of ten samples a second.
+    most, at_outage_ends : (runs,) arrays
+        95 % quantile of the horizontal error of each run, and its root mean square over the ends of the GPS
+        outages [m]; NaN if unknown, or without an outage.
     mean_nees, mean_nis : (runs,) arrays
         NEES and NIS of each run, averaged over its fixes; NaN if unknown.
     seconds : (runs,) array
@@ -112,6 +115,8 @@ class Ensemble(NotebookCard):
     between_degrees: int
     rms: FloatArray
     largest: FloatArray
+    most: FloatArray
+    at_outage_ends: FloatArray
     mean_nees: FloatArray
     mean_nis: FloatArray
     seconds: FloatArray
@@ -369,7 +374,7 @@ class Collected:
         self._at_fixes, self._between = EpochSums(), EpochSums()
         self._histogram: ErrorHistogram | None = None
         self._innovations: ChannelSums | None = None
-        self._of_runs: list[tuple[FloatArray, FloatArray, float, float, float]] = []
+        self._of_runs: list[tuple[FloatArray | float, ...]] = []
         self._evidence: list[Evidence] = []
         self._free: list[feedforward.FreeRun] = []
         self._diverged: dict[int, str] = {}
@@ -409,7 +414,9 @@ class Collected:
         )
         self._histogram.add(run.time, normalised)
         self._between.add(run.grid, {"nees": run.between})
-        self._of_runs.append((run.rms, run.largest, _mean(run.nees), _mean(run.nis), run.seconds))
+        of_horizontal = run.most, run.at_outage_ends
+        of_run = run.rms, run.largest, *of_horizontal, _mean(run.nees), _mean(run.nis), run.seconds
+        self._of_runs.append(of_run)
         if run.evidence is not None:
             self._evidence.append(run.evidence)
             self._free.append(run.free)
@@ -439,7 +446,8 @@ class Collected:
             raise DivergedError(next(iter(self._diverged.values())))
         assert self._histogram is not None
         assert self._innovations is not None
-        rms, largest, nees, nis, seconds = (np.array(values) for values in zip(*self._of_runs, strict=True))
+        kept = [np.array(values) for values in zip(*self._of_runs, strict=True)]
+        rms, largest, most, at_outage_ends, nees, nis, seconds = kept
         return Ensemble(
             experiment=self._experiment,
             seeds=tuple(self._seeds),
@@ -452,6 +460,8 @@ class Collected:
             between_degrees=last.between_degrees,
             rms=rms,
             largest=largest,
+            most=most,
+            at_outage_ends=at_outage_ends,
             mean_nees=nees,
             mean_nis=nis,
             seconds=seconds,

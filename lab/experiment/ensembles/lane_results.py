@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
-from lab.analysis.errors import path_of
+from lab.analysis.errors import errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.base.arrays import FloatArray
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.belief import (
     assumed_latency,
@@ -102,7 +102,10 @@ class LaneResults:
         self._width = fix_causes.window_width(time)
         self._grid = path_of(time, float(self._sensors.gps.period))
         first = np.maximum(fixed - 1 - self._width, 0)
-        self.path = np.unique(np.concatenate((self._grid, self.stored, first)))
+        self._outage_ends = outage_ends(time, sensors.gps.outages)
+        self.path = np.unique(np.concatenate((self._grid, self.stored, first, self._outage_ends)))
+        self._of_outage_ends = np.searchsorted(self.path, self._outage_ends)
+        self._true_ends = self._truth.taken(self._outage_ends)
         self._of_grid = np.searchsorted(self.path, self._grid)
         self._of_before = np.searchsorted(self.stored, self._before)
         self._there = self._truth.taken(self.stored)
@@ -142,6 +145,9 @@ class LaneResults:
         found = self._figures(one, solution, navigated.motion)
         used = solution.fix_sample >= 0
         P, nu, S = _used(solution, used)
+        ended = navigated.motion[self._of_outage_ends]
+        at_ends = errors_of(ended[:, :3], ended[:, 3:6], ended[:, 6:], self._true_ends)
+        most, at_outage_ends = horizontal_figures(found.horizontal, np.hypot(*at_ends[:, :2].T))
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
@@ -155,6 +161,8 @@ class LaneResults:
             sigma=found.sigma,
             rms=found.rms,
             largest=found.largest,
+            most=most,
+            at_outage_ends=at_outage_ends,
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
             innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),

@@ -46,6 +46,15 @@ class ChannelSums(Sum):
         return cls(Squares(squares.total, known.sum(axis=0).astype(np.float64)), sums, lagged)
 
 
+def horizontal_figures(along: FloatArray, at_ends: FloatArray) -> tuple[float, float]:
+    """Return the 95 % quantile of a horizontal error (n,), and the rms (m,) of it at the ends of outages."""
+    known, known_ends = along[np.isfinite(along)], at_ends[np.isfinite(at_ends)]
+    return (
+        float(np.quantile(known, 0.95)) if known.size else float("nan"),
+        float(np.sqrt(np.mean(known_ends**2))) if known_ends.size else float("nan"),
+    )
+
+
 class RunAtFixes(NamedTuple):
     """The values of one run: at the m fixes that it used, at k times between them, and for the whole run.
 
@@ -61,6 +70,9 @@ class RunAtFixes(NamedTuple):
         Errors after the fixes, and their σ, in the order of `ensemble.QUANTITIES` and in `ensemble.UNITS`.
     rms, largest : (9,) arrays
         Root mean square and largest size of the errors along the flight.
+    most, at_outage_ends : float
+        95 % quantile of the horizontal error along the flight, and its root mean square over the ends of the
+        GPS outages [m]; NaN if unknown, or without an outage.
     innovations : ChannelSums
         Sums of the innovations.
     span : tuple of float
@@ -85,6 +97,8 @@ class RunAtFixes(NamedTuple):
     sigma: FloatArray
     rms: FloatArray
     largest: FloatArray
+    most: float
+    at_outage_ends: float
     degrees: int
     nis_degrees: int
     innovations: ChannelSums

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma
 from lab.analysis.consistency import normalised_squares, uncertain
-from lab.analysis.errors import error_state, errors_of, path_of
+from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.verdicts.evidence import position_nees, whole_seconds
@@ -29,7 +29,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -269,7 +269,7 @@ def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAt
 
     grid, apart, apart_degrees = _between(result)
     error, sigma = _errors(result, at)
-    rms, largest = _sizes(result)
+    rms, largest, most, at_outage_ends = _sizes(result)
     nees, degrees = _nees(result, at, of_fixes(solution.fix_covariance, used))
     nu = solution.innovation
     measured = np.isfinite(nu).sum(axis=1)
@@ -286,6 +286,8 @@ def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAt
         sigma=sigma,
         rms=rms,
         largest=largest,
+        most=most,
+        at_outage_ends=at_outage_ends,
         degrees=degrees,
         nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
         innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
@@ -324,18 +326,24 @@ def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArr
     ), sigma
 
 
-def _sizes(result: Result) -> tuple[FloatArray, FloatArray]:
-    """Return rms and largest size (9,) of the errors known along the path."""
+def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, float]:
+    """Return rms and largest size (9,) of the errors known along the path, and figures of the horizontal one.
+
+    These are `most` and `at_outage_ends` of `RunAtFixes`.
+    """
     wide = len(QUANTITIES)
     if result.missing_reason("errors"):
-        return np.full(wide, np.nan), np.full(wide, np.nan)
-    along = _errors_at(result, path_of(result.time, float(result.experiment.sensors.gps.period)))
+        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, np.nan
+    gps, time = result.experiment.sensors.gps, result.time
+    along = _errors_at(result, path_of(time, float(gps.period)))
+    ends = outage_ends(time, gps.outages, result.epoch)
     known = np.isfinite(along)
     count = known.sum(axis=0)
     square = np.sum(along**2, axis=0, where=known)
     rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
     largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
-    return np.asarray(rms), np.where(count > 0, largest, np.nan)
+    figures = horizontal_figures(np.hypot(*along[:, :2].T), np.hypot(*_errors_at(result, ends)[:, :2].T))
+    return np.asarray(rms), np.where(count > 0, largest, np.nan), *figures
 
 
 def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:
