@@ -6,9 +6,12 @@ from html import escape
 
 import panel as pn
 import panel_material_ui as pmui
+from bokeh.document import Document
+from bokeh.events import DocumentReady
 
 from dashboards.pages.base import AROUND, Page
 from dashboards.style import HIDDEN_LABEL, WRAP
+from dashboards.upstream.server import serving_application
 from dashboards.viser_proxy import ServedScene
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
@@ -28,19 +31,17 @@ class View3D(Page):
     def __init__(self, axis: TimeAxis) -> None:
         self._served: ServedScene | None = None
         self._scene: Scene | None = None
+        self._document: Document | None = None
+        self._dark = True
         super().__init__(axis)
 
     def make(self) -> pn.viewable.Viewable:
-        """Start the viser server and return the frame that shows it."""
-        document = pn.state.curdoc
-        assert document is not None
-        self._served = ServedScene(document)
-        self._scene = Scene(self._served.server)
-        frame = (
-            f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen" '
-            f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
-            'border-radius:6px"></iframe>'
-        )
+        """Return the frame, which shows a viser server once a browser is there."""
+        self._document = pn.state.curdoc
+        self._frame = pn.pane.HTML("", sizing_mode="stretch_width", margin=0)
+        self._begin()
+        if self._served is None and self._document is not None:  # a link opens this page
+            self._document.on_event(DocumentReady, lambda _event: self.draw_again())
         heights = pmui.Select(
             label="Heights",
             options=FACTORS,
@@ -54,9 +55,21 @@ class View3D(Page):
         self._legend = pn.pane.HTML("", margin=(10, 4))
         return pn.Column(
             pn.Row(heights, self._legend, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
-            pn.pane.HTML(frame, sizing_mode="stretch_width", margin=0),
+            self._frame,
             sizing_mode="stretch_width",
             margin=(4, 8),
+        )
+
+    def _begin(self) -> None:
+        """Start the viser server if a browser is there, and it is not started yet."""
+        if self._served is not None or self._document is None or serving_application(self._document) is None:
+            return
+        self._served = ServedScene(self._document)
+        self._scene = Scene(self._served.server, dark=self._dark)
+        self._frame.object = (
+            f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen" '
+            f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
+            'border-radius:6px"></iframe>'
         )
 
     def prepare(self, result: Result) -> None:
@@ -65,6 +78,7 @@ class View3D(Page):
 
     def draw(self, result: Result) -> None:
         """Draw a result."""
+        self._begin()
         if self._scene is not None:
             self._scene.show(result, self.axis.time, self.held())
             self._legend.object = _legend(result, self._scene.scale)
@@ -82,6 +96,7 @@ class View3D(Page):
 
     def dress(self, dark: bool) -> None:
         """Give the scene the background of the theme."""
+        self._dark = dark
         if self._scene is not None:
             self._scene.dress(dark)
             self.draw_again()
@@ -90,7 +105,7 @@ class View3D(Page):
         """Stop the viser server."""
         if self._served is not None:
             self._served.end()
-            self._served = self._scene = None
+        self._served = self._scene = self._document = None
 
     def _exaggerate(self, factor: float) -> None:
         if self._scene is not None:

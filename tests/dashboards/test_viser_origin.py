@@ -8,6 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 import pytest
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+from panel.io.state import set_curdoc
 from tornado.httpserver import HTTPServer
 from tornado.testing import bind_unused_port
 from tornado.web import Application
@@ -16,7 +19,10 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
+from dashboards.pages.view_3d import View3D
 from dashboards.viser_proxy import View, registered_views
+from lab.experiment.experiment import Experiment
+from lab.views.figures import TimeAxis
 
 PROTOCOL = Subprotocol("viser-test")
 
@@ -85,3 +91,16 @@ def test_the_page_itself_and_named_hosts_get_through(origin: Callable[[int], str
 def test_pages_of_others_are_refused(origin: Callable[[int], str], accepted: tuple) -> None:
     """A page of somebody else in the same browser, with a token it came to know."""
     assert answer(origin, *accepted) == 403
+
+
+def test_a_link_to_the_view_waits_for_its_browser() -> None:
+    """The page is made before the browser is connected; nothing failed, and it is drawn once it is there."""
+    document = Document()
+    with set_curdoc(document):
+        page = View3D(TimeAxis())
+    drawn: list[bool] = []
+    page.draw_again = lambda: drawn.append(True)
+    page.draw(Experiment().run())
+    document.callbacks.trigger_event(DocumentReady())
+    assert drawn == [True]
+    page.close()
