@@ -5,7 +5,7 @@ const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
 const SIGMA = /^(±?)(\d+)σ$/  // of a length, the band has one side
 const HELD = /^([A-D]): (.*)$/
 const OUTSIDE = "outside ±3σ"
-const MEANING = {"±3σ": "±3σ of the filter", "3σ": "3σ of the filter", "95 %": "95 % of a right filter"}
+const MEANING = {"±3σ": "±3σ of the filter", "3σ": "±3σ of the filter", "95 %": "95 % of a right filter"}
 const NOTHING = "–"
 const plots = window.insLabPlots  // in which upstream.js notes them
 
@@ -240,13 +240,14 @@ export function render({model}) {
         const {name, glyph, data_source} = one
         if (!name || !glyph || HELD.test(name) || (has_own && field(glyph.y) && name !== OUTSIDE)) continue
         const values = data_source.data[field(glyph.y) ?? field(glyph.y1)]
-        if (!values || (!entries.has(name) && !Array.prototype.some.call(values, Number.isFinite))) continue
+        const key = MEANING[name] ?? name
+        if (!values || (!entries.has(key) && !Array.prototype.some.call(values, Number.isFinite))) continue
         const colour = glyph.line_color?.value ?? glyph.fill_color?.value ?? glyph.line_color ?? glyph.fill_color
         const kind = field(glyph.y1) ? "band" : glyph.type === "Scatter" ? "points"
           : (glyph.line_dash?.value ?? glyph.line_dash)?.length ? "dashed" : "curve"
-        if (!entries.has(name)) entries.set(name, {kind, colours: new Set(), many: []})
-        entries.get(name).colours.add(typeof colour === "string" ? colour : "currentColor")
-        entries.get(name).many.push(one)
+        if (!entries.has(key)) entries.set(key, {kind, colours: new Set(), many: []})
+        entries.get(key).colours.add(typeof colour === "string" ? colour : "currentColor")
+        entries.get(key).many.push(one)
       }
     }
     const rank = (name) => [/^95|σ/.test(name), name === OUTSIDE].map(Number).join("")
@@ -259,7 +260,7 @@ export function render({model}) {
     legend.replaceChildren(...sorted.map(([name, {kind, colours, many}]) => {
       const seen = many.some(({visible}) => visible)
       const sample = made("i", {class: kind, style: `color: ${colours.size > 1 ? "inherit" : [...colours][0]}`})
-      const entry = made("button", {type: "button", "aria-pressed": seen, title: seen ? "Hide" : "Show"}, sample, MEANING[name] ?? name)
+      const entry = made("button", {type: "button", "aria-pressed": seen, title: seen ? "Hide" : "Show"}, sample, name)
       entry.addEventListener("click", () => {
         for (const one of many) one.visible = !seen
         again()

@@ -107,6 +107,7 @@ def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., 
 def test_the_sigma_of_a_length_is_a_third_of_its_bound(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&trajectory.imu_rate=50&tab=Overview&time=30", drawn=False)
     wait_for(page, f"{CURSOR}?.location === 30")
+    expect(page.get_by_role("group", name="Legend").get_by_text("3σ of the filter")).to_have_count(1)
     page.keyboard.press("v")
     row = page.get_by_role("table", name="Values at the time cursor").get_by_role("row").nth(1)
     expect(row.get_by_role("rowheader")).to_have_text("Horizontal position error")
