@@ -272,11 +272,11 @@ TEMPERATURE: tuple[TimePlot, ...] = (
 """Shown if a temperature profile is set."""
 
 
-def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
+def _innovations(variable: str, unit: str) -> tuple[TimePlot, ...]:
     return tuple(
         TimePlot(
             name=f"innovation_{variable}_{axis}",
-            title=f"{title} innovation, {axis}",
+            title=f"Innovation, {axis}",  # the unit says which; with rms and share, no more has room
             unit=unit,
             curves=(
                 Curve(
@@ -300,8 +300,8 @@ def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
 
 
 INNOVATIONS: tuple[TimePlot, ...] = (
-    *_innovations("position", "Position", "m"),
-    *_innovations("velocity", "Velocity", "m/s"),
+    *_innovations("position", "m"),
+    *_innovations("velocity", "m/s"),
 )
 
 

@@ -22,7 +22,7 @@ FIRST = {
     "Overview": "Ground track",
     "Errors": "Position error, east [m]",
     "Covariance": "σ of the position [m]",
-    "Innovations": "Position innovation, east [m]",
+    "Innovations": "Innovation, east [m]",
     "Verdict": "NEES: errors of all states, normalised",
     "States": "Gyro bias, x [°/s]",
     "Allan": "Gyros, dashed: as set",
