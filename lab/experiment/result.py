@@ -235,6 +235,39 @@ class Result(NotebookCard, Repeatable):
         """Reduction of σ by manoeuvre; see `observability.observability`."""
         return observability.observability(self)
 
+    def update_at(self, time: float) -> xr.Dataset:
+        """Return the update of the filter by the last fix at a time or before, in numbers.
+
+        The filter runs again up to that fix, which takes as long as a run's navigation.
+
+        Parameters
+        ----------
+        time
+            Time since the start of the flight [s].
+
+        Returns
+        -------
+        xr.Dataset
+            ``before`` and ``after`` (state, other_state): P before and after the fix, each state in its
+            `unit`; ``start`` (state): σ at the start. ``H`` (measurement, state), ``R`` and ``S``
+            (measurement, other_measurement): measurement matrix, and covariances of the fix as used and of
+            the innovation. ``innovation`` (measurement): navigator minus fix [m], [m/s]. ``gain`` (state,
+            measurement): K, zero for a rejected fix; ``correction`` (state): K y. ``ratio`` (direction): σ
+            now over σ at the start, ``along`` (direction, state): directions of the error, the least observed
+            first; see `lab.analysis.fix_update.directions`. Attributes: `time` [s] and number of the `fix`,
+            its `outcome` (used, rejected, or recovered), whether `heading_held`, `nis`, and the interval
+            `nis_from`, `nis_to` that contains 95 % of a right filter's.
+
+        Raises
+        ------
+        ResultError
+            If there is no fix yet, or the updates are unknown: of a user's algorithm, of a smoothed log, of a
+            run that hides settings.
+        """
+        from lab.experiment.datasets.updates import update_at  # noqa: PLC0415 - a run needs none of it
+
+        return update_at(self, time)
+
     @cached_property
     def position_covariance(self) -> xr.DataArray:
         """Covariance of the position error after each fix, east, north, up [m²]."""

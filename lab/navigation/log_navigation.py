@@ -115,6 +115,8 @@ def navigate_log(
     outages: Sequence[tuple[float, float]] = (),
     withheld: NDArray[np.bool_] | None = None,
     start: Alignment | None = None,
+    *,
+    rests_of_all: bool = False,
 ) -> RecordedRun:
     """Navigate a sensor log.
 
@@ -138,6 +140,8 @@ def navigate_log(
         innovations are prediction errors. The returned belief has their own R.
     start
         Start of the navigator, if it is already known for the same latency and lever arm.
+    rests_of_all
+        Whether withheld fixes, too, say where the vehicle rests, as in a run with them.
 
     Raises
     ------
@@ -176,7 +180,8 @@ def navigate_log(
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
     begin = start.start._replace(gyro_bias=start.gyro_bias)
     given = np.ones(fixes.time.size, np.bool_) if withheld is None else ~withheld[rows]
-    rest, standing = _rests(imu, fixes, assumed, navigator, given)
+    judged = np.ones_like(given) if rests_of_all else given
+    rest, standing = _rests(imu, fixes, assumed, navigator, judged)
     aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)

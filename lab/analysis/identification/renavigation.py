@@ -76,7 +76,7 @@ class Simulated:
         assert run.aligned is not None  # of a simulated run
         self._start = run.aligned.start
         self._constants = run.aligned.P if navigator.alignment else None
-        self._imu, _ = _measured(run)
+        self._imu, _ = measured(run)
         self._aids = run.aids
 
     def navigate(
@@ -201,7 +201,7 @@ def filtered(run: Run) -> Filtered:
     assert run.aligned is not None  # of a simulated run
     assert run.ideal is not None
     navigator = run.experiment.navigator
-    imu, fixes = _measured(run)
+    imu, fixes = measured(run)
     schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
     model = chosen_model(navigator, run.experiment.sensors)
     if not run.is_long:
@@ -218,7 +218,7 @@ def filtered(run: Run) -> Filtered:
     return Filtered(solution, motion_at_fixes(solution, samples, imu, gathered.velocity), gathered.gains)
 
 
-def _measured(run: Run) -> tuple[Imu, Fixes]:
+def measured(run: Run) -> tuple[Imu, Fixes]:
     """Return the increments and the fixes of a simulated run as its filter got them."""
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)

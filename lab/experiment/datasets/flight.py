@@ -111,14 +111,20 @@ def sigma(run: Run) -> xr.Dataset:
 
 def state_sigma(run: Run) -> xr.Dataset:
     """Return σ of all error states; see `Result.state_sigma`."""
+    names, units, scale = shown_states(run)
+    values = np.sqrt(run.solution_arrays.variance) * scale
+    dataset = labelled(run, sigma=(("time", "state"), values, "", "σ of the error states"))
+    return dataset.assign_coords(state=names, unit=("state", units))
+
+
+def shown_states(run: Run) -> tuple[list[str], list[str], FloatArray]:
+    """Return names, units and scales from SI units of all error states of a run, as they are shown."""
     solution = run.solution_arrays
     known = solution.states - solution.further.shape[1]
     further, their_units, their_scales = blocks.shown_states(run.blocks)
-    names, units = list(STATES[:known]), list(STATE_UNITS[:known])
-    scale = [1 / TO_SI[unit] for unit in units]
-    values = np.sqrt(solution.variance) * np.array([*scale, *their_scales])
-    dataset = labelled(run, sigma=(("time", "state"), values, "", "σ of the error states"))
-    return dataset.assign_coords(state=[*names, *further], unit=("state", [*units, *their_units]))
+    units = list(STATE_UNITS[:known])
+    scale = [*(1 / TO_SI[unit] for unit in units), *their_scales]
+    return [*STATES[:known], *further], [*units, *their_units], np.array(scale)
 
 
 def track(run: Run, projection: Projection, samples: NDArray[np.intp] | slice = slice(None)) -> xr.Dataset:
