@@ -19,6 +19,7 @@ from dashboards.pages.flight import FlightPlots
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
+from dashboards.pages.microscope import Microscope
 from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
 from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
@@ -30,7 +31,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Overview": (Overview,),
     "Flight": (FlightPlots, GroundTrack, View3D),
     "Errors": (Errors, Covariance),
-    "Filter": (Consistency, Innovations, SensorErrors, Budget),
+    "Filter": (Consistency, Innovations, SensorErrors, Budget, Microscope),
     "Sensors": (SensorCards, Allan),
     "Compare": (Compare,),
     "Live": (Live,),

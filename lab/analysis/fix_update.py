@@ -1,8 +1,8 @@
 """Fix update: one update of the filter by a fix, in numbers: P, H, R, S, gain and correction.
 
-A run keeps of each fix its innovation, S, H, R, and P afterwards. P before comes from the filter itself, which
-navigates the flight again with this one fix withheld: it has a σ so large that it changes nothing. So all
-corrections, gates and error models are those of the run.
+A run keeps of each fix its innovation, S, H, R, and P afterwards. P before comes from the filter itself,
+which navigates the flight again with this one fix withheld: it has a σ so large that it changes nothing. So
+all corrections, gates and error models are those of the run.
 
 Which directions of the error the flight so far has shown is measured as Ham and Brown do: by the eigenvalues
 of P relative to P0. The root of an eigenvalue is σ now over σ at the start, along its eigenvector; near one,
@@ -46,7 +46,7 @@ DOWN = np.array([0.0, 0.0, 1.0])
 
 
 class FixUpdate(NamedTuple):
-    """The update by a fix: r = 6 measurements, position, then velocity, north, east, down; n states; SI units.
+    """The update of n states by r = 6 numbers: position, then velocity, north, east, down; in SI units.
 
     Attributes
     ----------
@@ -98,7 +98,9 @@ def reason_without_updates(run: Run) -> str:
     if run.experiment.hidden:
         return "Some settings of this run are hidden, and P, H and K of its filter would show them."
     if run.algorithm:
-        return f"{run.algorithm}: your own algorithm does not say how it uses a fix; the lab's navigator does."
+        return (
+            f"{run.algorithm}: your own algorithm does not say how it uses a fix; the lab's navigator does."
+        )
     if run.recorded and navigator.smoother:
         return (
             "The solution of this log is smoothed over all fixes at once. Without navigator.smoother, the "
@@ -138,7 +140,8 @@ def fix_update(run: Run, fix: int) -> FixUpdate:
     rejected, recovered = bool(solution.fix_rejected[fix]), bool(solution.fix_recovered[fix])
     if solution.fix_sample[fix] < 0 and not rejected:
         raise ResultError(
-            f"The filter was not given the fix at {run.fixes.time[fix]:.6g} s: it is outside the IMU data."
+            f"The filter was not given the fix at {run.fixes.time[fix]:.6g} s: it is outside the IMU "
+            "data; accepted is a fix during them."
         )
     H, R, S = solution.fix_H[fix], solution.fix_R[fix], solution.innovation_covariance[fix]
     innovation = solution.innovation[fix]
@@ -148,7 +151,10 @@ def fix_update(run: Run, fix: int) -> FixUpdate:
         outcome, K, after = REJECTED, np.zeros_like(H.T), before
     elif recovered:
         if navigator.smoother:
-            raise ResultError("The filter raised P at this fix, and a smoothed solution does not keep it.")
+            raise ResultError(
+                "The filter raised P at this fix, and a smoothed solution does not keep by how much; "
+                "accepted is another fix."
+            )
         outcome, after = RECOVERED, solution.fix_covariance[fix]
         K = np.linalg.solve(R, H @ after).T  # Gelb 4.2-16b, whatever P was raised to
     else:

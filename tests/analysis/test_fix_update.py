@@ -29,7 +29,9 @@ def result() -> Result:
 def without(result: Result, fix: int) -> Result:
     """Return the run whose receiver has an outage at one fix."""
     time = float(result.fixes.time[fix])
-    return result.experiment.copy().update({"sensors": {"gps": {"outages": [(time - 0.1, time + 0.1)]}}}).run()
+    return (
+        result.experiment.copy().update({"sensors": {"gps": {"outages": [(time - 0.1, time + 0.1)]}}}).run()
+    )
 
 
 @pytest.mark.parametrize("fix", [0, 30, 90])

@@ -39,6 +39,7 @@ WORDS = {
     "Cards": ("Sensors in use",),
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
+    "Microscope": ("x⁺ = K y",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }
 """What is written on a tab; those that are not in `FIRST` have no figure."""

@@ -1,0 +1,145 @@
+"""Microscope: one update of the filter at the time cursor, as P, K, H, S and equations with numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import panel as pn
+
+from dashboards.computing import Outcome
+from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.computed import ComputedPage
+from lab.base.progress import Progress
+from lab.experiment.result import Result
+from lab.views.microscope import EllipseFigures, sentence, update_html
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LATE = 1.5
+"""Intervals of the fixes after a fix from which it is said that there was none since."""
+_STYLE = """
+:host { font: 14px/1.5 Roboto, sans-serif; }
+.update { display: flex; flex-wrap: wrap; gap: 6px 32px; }
+section { min-width: 0; max-width: 100%; flex: 0 1 auto; } section.wide { flex-basis: 100%; }
+h3 { font-size: 15px; font-weight: 500; margin: 6px 0 4px; }
+p, ul { margin: 2px 0; } ul { padding-left: 20px; }
+dl { margin: 0; display: grid; grid-template-columns: max-content minmax(0, 1fr); gap: 2px 14px; }
+dt { font-style: italic; } dd { margin: 0; max-width: 620px; overflow-wrap: anywhere; }
+.box { overflow-x: auto; max-width: 100%; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: 2px 8px; white-space: nowrap; }
+th { font-weight: 500; opacity: .8; }
+td { border-bottom: 1px solid rgba(128,128,128,.18); }
+th:first-child { text-align: left; padding-left: 0; }
+.correlations { font-size: 11px; line-height: 1.15; }
+.correlations td { min-width: 27px; height: 26px; padding: 0 2px; text-align: center;
+                   border: 1px solid rgba(128,128,128,.18); }
+.correlations tr:first-child th { text-align: center; padding: 0 2px; }
+td.sigma { font-weight: 700; } td.sigma span { display: block; font-weight: 400; font-size: 10px; }
+@media (max-width: 480px) { dl { grid-template-columns: minmax(0, 1fr); } dd { margin-bottom: 4px; } }
+"""
+
+
+class Microscope(ComputedPage):
+    """The update of the filter by the fix at the time cursor, or the last one before it.
+
+    The numbers are those of `Result.update_at`, computed in a thread for the newest place of the cursor.
+    """
+
+    title = "Microscope"
+    seen = ("innovations",)
+    working = "Running the filter up to this fix …"
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the sentence, the ellipses of the innovation, and the numbers."""
+        self._fix = 0
+        self._ellipses = EllipseFigures()
+        self._plots = hideable(plot_grid(self._ellipses.figures, 2, least=320, fill=False))
+        self._html = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[_STYLE])
+        return pn.Column(self.words, self._plots, self._html, sizing_mode="stretch_width", margin=0)
+
+    def missing_reason(self, result: Result) -> str:
+        """Return why the updates cannot be shown."""
+        from lab.analysis.fix_update import reason_without_updates  # noqa: PLC0415 - opening needs none of it
+
+        return reason_without_updates(result)
+
+    def draw(self, result: Result) -> None:
+        """Begin with the fix at the time cursor."""
+        self._fix = self._at(result, self.axis.time)
+        if self._content is not None and self._content[1].attrs["fix"] == self._fix:
+            super().draw(result)
+            return
+        self._content = None
+        if result is not self._wanted:
+            self._wanted = result
+            self.say(self.working)
+        self._work.submit(result)
+
+    def show_time(self, time: float) -> None:
+        """Follow the time cursor to another fix; the words follow it between the fixes too."""
+        result = self._wanted
+        if result is None:
+            return
+        fix = self._at(result, time)
+        if fix != self._fix:
+            self._fix, self._content = fix, None
+            if result.is_long:
+                self.say(self.working)
+            self._work.submit(result)
+        elif self._content is not None:
+            self.words.object = f"<p>{self._sentence(*self._content)}</p>"
+
+    def work_out(self, result: Result, _progress: Progress) -> xr.Dataset:
+        """Return the update by the fix at which the time cursor is now."""
+        return result.update_at(float(result.fixes.time[self._fix]))
+
+    def paint(self, result: Result, content: xr.Dataset) -> str:
+        """Draw an update."""
+        self._ellipses.show(content)
+        self._plots.visible = True
+        self._html.object = f'<div class="update">{update_html(content)}</div>'
+        return self._sentence(result, content)
+
+    def clear(self) -> None:
+        """Show no update."""
+        self._plots.visible = False
+        self._html.object = ""
+
+    def _arrive(self, result: Result, outcome: Outcome) -> None:
+        """Draw an update, unless the cursor is at another fix by now, whose update is computed next."""
+        if outcome.problem or outcome.result.attrs["fix"] == self._fix:
+            super()._arrive(result, outcome)
+
+    @staticmethod
+    def _at(result: Result, time: float) -> int:
+        from lab.analysis.fix_update import fix_at  # noqa: PLC0415 - opening needs none of it
+
+        return max(fix_at(result, time), 0)
+
+    def _sentence(self, result: Result, content: xr.Dataset) -> str:
+        """Return what was done with the fix, and what there was since."""
+        times, now = result.fixes.time, self.axis.time
+        said, since = sentence(content, times.size), now - content.attrs["time"]
+        if self._at(result, now) == 0 and since < 0:
+            said = f"Before its first fix, the filter has updated nothing; this is that fix. {said}"
+        elif times.size > 1 and since > LATE * float(np.median(np.diff(times))):
+            said += f" No fix came in the {since:.3g} s since: the filter only predicts, and updates nothing."
+        return said + _others_at(result, content.attrs["time"])
+
+
+def _others_at(result: Result, time: float) -> str:
+    """Return in a sentence which other sensors were used together with a fix."""
+    if not result.aids.time.size:
+        return ""
+    data = result.aiding
+    near = np.flatnonzero(np.abs(result.aids.time - time) < float(np.diff(result.time[:2])[0]))
+    parts = [
+        f"{data.kind.values[at]} {data.innovation.values[at]:.3g} {data.unit.values[at]} "
+        f"(σ {data.sigma.values[at]:.3g}{'' if data.used.values[at] else ', rejected'})"
+        for at in near
+        if np.isfinite(data.innovation.values[at])
+    ]
+    return f" Innovations of other sensors at this time: {', '.join(parts)}." if parts else ""
