@@ -28,7 +28,7 @@ p, ul { margin: 2px 0; } ul { padding-left: 20px; }
 dl { margin: 0; display: grid; grid-template-columns: max-content minmax(0, 1fr); gap: 2px 14px; }
 dt { font-style: italic; } dd { margin: 0; max-width: 620px; overflow-wrap: anywhere; }
 .box { overflow-x: auto; max-width: 100%; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: 2px 8px; white-space: nowrap; }
 th { font-weight: 500; opacity: .8; }
 td { border-bottom: 1px solid rgba(128,128,128,.18); }

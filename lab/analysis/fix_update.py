@@ -40,6 +40,8 @@ WITHHELD = 1e9
 """σ of each measurement of a withheld fix [m], [m/s]: its gain is below the rounding of P."""
 _SAME = 0.5
 """Part of an IMU step by which a time may be before a fix that it means."""
+_AFTER = 5.0
+"""Time after a fix up to which the filter runs again [s]: the rates about a fix are means over 0.1 s."""
 _ROUNDING = 1e-9  # of time stamps [s]
 DOWN = np.array([0.0, 0.0, 1.0])
 """The vertical among attitude errors about north, east, down."""
@@ -198,15 +200,16 @@ def covariance_before(run: Run, fix: int) -> FloatArray:
     R = np.broadcast_to(run.belief.R, (fixes.time.size, MEASUREMENTS, MEASUREMENTS)).copy()
     R[fix] += WITHHELD**2 * np.eye(MEASUREMENTS)
     schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    end = int(np.searchsorted(imu.time, fixes.time[fix] + _AFTER))
+    imu = imu.until(min(end, imu.dtheta.shape[0]))
     given = fixes, run.aligned.start, run.belief._replace(R=R), schedule
     if navigator.model == "nonlinear":
         imu = imu._replace(dtheta=np.asarray(imu.dtheta, float), dvelocity=np.asarray(imu.dvelocity, float))
-        return np.asarray(
-            unscented.navigate(imu, *given, aids=run.aids, names=run.blocks).fix_covariance[fix]
-        )
-    model = chosen_model(navigator, sensors)
-    again = linear.navigate_to_fixes(imu, *given, model, run.aids, lambda _piece, _written: None)
-    return np.asarray(again.fix_covariance[fix])
+        solution = unscented.navigate(imu, *given, aids=run.aids, names=run.blocks)
+    else:
+        model = chosen_model(navigator, sensors)
+        solution = linear.navigate_to_fixes(imu, *given, model, run.aids, lambda _piece, _written: None)
+    return np.asarray(solution.fix_covariance[fix])
 
 
 def directions(P: FloatArray, P0: FloatArray) -> tuple[FloatArray, FloatArray]:

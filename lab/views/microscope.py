@@ -63,8 +63,8 @@ class EllipseFigures:
             "north",
             height=300,
             match_aspect=True,
-            x_range=DataRange1d(range_padding=0.15),
-            y_range=DataRange1d(range_padding=0.15),
+            x_range=DataRange1d(range_padding=0.4),
+            y_range=DataRange1d(range_padding=0.4),
             tools=[],
         )
         at: Any = {"x": "east", "y": "north"}
@@ -150,7 +150,7 @@ def equations(update: xr.Dataset) -> list[tuple[str, str]]:
     H, P, R, S = (update[name].values for name in ("H", "before", "R", "S"))
     y, K, x = (update[name].values for name in ("innovation", "gain", "correction"))
     units, measured = update.measured_unit.values, update.measurement.values
-    found = [("y = z − H x⁻", _vector(y, measured, units) + "; navigator minus fix, x⁻ = 0")]
+    found = [("y = z − H x⁻", _vector(y, measured, units) + "; navigator minus fix")]
     predicted = np.diagonal(H @ P @ H.T)
     first = f"{measured[0]}: {number(np.sqrt(S[0, 0]))}² = {number(np.sqrt(predicted[0]))}² + "
     own = S[0, 0] - predicted[0]
@@ -235,7 +235,7 @@ def update_html(update: xr.Dataset) -> str:
         f'<section class="wide"><h3>H</h3>{_measurement_matrix(update)}</section>'
         + "".join(
             f"<section><h3>P {word} the fix: correlations, σ on the diagonal</h3>"
-            f"{_correlations(update, update[word].values)}</section>"
+            f"{_correlations(update, word)}</section>"
             for word in ("before", "after")
         )
     )
@@ -287,9 +287,10 @@ def _measurement_matrix(update: xr.Dataset) -> str:
     return _table(rows(), "Measurement matrix H")
 
 
-def _correlations(update: xr.Dataset, P: FloatArray) -> str:
-    """Return a covariance as a table of correlations with colours, with σ on its diagonal."""
-    sigma, names = np.sqrt(np.diagonal(P)), update.state.values
+def _correlations(update: xr.Dataset, word: str) -> str:
+    """Return P before or after the fix as a table of correlations with colours, with σ on its diagonal."""
+    P, names = update[word].values, update.state.values
+    sigma = np.sqrt(np.diagonal(P))
     scale = np.outer(sigma, sigma)
     r = np.divide(P, scale, out=np.zeros_like(P), where=scale > 0)
     signs = symbols(names)
@@ -306,7 +307,7 @@ def _correlations(update: xr.Dataset, P: FloatArray) -> str:
             )
             yield f"<tr><th>{escape(said(name))} <i>{signs[i]}</i></th>{cells}</tr>"
 
-    return _table(rows(), "Correlations", "correlations")
+    return _table(rows(), f"Correlations {word} the fix", "correlations")
 
 
 def _cell(r: float) -> str:

@@ -69,6 +69,19 @@ def test_gain_s_and_p_after_are_those_of_the_textbook(result: Result, fix: int) 
     assert update.nis == pytest.approx(float(result.innovations.nis[fix]), rel=1e-12)
 
 
+@pytest.mark.parametrize("model", ["psi", "invariant", "nonlinear"])
+def test_other_models_give_the_s_of_their_run(model: str) -> None:
+    """H of the nonlinear filter is for axes that are a millionth of a radian off those of P."""
+    run = made(model=model).run()
+    update = fix_update(run, 30)
+    sigma = np.sqrt(np.diagonal(update.S))
+    off = update.H @ update.before @ update.H.T + update.R - run.solution_arrays.innovation_covariance[30]
+    assert np.abs(off / np.outer(sigma, sigma)).max() < (1e-6 if model == "nonlinear" else 1e-11)
+    without_it = without(run, 30).solution_arrays
+    at = run.solution_arrays.fix_sample[30]
+    np.testing.assert_allclose(np.diagonal(update.before), without_it.variance[at], rtol=1e-8)
+
+
 def test_the_dataset_keeps_the_equations_in_its_units(result: Result) -> None:
     time = float(result.fixes.time[30])
     found = result.update_at(time + 0.4)

@@ -18,6 +18,7 @@ from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.scenario import Hidden, Scenario
 from lab.cli.run import json_facts, report
 from lab.experiment.experiment import Experiment
+from lab.run.run import ResultError
 from tests.dashboards.walking import Walk, walking
 
 SEED, HIDDEN_SEED = 3141592653, 2718281828
@@ -94,5 +95,7 @@ def test_no_output_has_what_is_hidden_or_the_seed(walk: Walk, monkeypatch: pytes
     }
     found = {(name, word) for name, text in outputs.items() for word in WORDS if word.encode() in text}
     assert found == set()
+    with pytest.raises(ResultError, match="hidden"):  # P and H show what the filter assumes
+        result.update_at(30.0)
     assert b"q_scale" in outputs["settings"]
     assert b"navigator.q_scale=0.5" in outputs["menu"]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 MEASURED = tuple(f"{kind} {axis}" for kind in ("position", "velocity") for axis in ("north", "east", "down"))
 """What a fix measures, in the order of H."""
 UNITS = ("m",) * 3 + ("m/s",) * 3
+"""Their units."""
 
 
 def update_at(run: Run, time: float) -> xr.Dataset:
