@@ -5,6 +5,7 @@ const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
 // Elements that do something of their own with Space, and those that do with arrows.
 const ACTIVE = "a, button, input, select, summary, [role]:not([role=presentation]):not([role=tabpanel])"
 const ARROWS = "input, select, [role=slider], [role=combobox], [role=tab], [role^=menu], [role=option], [role=radio]"
+const CHOICES = "[role=tab], .MuiToggleButton-root"  // of which the arrows focus the next one
 const STEPS = {arrowleft: -1, arrowright: 1}  // to the fix before, and to the next one
 const WISHES = {h: "hold", escape: "close", "?": "help"}
 const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-1.88 5.12-1.88 3.54 0 6.55 2.31 7.6 5.5"
@@ -67,6 +68,11 @@ window.addEventListener("popstate", ({state}) => {
     here = state.position
     ask("visit", here)
   }
+})
+
+window.addEventListener("click", (event) => {
+  // Chosen with the mouse, a tab or a part leaves the arrows to the fixes; a click by a key has no detail.
+  if (event.detail) event.composedPath().find((one) => one.matches?.(CHOICES))?.blur()
 })
 
 window.addEventListener("keydown", (event) => {

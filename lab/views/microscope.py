@@ -210,7 +210,8 @@ def observed(update: xr.Dataset) -> list[str]:
         parts = [at for at in order if row[at] ** 2 >= SHARE]
         if len(parts) == 1:
             at = parts[0]
-            text = f"σ {number(now[at])} {units[at]} of {number(start[at])} {units[at]} at the start"
+            joint = " now," if part * NOT_OBSERVED > 1 else " of"
+            text = f"σ {number(now[at])} {units[at]}{joint} {number(start[at])} {units[at]} at the start"
         else:
             text = f"σ along it is {100 * part:.0f} % of that at the start"
         found.append(f"{' with '.join(said(names[at]) for at in parts)}: {text}")
@@ -222,10 +223,10 @@ def update_html(update: xr.Dataset) -> str:
     """Return equations, observability, gains and covariances of an update as HTML."""
     update = uncertain(update)
     lines = "".join(f"<dt>{escape(left)}</dt><dd>{escape(right)}</dd>" for left, right in equations(update))
-    hidden = observed(update)
+    items = "".join(f"<li>{escape(one)}</li>" for one in observed(update))
     words = (
-        f"<p>Not observed so far:</p><ul>{''.join(f'<li>{escape(one)}</li>' for one in hidden)}</ul>"
-        if hidden
+        f"<p>Not observed so far, σ is about that at the start or larger:</p><ul>{items}</ul>"
+        if items
         else "<p>Every direction has been observed: σ is below nine tenths of that at the start.</p>"
     )
     return (

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis.fix_update import REJECTED, USED, directions, fix_update
+from lab.analysis.fix_update import RECOVERED, REJECTED, USED, directions, fix_update
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.navigation.filters.kalman import inflate
 from lab.run.run import ResultError
 from tests.simulated_logs import log_of
 
@@ -104,6 +105,19 @@ def test_a_rejected_fix_updates_nothing() -> None:
     np.testing.assert_array_equal(update.before, update.after)
     at = int(np.searchsorted(run.time, run.fixes.time[fix] - 1e-9))
     np.testing.assert_allclose(np.diagonal(update.after), run.solution_arrays.variance[at], rtol=1e-12)
+
+
+def test_the_gain_of_a_recovery_is_that_of_the_raised_p() -> None:
+    wrong = {"position_error": [300.0, -200.0, 50.0], "p0": [0.1] * 6 + [1e-4] * 9}
+    run = made(gate=0.999, **wrong).run()
+    fix = int(np.flatnonzero(run.solution_arrays.fix_recovered)[0])
+    assert run.solution_arrays.fix_rejected[:fix].all()
+    update = fix_update(run, fix)
+    assert update.outcome == RECOVERED
+    P, H = update.before.copy(), update.H
+    inflate(P, update.innovation, float(run.fixes.time[fix] - run.time[0]), 15)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + update.R)
+    np.testing.assert_allclose(update.gain, K, atol=1e-10)
 
 
 def test_a_log_gives_the_update_of_its_filter(result: Result, tmp_path: Path) -> None:
