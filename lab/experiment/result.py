@@ -264,9 +264,7 @@ class Result(NotebookCard, Repeatable):
             If there is no fix yet, or the updates are unknown: of a user's algorithm, of a smoothed log, of a
             run that hides settings.
         """
-        from lab.experiment.datasets.updates import update_at  # noqa: PLC0415 - a run needs none of it
-
-        return update_at(self, time)
+        return innovations.update_at(self, time)
 
     @cached_property
     def position_covariance(self) -> xr.DataArray:

@@ -72,12 +72,15 @@ def test_gain_s_and_p_after_are_those_of_the_textbook(result: Result, fix: int) 
 
 @pytest.mark.parametrize("model", ["psi", "invariant", "nonlinear"])
 def test_other_models_give_the_s_of_their_run(model: str) -> None:
-    """H of the nonlinear filter is for axes that are a millionth of a radian off those of P."""
+    """The nonlinear filter leaves out of H how its velocity turns with a position error.
+
+    At 60 m/s and one metre off on the Earth, that is 10⁻⁵ m/s, or 2 · 10⁻⁵ σ.
+    """
     run = made(model=model).run()
     update = fix_update(run, 30)
     sigma = np.sqrt(np.diagonal(update.S))
     off = update.H @ update.before @ update.H.T + update.R - run.solution_arrays.innovation_covariance[30]
-    assert np.abs(off / np.outer(sigma, sigma)).max() < (1e-6 if model == "nonlinear" else 1e-11)
+    assert np.abs(off / np.outer(sigma, sigma)).max() < (2e-5 if model == "nonlinear" else 1e-11)
     without_it = without(run, 30).solution_arrays
     at = run.solution_arrays.fix_sample[30]
     np.testing.assert_allclose(np.diagonal(update.before), without_it.variance[at], rtol=1e-8)

@@ -15,7 +15,7 @@ def test_arrow_keys_show_the_numbers_of_each_fix(shared_page: Page) -> None:
     show(page, "Microscope")
     expect(page.get_by_text("Before its first fix")).to_be_visible()
     numbers = page.locator("dl dd").first
-    page.keyboard.press("ArrowRight")  # the mouse has just chosen the page, and leaves the arrows to the fixes
+    page.keyboard.press("ArrowRight")  # the mouse has chosen the page, and leaves the arrows to the fixes
     expect(page.get_by_text("Before its first fix")).to_be_hidden()
     expect(page.get_by_text("Fix 1 of")).to_be_visible()
     first = numbers.inner_text()
