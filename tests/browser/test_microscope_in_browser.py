@@ -31,11 +31,11 @@ def test_on_a_phone_tables_scroll_in_their_boxes(shared_page: Page) -> None:
     page = shared_page
     size = page.viewport_size
     assert size is not None
+    show(page, "Microscope")
+    box = page.get_by_role("region", name="Correlations before the fix")
+    expect(box).to_be_visible()
     page.set_viewport_size({"width": 390, "height": 844})
     try:
-        show(page, "Microscope")
-        box = page.get_by_role("region", name="Correlations").first
-        expect(box).to_be_visible()
         assert box.evaluate("(one) => one.scrollWidth > one.clientWidth && one.clientWidth <= 390")
         assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
     finally:
