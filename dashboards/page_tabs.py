@@ -42,7 +42,12 @@ FIRST: type[Page] = Overview
 IN_TABS = tuple(chain.from_iterable(TABS.values()))
 
 _TAB = {"minWidth": "0", "padding": "12px 12px", "letterSpacing": "0"}
-_PART = {"& button": {"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"}}
+_PART = {
+    "& button": {
+        **{"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"},
+        "@media (max-width: 480px)": {"padding": "3px 7px"},
+    }
+}
 _ROW = """
 :host { flex: 0 0 auto !important; flex-wrap: wrap; justify-content: space-between; align-items: center; }
 """
