@@ -72,7 +72,10 @@ class Station:
         self.recorded = ""
         self.owner = Owner()
         self.sensors, self.settings = sensors, navigator
-        self._navigator: LiveNavigator | None = LiveNavigator(sensors, navigator)
+        self._assumed = navigator.copy()
+        if self._assumed.vehicle == "auto" and source.vehicle:
+            self._assumed.vehicle = source.vehicle
+        self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
         self._growing: GrowingAllan | None = None
@@ -192,7 +195,7 @@ class Station:
                 continue
             judged = used
             try:
-                self.verdict = str(verdict_of(self.log(), self.sensors, self.settings))
+                self.verdict = str(verdict_of(self.log(), self.sensors, self._assumed))
             except ValueError as error:  # too few fixes for a batch run, or it diverges
                 self.verdict = f"None yet: {error}"
 

@@ -24,7 +24,7 @@ from lab.data.streams.axis_map import AxisMap
 from lab.experiment.experiment import Experiment
 from lab.live import open as open_source
 from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice
-from lab.live.simulated.simulated_flight import SimulatedFlight, begins_at_rest
+from lab.live.simulated.simulated_flight import SimulatedFlight, missing_rest
 from lab.live.simulated.simulated_link import local_link
 from lab.live.simulated.simulated_transport import SimulatedTransport
 from lab.live.station import Station
@@ -40,8 +40,9 @@ WATCHED = "watch "
 """Before the key of a station that another page has opened."""
 RATES = (50, 100, 200, 500, 1000)
 """Rates of the simulated device [Hz]."""
-REST = 15.0
-"""Rest before a simulated flight that begins at rest [s]: enough to level, and to find the gyro biases."""
+REST = 12.0
+"""Rest of a simulated flight that begins at rest [s]: ten whole seconds level the navigator and show the gyro
+biases, and the first and the last second may be cut."""
 FAULTS: dict[str, dict[str, Any]] = {
     "corrupt bytes": {"corruption": 1e-3},
     "jitter of 20 ms": {"jitter": 0.02},
@@ -326,7 +327,7 @@ class SourceFields:
                 experiment.mission,
                 rate,
                 seed=experiment.seed,
-                rest=REST if begins_at_rest(experiment.mission) else 0.0,
+                rest=missing_rest(experiment.mission, REST),
                 settings={"sensors": experiment.sensors.to_dict()},
                 axes=mounted,
             )

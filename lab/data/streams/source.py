@@ -135,6 +135,11 @@ class Source:
         """The true motion, if the source knows it: that of a simulated device, or of X-Plane."""
         return getattr(self._transport, "truth", None)
 
+    @property
+    def vehicle(self) -> str:
+        """The vehicle that carries the device, if the source knows it; else empty."""
+        return str(getattr(self._transport, "vehicle", ""))
+
     def fixes_since(self, cursor: Cursor) -> Read:
         """Return the fixes after a cursor, without the samples of the IMU."""
         end = self._ring.end

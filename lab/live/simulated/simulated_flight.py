@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from lab.base.aid_table import SENT
 from lab.base.parameters.units import si
 from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.data.log.pressure_height import pressure_at
+from lab.data.log.vehicle import UNKNOWN, vehicle_of
 from lab.data.protocols.samples import FIX, FIX_3D, IMU, NO_READINGS, READING
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.transport import TransportError
@@ -22,8 +24,10 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.missions import mission
 from lab.missions.log_mission import LogMission
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.motion.recordings.recording import Recording
+from lab.navigation.alignment import limits
 from lab.sensors.cards import card
 from lab.sensors.gps import GpsErrors, GpsFixes
 from lab.sensors.readings import read, slow_error
@@ -34,6 +38,8 @@ _PLACE = (np.radians(45.0), np.radians(7.5), 200.0)  # latitude, longitude [rad]
 _EULER = np.radians((2.0, -3.0, 40.0))  # roll, pitch, heading: a table is never level
 _STANDS = 0.5
 """Speed below which a flight begins at rest, so that a rest can go before it [m/s]."""
+_STANDS_STILL = 0.02
+"""Speed up to which a vehicle stands still, as far as the navigator's σ of the velocity at rest goes [m/s]."""
 _STEP = 0.1
 """Interval of the samples of a rest in a recording [s]."""
 _LEAST_REST = 1.0
@@ -130,6 +136,21 @@ class SimulatedFlight:
             table["arrival"] = rows["time"]
             tables.append(table)
         return tables[0], tables[1]
+
+    @cached_property
+    def vehicle(self) -> str:
+        """The vehicle that carries the device: an aeroplane, or unknown if it does not go as its nose points.
+
+        That is what a device is told that is built into a vehicle: without it, a course would first have to be
+        compared with the acceleration for 20 s.
+        """
+        truth = self.result.truth_arrays
+        assert truth is not None  # of a simulation
+        moves = np.linalg.norm(truth.velocity_n[:, :2], axis=1) > limits.ALIGNMENT.rest_speed
+        north, east = truth.velocity_n[moves, :2].T
+        slip = wrap(np.arctan2(east, north) - euler_from_quaternion(truth.q_nb[moves])[:, 2])
+        known = vehicle_of("aeroplane")
+        return known.name if moves.any() and np.sqrt(np.mean(slip**2)) <= known.sideslip else UNKNOWN
 
     @classmethod
     def _of(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:
@@ -238,12 +259,25 @@ def _mission(name: str, rest: float, folder: Path) -> str:
     return _written(_after_rest(recording, rest), folder)
 
 
-def begins_at_rest(name: str) -> bool:
-    """Return whether a mission begins at rest, so that a longer rest can go before it."""
+def missing_rest(name: str, wanted: float) -> float:
+    """Return the rest that a mission lacks at its start; none can go before one that begins in motion [s].
+
+    Parameters
+    ----------
+    name
+        The mission.
+    wanted
+        The rest that it should have [s].
+    """
     found = mission(name)
     if isinstance(found, LogMission):
-        return False
-    return float(np.linalg.norm(found.recording.velocity_n[0])) <= _STANDS
+        return 0.0
+    speed = np.linalg.norm(found.recording.velocity_n, axis=1)
+    if speed[0] > _STANDS:
+        return 0.0
+    moves = np.append(np.flatnonzero(speed > _STANDS_STILL), len(speed) - 1)[0]
+    own = float(found.recording.time[moves] - found.recording.time[0])
+    return max(round(wanted - own, 1), 0.0)
 
 
 def _standing(seconds: float) -> Recording:

@@ -52,6 +52,11 @@ class SimulatedTransport:
         return TrueFlight(truth, lambda: self.device.begun)
 
     @property
+    def vehicle(self) -> str:
+        """The vehicle that carries the device; empty if it is unknown."""
+        return self.device.flight.vehicle
+
+    @property
     def remark(self) -> str:
         """How late the device delivers; empty if it is in time."""
         late = self.device.late
