@@ -24,6 +24,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.missions import mission
 from lab.missions.log_mission import LogMission
+from lab.motion.frames.magnetic_field import magnetic_field
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.motion.recordings.recording import Recording
@@ -36,6 +37,8 @@ REST = "rest"
 """Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""
 _PLACE = (np.radians(45.0), np.radians(7.5), 200.0)  # latitude, longitude [rad], height [m]
 _EULER = np.radians((2.0, -3.0, 40.0))  # roll, pitch, heading: a table is never level
+MICROTESLA = 1e-6
+"""A microtesla [T], the unit of the World Magnetic Model."""
 _STANDS = 0.5
 """Speed below which a flight begins at rest, so that a rest can go before it [m/s]."""
 _STANDS_STILL = 0.02
@@ -162,6 +165,7 @@ class SimulatedFlight:
             axes,
         )
         _measure_pressure(imu, result)
+        _measure_field(imu, result, axes)
         fix = fix_rows(result.fixes, result.experiment.sensors.gps)
         return cls(imu, fix, rate, result, reading_rows(result))
 
@@ -197,6 +201,15 @@ def _measure_pressure(imu: NDArray[np.void], result: Result) -> None:
     height = result.known_truth("pressures").height[1:]
     found = read(seed, "barometer", time, height, bias, float(errors.noise), errors.outages)
     imu["pressure"][np.searchsorted(time, found.time)] = pressure_at(found.value)
+
+
+def _measure_field(imu: NDArray[np.void], result: Result, axes: AxisMap) -> None:
+    """Write the fields of a magnetometer, if the settings have one, in the samples of its readings."""
+    found, truth = result.readings.get("heading"), result.truth_arrays
+    if found is None or truth is None or not found.field.size:
+        return
+    strength = np.linalg.norm(magnetic_field(truth.position[0])) * MICROTESLA
+    imu["magnetic"][np.searchsorted(result.time[1:], found.time)] = strength * axes.unmapped(found.field)
 
 
 def reading_rows(result: Result) -> NDArray[np.void]:

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from lab.data.streams.axis_map import AxisMap
 from lab.experiment.experiment import Experiment
 from lab.live import open as open_source
 from lab.live.live_navigator import LiveNavigator
@@ -15,19 +16,32 @@ from lab.live.simulated.simulated_flight import REST, SimulatedFlight, missing_r
 from lab.live.station import Station
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 
-SEEN = 18.0
-"""Time by which heading and position must be there [s]: ten seconds level, five of the run-up give a course."""
+SEEN = {False: 18.0, True: 12.0}
+"""Time by which heading and position must be there without and with a magnetometer [s]: ten seconds level,
+the next shows the field; the first seconds of the run-up give a course."""
 STILL = 12.0
 """Rest of a simulated flight on the page [s]."""
 
 
-def test_heading_and_position_come_with_the_first_course() -> None:
+@pytest.mark.parametrize("magnetometer", [False, True])
+def test_heading_and_position_come_with_the_first_course(magnetometer: bool) -> None:
     experiment = Experiment(mission="montreal")
-    flight = SimulatedFlight.of("montreal", 100.0, rest=missing_rest("montreal", STILL))
+    experiment.sensors.heading.update({"fitted": magnetometer, "source": "magnetometer"})
+    mounted = AxisMap.of("y,-x,z")
+    flight = SimulatedFlight.of(
+        "montreal",
+        100.0,
+        rest=missing_rest("montreal", STILL),
+        settings={"sensors": experiment.sensors.to_dict()},
+        axes=mounted,
+    )
+    assert np.isfinite(flight.imu["magnetic"]).any() == magnetometer
     experiment.navigator.vehicle = flight.vehicle
     live = LiveNavigator(experiment.sensors, experiment.navigator)
     imu, fix = flight.timed()
-    for begin in range(0, round(100 * SEEN), 10):
+    for name in ("rate", "force", "magnetic"):
+        imu[name] = mounted.mapped(imu[name], force=name == "force")
+    for begin in range(0, round(100 * SEEN[magnetometer]), 10):
         rows = imu[begin : begin + 10]
         since = -np.inf if begin == 0 else imu["time"][begin - 1]
         live.feed(rows, fix[(fix["time"] > since) & (fix["time"] <= rows["time"][-1])], flight.reading[:0])
@@ -37,6 +51,7 @@ def test_heading_and_position_come_with_the_first_course() -> None:
     error = wrap(state.euler[2] - euler_from_quaternion(truth.q_nb[at : at + 1])[0, 2])
     assert abs(error) < 3 * state.euler_sigma[2] < np.radians(30)
     assert np.isfinite(state.position).all()
+    assert state.euler_sigma[2] < np.radians(3) or not magnetometer
 
 
 def test_a_device_says_its_vehicle_only_if_it_goes_as_its_nose_points() -> None:
