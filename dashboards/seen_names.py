@@ -10,6 +10,7 @@ from dashboards.settings_panel import SECTIONS
 from lab.experiment.experiment import Experiment
 
 _PATH = re.compile(r"\b(?:sensors|navigator|trajectory)(?:\.[a-z][a-z0-9_]*)+")
+_SWITCH = re.compile(r"\b(sensors\.[a-z]+)\.fitted = true uses (them|it)\b")
 _CODE = re.compile(rf"<code>({_PATH.pattern})</code>")
 
 
@@ -18,8 +19,11 @@ def as_seen(text: str) -> str:
 
     >>> as_seen("The heading is unknown; navigator.initial_heading sets it.")
     'The heading is unknown; “Navigator and filter: Initial heading of a log or stream” sets it.'
+    >>> as_seen("Pressures are not used; sensors.barometer.fitted = true uses them.")
+    'Pressures are not used; switch on Barometer to use them.'
     """
     fields = _fields()
+    text = _SWITCH.sub(lambda found: f"switch on {SECTIONS[found[1]][0]} to use {found[2]}", text)
     return _PATH.sub(lambda found: fields.get(found[0], found[0]), text)
 
 

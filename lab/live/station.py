@@ -191,7 +191,9 @@ class Station:
         judged = 0
         while not self._ending.wait(JUDGED):
             used = self._state.fixes_used
-            if used - judged < FEWEST or self._state.phase not in (NAVIGATING, COASTING):
+            if self._state.phase not in (NAVIGATING, COASTING):
+                judged, self.verdict = used, ""  # it was on a solution that is no more
+            if used - judged < FEWEST:
                 continue
             judged = used
             try:

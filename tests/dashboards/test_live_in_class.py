@@ -152,7 +152,7 @@ def test_what_is_shared_no_longer_is_gone_at_once_for_others(room: Room) -> None
         assert [part._station for part in parts] == [None] * len(parts)
         page._look()
         assert page._watched is None
-        assert NOT_ANY_MORE in page._status.view.object
+        assert NOT_ANY_MORE in page._status.hint.object
         assert page._connect.label == "Connect"
         assert columns(page) == 0
     assert watchable(ben) == []

@@ -119,7 +119,7 @@ def test_the_simulated_device_is_shown_and_navigated_with(opened: Callable[[], O
     station = one.connect()
     one.until(lambda: station.status.state == STREAMING)
     one.until(lambda: columns(one.page) > 30)
-    one.until(lambda: "streaming" in one.page._status.view.object.lower())
+    one.until(lambda: "streaming" in one.page._status.strip.object.lower())
     assert abs(float(np.nanmedian(shown(one.page)[:, 3])) + 9.8) < 1
     one.page._toggle()
     assert one.page._station is None
@@ -217,10 +217,12 @@ def test_unplugging_is_shown(opened: Callable[[], Opened], monkeypatch: pytest.M
     device.unplug()
     one.until(lambda: station.status.state == LOST)
     one.page._report()
-    assert "lost" in one.page._status.view.object
+    assert "lost" in one.page._status.strip.object
     # No sample comes: what the navigator said of the last one does not hold now.
-    assert "Before: " in one.page._status.view.object
-    assert "with the last samples" in one.page._status.view.object
+    one.page._status._turn()
+    assert "Before: " in one.page._status.details.object
+    assert "with the last samples" in one.page._status.details.object
+    assert "stands" in one.page._readout.view.object  # as do the large digits
     device.plug()
     reached = station.source.end.imu
     one.until(lambda: station.source.end.imu > reached)
@@ -353,19 +355,19 @@ def test_a_phone_comes_by_its_invitation(
             page._status.say("Disconnected.")  # as after another source, which was recorded
             page._recorder._job.say("recording is in the library now.", "info")
             page._toggle()
-            assert "Waiting for the phone" in page._status.view.object
+            assert "Waiting for the phone" in page._status.hint.object
             assert page._recorder._job._after.text == ""
         hub = phones.phone_server().hub
         assert "<svg" in one.page._inviting.view.object
         assert [state.state for state in hub.phones()] == ["invited", "invited"]
         other.page._toggle()  # cancels
         assert [state.state for state in hub.phones()] == ["invited"]
-        assert "Choose a source" in other.page._status.view.object
+        assert "Choose a source" in other.page._status.hint.object
         other.page._toggle()
         hub.forget(list(hub._phones)[-1])  # as of an invitation that nobody took in time
         other.page._inviting._look()
         assert other.page._connect.label == "Connect"
-        assert "expired" in other.page._status.view.object
+        assert "expired" in other.page._status.hint.object
         (key,) = hub._phones
         assert hub.claim(hub._phones[key], "device", "Ann")
         one.until(lambda: one.page._inviting._look() is None and one.page._station is not None)
@@ -429,9 +431,10 @@ def test_the_columns_of_text_lines_are_shown_and_corrected(
     fields._source.value = address
     assert fields._columns.visible
     station = one.connect()
+    one.page._status._turn()
     one.page._report()
     shown = str(station.source._reception.columns)
-    assert shown in one.page._status.view.object
+    assert shown in one.page._status.details.object
     before = station.source.last(0.2).imu["force"][-1]
     one.page._toggle()
     swapped = shown.replace("force_x", "a").replace("force_z", "force_x").replace("a[", "force_z[")

@@ -11,6 +11,7 @@ from dashboards.computing import LONG
 from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
 from dashboards.pages.live.allan_part import AllanPart
+from dashboards.pages.live.attitude_readout import AttitudeReadout
 from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
@@ -40,6 +41,8 @@ LOOK = 500
 """Time between two looks at what the visitor may watch and change [ms]."""
 TELL = 10
 """Ticks for one update of the words."""
+READ = 5
+"""Ticks for one update of the large digits: four times a second can be read, and follows a hand."""
 SLOWEST = 20
 """Most ticks for one update of the plots, a second: with twenty pages or more, or a browser that does not
 answer, as a phone that sleeps."""
@@ -68,7 +71,7 @@ class Live(PartOfWatched, Page):
         self._periodic: Any = None
         self._looking: Any = None
         self._ticks = 0
-        self._told = 0  # tick of the last update of the words
+        self._told = self._read = 0  # ticks of the last updates of the words and of the large digits
         self._waited = 0  # ticks for the browser to draw the last update
         self._visible = False
         self._closed = False
@@ -94,6 +97,7 @@ class Live(PartOfWatched, Page):
             label="Shown", options=list(WINDOWS), value="20 s", size="small", margin=(8, 4), **sized(110)
         )
         self._window.param.watch(lambda event: self._widen(event.new), "value")
+        self._readout = AttitudeReadout()
         self._status = StatusLine()
         self._job = Job()
         self._recorder = Recorder()
@@ -111,19 +115,19 @@ class Live(PartOfWatched, Page):
             TWIN: self._twin.view,
         }
         self._choice = pmui.RadioButtonGroup(
-            options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
+            options=list(self._parts), value=PLOTS, size="small", margin=(10, 4), color="primary"
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
         self._stage = pn.Column(self._plots, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
         return pn.Column(
+            self._readout.view,
+            self._status.view,
             self._fields.view,
-            pn.Row(*self._buttons(), *self._recorder.widgets, **row),
+            pn.Row(*self._buttons(), *self._recorder.widgets, self._choice, **row),
             self._job.view,
             self._inviting.view,
             self._recorder.view,
-            self._status.view,
-            self._choice,
             self._stage,
             sizing_mode="stretch_width",
             margin=(0, 8, 12, 8),
@@ -322,7 +326,7 @@ class Live(PartOfWatched, Page):
         self._watched = watched = Watched(key, watcher, station, self._session.visitor)
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
-        self._fields.work(connected=True)
+        self._fields.view.visible = False  # they have no effect until the next source
         self._recorder.watch(watched)
         self._show_parts_of(watched)
         self._show_rights()
@@ -338,7 +342,8 @@ class Live(PartOfWatched, Page):
         self._pause.param.update(disabled=True, label="Pause", icon="pause")
         self._show_rights()
         self._look_on()
-        self._fields.work(connected=False)
+        self._fields.view.visible = True
+        self._readout.clear()
         self._status.say(sentence)
         self._fields.refresh()
 
@@ -400,6 +405,9 @@ class Live(PartOfWatched, Page):
             if words:
                 self._told = self._ticks
                 self._report()
+            elif self._ticks - self._read >= READ:
+                self._read = self._ticks
+                self._readout.show(watched.station.state)
 
     def _advance(self, *, whole: bool = True, words: bool = True) -> None:
         """Append what came since the last tick to the plots that are shown.
@@ -431,7 +439,9 @@ class Live(PartOfWatched, Page):
         station = self._station
         if station is not None:
             status = station.status
-            self._status.show(status, station.state, station.verdict, station.failure)
+            self._read = self._ticks
+            self._readout.show(station.state, status.state)
+            self._status.show(status, station.state, station.verdict, station.failure, station.name)
             self._recorder.tell(status)
             self._tell_part()
 

@@ -9,7 +9,6 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS, allowed_devices
-from dashboards.pages.base import NARROW
 from dashboards.pages.live.wanted import Wanted
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
@@ -57,11 +56,6 @@ _AS_SMALL = """
 .MuiInputLabel-root[data-shrink="false"] { transform: translate(14px, 9px) }
 """
 """Style of a choice of several, which has no size, like that of the other fields."""
-
-_AT_WORK = f"""
-@container stage (max-width: {NARROW}px) {{ :host(.at-work) {{ display: none !important; }} }}
-"""
-"""Style that leaves the room of a narrow window to the plots while a source is connected."""
 
 _OF_SIMULATED = (
     "The simulated device flies the mission of the settings with their sensors, and sends what they measure "
@@ -168,14 +162,7 @@ class SourceFields:
             margin=0,
             sizing_mode="stretch_width",
         )  # fmt: skip
-        for field in (*self.view[0][1:], self._note):
-            field.stylesheets = [*field.stylesheets, _AT_WORK]
         self._turn()
-
-    def work(self, connected: bool) -> None:
-        """Show whether a source is connected: the other fields then have no effect until the next one."""
-        for field in (*self.view[0][1:], self._note):
-            field.css_classes = ["at-work"] if connected else []
 
     def refresh(self) -> None:
         """Offer what is there now."""

@@ -1,4 +1,4 @@
-"""Status line: the state of a source and of its navigator in words and numbers, always visible."""
+"""Status line: a strip with the state of a source, one hint at a time, and all its numbers folded."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from html import escape
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 
+from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.seen_names import as_seen
+from lab.base.parameters.counted import counted
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
-from lab.live.live_state import WAITING, LiveState
+from lab.live.live_state import NAVIGATING, WAITING, LiveState
 
 NO_SOURCE = "Choose a source and connect it. The simulated device needs no hardware."
 
@@ -26,8 +29,10 @@ LARGEST_SIGMA = 1e-4
 """Largest σ with which a drift is shown: crystals drift by less."""
 _STYLE = """
 .state { font-weight: 600; text-transform: capitalize; }
-.numbers { display: flex; flex-wrap: wrap; gap: 2px 18px; font-variant-numeric: tabular-nums; }
-.numbers span { white-space: nowrap; }
+.strip, .numbers { display: flex; flex-wrap: wrap; gap: 2px 18px; font-variant-numeric: tabular-nums; }
+.strip { gap: 0; }
+.strip > span + span::before { content: "·"; margin: 0 0.5em; opacity: 0.6; }
+.strip span, .numbers span { white-space: nowrap; }
 .numbers b { font-weight: 600; }
 .dim { opacity: 0.7; }
 .numbers .wide { white-space: normal; overflow-wrap: anywhere; min-width: 0; }
@@ -35,6 +40,10 @@ _STYLE = """
 @media (max-width: 600px) { :host { font-size: 13px; line-height: 1.35; } .numbers { gap: 1px 12px; } }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
+_STRIP = """
+:host { width: auto !important; flex: 0 1 auto; align-self: center; }
+"""
+"""The strip is as wide as its words, so that the button stands behind them."""
 
 
 class StatusLine:
@@ -42,35 +51,111 @@ class StatusLine:
 
     Attributes
     ----------
-    view : panel.pane.HTML
-        The line.
+    view : panel.Column
+        All of it.
+    strip, hint, details : panel.pane.HTML
+        The numbers that count; the one sentence that counts now; and all others, shown on request.
     """
 
     def __init__(self) -> None:
-        self.view = pn.pane.HTML("", sizing_mode="stretch_width", margin=(2, 10), stylesheets=[_STYLE])
+        wide = {"sizing_mode": "stretch_width", "stylesheets": [_STYLE]}
+        self.strip = pn.pane.HTML("", margin=(2, 4, 2, 10), stylesheets=[_STYLE, _STRIP])
+        self.hint = pn.pane.HTML("", margin=(0, 10), **wide)
+        self.details = pn.pane.HTML("", visible=False, margin=(0, 10, 4, 10), **wide)
+        self._fold = pmui.Button(
+            label="Details", icon="expand_more", variant="text", size="small", margin=(0, 4), visible=False
+        )
+        self._fold.on_click(lambda _event: self._turn())
+        self._told: tuple[Status, LiveState, str] | None = None
+        self.view = pn.Column(
+            pn.Row(self.strip, self._fold, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
+            self.hint,
+            self.details,
+            margin=0,
+            sizing_mode="stretch_width",
+        )
         self.say(NO_SOURCE)
 
     def say(self, sentence: str) -> None:
         """Show a sentence where there is no source."""
-        self.view.object = f'<p><span class="dim">{escape(sentence)}</span></p>'
+        self._told = None
+        self.strip.visible = self._fold.visible = self.details.visible = False
+        self._fold.icon = "expand_more"
+        self.hint.object = f'<p><span class="dim">{escape(sentence)}</span></p>'
 
-    def show(self, status: Status, state: LiveState, verdict: str, failure: str) -> None:
+    def show(self, status: Status, state: LiveState, verdict: str, failure: str, name: str = "") -> None:
         """Show a source, its navigator with its remarks, and the verdict on its innovations."""
-        dot = f'<span style="color:{COLOURS[status.state]}">●</span>'
-        words = escape(f"{_without(status.state, status.sentence)} {status.warning}".strip())
-        lines = [
-            f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',
-            f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status, state))}</div>',
-            _phase(status, state),
-        ]
-        if status.clock:
-            lines.append(f'<p class="dim">{escape(status.clock)}</p>')
-        if failure:
-            lines.append(f'<p class="bad">{escape(failure)}</p>')
-        if verdict:
-            lines.append(f"<p><b>Verdict</b> {escape(as_seen(verdict))}</p>")
-        lines += [f'<p class="dim">{escape(as_seen(remark))}</p>' for remark in state.remarks]
-        self.view.object = "".join(lines)
+        self._told = status, state, name
+        strip = "".join(f"<span>{one}</span>" for one in _strip(status, state))
+        self.strip.object = f'<div class="strip">{strip}</div>'
+        self.strip.visible = self._fold.visible = True
+        self.hint.object = f"<p>{_hint(status, state, verdict, failure)}</p>"
+        if self.details.visible:
+            self.details.object = _details(status, state, name)
+
+    def _turn(self) -> None:
+        """Show the details, or fold them."""
+        opens = not self.details.visible and self._told is not None
+        if opens and self._told is not None:
+            self.details.object = _details(*self._told)
+        self.details.visible = opens
+        self._fold.icon = "expand_less" if opens else "expand_more"
+
+
+def _strip(status: Status, state: LiveState) -> list[str]:
+    """Return what is always seen of a source, as HTML: state, rates, latency, losses, and what is wrong."""
+    found = [
+        f'<span style="color:{COLOURS[status.state]}">●</span> <span class="state">{status.state}</span>'
+    ]
+    if status.state == STREAMING and status.samples + status.fixes:
+        found.append(f"{status.rate:.0f} Hz" if status.samples else "no IMU")
+        found.append(f"{status.fix_rate:.2g} fix/s" if status.fixes else "no fixes")
+        if np.isfinite(status.latency):
+            found.append(f'<span title="Latency">{1e3 * status.latency:.0f} ms</span>')
+    lost, corrupt = status.loss.missing, status.statistics.failed + status.statistics.refused
+    found += [] if lost else ["0 lost"]
+    wrong = {
+        f"{lost} lost": lost,
+        f"{corrupt} corrupt": corrupt,
+        counted(state.rows.spikes, "spike"): state.rows.spikes,
+        counted(status.loss.jumps, "clock change"): status.loss.jumps,
+    }
+    found += [f'<b class="bad">{words}</b>' for words, number in wrong.items() if number]
+    if status.recording:
+        found.append(f"{status.recorded / 1e6:.2f} MB recorded")
+    return found
+
+
+def _hint(status: Status, state: LiveState, verdict: str, failure: str) -> str:
+    """Return the one sentence that counts now, as HTML: what is wrong goes before what is missing.
+
+    The verdict follows the stream: there is none before the navigator has a position, nor after the end.
+    """
+    said = _without(status.state, status.sentence)
+    if failure:
+        return f'<span class="bad">{escape(failure)}</span>'
+    if status.warning:
+        return escape(f"{said} {status.warning}".strip())
+    if status.state != STREAMING or said:
+        return escape(said)
+    if verdict and state.phase == NAVIGATING:
+        return f"<b>Verdict</b> {escape(as_seen(verdict))}"
+    return f"<b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}"
+
+
+def _details(status: Status, state: LiveState, name: str) -> str:
+    """Return all that is known of a source and its navigator, as HTML."""
+    numbers = "".join(f"<span>{one}</span>" for one in _numbers(status))
+    lines = [f'<div class="numbers">{numbers}</div>']
+    if status.state == LOST and state.phase != WAITING:
+        words = f"Before: {state.phase} with the last samples. {state.reason}"
+    elif status.state in (STREAMING, STALE):
+        words = f"{state.phase.capitalize()}: {state.reason}"
+    else:
+        words = ""
+    remarks = () if status.state == ENDED else state.remarks
+    said = [name, status.clock, *(as_seen(one) for one in (words, *remarks))]
+    return "".join([*lines, *(f'<p class="dim">{escape(one)}</p>' for one in said if one)])
 
 
 def _without(state: str, sentence: str) -> str:
@@ -82,39 +167,21 @@ def _without(state: str, sentence: str) -> str:
     return more[:1].upper() + more[1:]
 
 
-def _phase(status: Status, state: LiveState) -> str:
-    """Return what the navigator does; of a source that is lost, what it did with the last samples."""
-    if status.state == LOST and state.phase != WAITING:
-        words = f"{state.phase} with the last samples. {as_seen(state.reason)}"
-        return f'<p class="dim">Before: {escape(words)}</p>'
-    return f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>"
-
-
-def _numbers(status: Status, state: LiveState) -> list[str]:
+def _numbers(status: Status) -> list[str]:
     """Return the numbers of a source with their names and units, as HTML."""
-    seen, loss = status.statistics, status.loss
-    corrupt = seen.failed + seen.refused
     found = [
         _named("Protocol", escape(status.protocol) or "—"),
         _named("Rate", f"{status.rate:.1f} Hz"),
         _named("Fixes", f"{status.fixes} ({status.fix_rate:.1f} Hz)"),
         _named("Jitter", _milliseconds(status.jitter)),
         _named("Latency", _milliseconds(status.latency)),
-        _named("Missing", str(loss.missing), bad=loss.missing > 0),
-        _named("Corrupt", str(corrupt), bad=corrupt > 0),
         _named("Clock drift", _drift(status)),
         _named("Samples", f"{status.samples:,}".replace(",", "\u2009")),
     ]
-    if state.rows.spikes:
-        found.append(_named("Spikes", str(state.rows.spikes), bad=True))
-    if loss.jumps:
-        found.append(_named("Clock changes", str(loss.jumps), bad=True))
     if status.timing:
         found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
     if status.evidence and status.protocol:
         found.append(f'<span class="dim wide">{escape(status.evidence)}</span>')
-    if status.recording:
-        found.append(_named("Recorded", f"{status.recorded / 1e6:.2f} MB"))
     return found
 
 
@@ -126,8 +193,8 @@ def _drift(status: Status) -> str:
     return f"{drift} ± {1e6 * status.drift_sigma:.1f} ppm"
 
 
-def _named(name: str, value: str, *, bad: bool = False) -> str:
-    return f'<span class="dim">{name}</span> <b{" class=bad" if bad else ""}>{value}</b>'
+def _named(name: str, value: str) -> str:
+    return f'<span class="dim">{name}</span> <b>{value}</b>'
 
 
 def _milliseconds(seconds: float) -> str:

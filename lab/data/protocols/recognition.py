@@ -16,6 +16,14 @@ _FEWEST = {True: 2, False: 4}
 """Fewest frames by which a protocol counts as recognised: with a check of 16 bits, and of 8 or none."""
 _LARGEST = 2**16
 """Bytes that are looked at: at 115 200 baud they come in 6 s."""
+_NAMES = {
+    "vectornav": "VectorNav", "xsens": "Xsens", "mip": "MicroStrain MIP", "memsense": "MEMSense",
+    "ublox": "u-blox UBX", "nmea": "NMEA", "mavlink": "MAVLink", "phone": "the page for phones",
+    "text": "text lines",
+}  # fmt: skip
+"""Names of the protocols as their makers write them."""
+_WHOLE = 0.995
+"""Part of the bytes in frames from which no others are mentioned: rounded, they would be 0 %."""
 _TEXT_PART = 0.9
 """Part of the bytes that must be in lines of the columns for text."""
 
@@ -52,14 +60,11 @@ class Candidate:
     @property
     def evidence(self) -> str:
         """What speaks for it, in a sentence."""
-        its = "its" if self.frames == 1 else "their"
-        found = f"{counted(self.frames, 'frame')} that passed {its} check"
-        if self.columns:
-            found = f"{counted(self.frames, 'line')} with all columns"
-        return (
-            f"{self.name}: {found} in {counted(self.bytes, 'byte')} ({self.part:.0%} of them), "
-            f"{self.failed} failed; {counted(self.samples, 'sample')} and {counted(self.fixes, 'fix')}."
-        )
+        found = f"{counted(self.frames, 'line')} with all columns"
+        if not self.columns:
+            found = counted(self.frames, "valid frame")
+        rest = "" if self.part > _WHOLE else f"; {1 - self.part:.0%} of the bytes belong to none"
+        return f"Recognised as {_NAMES.get(self.name, self.name)} from {found}{rest}."
 
 
 def recognise(data: bytes) -> list[Candidate]:

@@ -42,7 +42,7 @@ MICROTESLA = 1e-6
 _STANDS = 0.5
 """Speed below which a flight begins at rest, so that a rest can go before it [m/s]."""
 _STANDS_STILL = 0.02
-"""Speed up to which a vehicle stands still, as far as the navigator's σ of the velocity at rest goes [m/s]."""
+"""Speed up to which a vehicle stands still, as far as the navigator can tell [m/s]."""
 _STEP = 0.1
 """Interval of the samples of a rest in a recording [s]."""
 _LEAST_REST = 1.0
@@ -144,7 +144,7 @@ class SimulatedFlight:
     def vehicle(self) -> str:
         """The vehicle that carries the device: an aeroplane, or unknown if it does not go as its nose points.
 
-        That is what a device is told that is built into a vehicle: without it, a course would first have to be
+        A device that is built into a vehicle knows it: without it, a course would first have to be
         compared with the acceleration for 20 s.
         """
         truth = self.result.truth_arrays

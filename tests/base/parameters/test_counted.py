@@ -27,11 +27,7 @@ def test_the_verb_follows():
 
 
 def test_the_evidence_for_a_protocol():
-    evidence = Candidate("NMEA", 1, 0, 1, 1, 1.0, 1).evidence
-    assert (
-        evidence
-        == "NMEA: 1 frame that passed its check in 1 byte (100% of them), 0 failed; 1 sample and 1 fix."
-    )
-    evidence = Candidate("NMEA", 3, 1, 2, 2, 0.5, 200).evidence
-    assert "3 frames that passed their check in 200 bytes" in evidence
-    assert evidence.endswith("2 samples and 2 fixes.")
+    evidence = Candidate("nmea", 1, 0, 1, 1, 1.0, 1).evidence
+    assert evidence == "Recognised as NMEA from 1 valid frame."
+    evidence = Candidate("vectornav", 3, 1, 2, 2, 0.5, 200).evidence
+    assert evidence == "Recognised as VectorNav from 3 valid frames; 50% of the bytes belong to none."
