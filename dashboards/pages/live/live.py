@@ -15,6 +15,7 @@ from dashboards.pages.live.attitude_readout import AttitudeReadout
 from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
+from dashboards.pages.live.raw_part import RawPart
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import Chosen, SourceFields
 from dashboards.pages.live.status_line import NO_SOURCE, StatusLine
@@ -48,7 +49,7 @@ SLOWEST = 20
 answer, as a phone that sleeps."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
-PLOTS, ERRORS, AXES, ALLAN, TWIN = "Plots", "Errors", "Axes", "Allan", "Twin"
+PLOTS, ERRORS, AXES, ALLAN, TWIN, RAW = "Plots", "Errors", "Axes", "Allan", "Twin", "Raw"
 """What the page shows below the status."""
 NOT_ANY_MORE = "This source is not shared with you any more. Choose another one."
 """Said to a visitor who may not watch any more."""
@@ -107,12 +108,14 @@ class Live(PartOfWatched, Page):
         self._errors = ErrorsPart(WINDOWS["20 s"])
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
         self._twin = TwinPart(self._session, lambda: self._allan.card)
+        self._raw = RawPart()
         self._parts = {
             PLOTS: self._plots,
             ERRORS: self._errors.view,
             AXES: self._axes.view,
             ALLAN: self._allan.view,
             TWIN: self._twin.view,
+            RAW: self._raw.view,
         }
         self._choice = pmui.RadioButtonGroup(
             options=list(self._parts), value=PLOTS, size="small", margin=(10, 4), color="primary"
@@ -166,6 +169,7 @@ class Live(PartOfWatched, Page):
         self._errors.close()
         self._allan.close()
         self._twin.close()
+        self._raw.close()
         self._leave()
 
     def _turn(self) -> None:
@@ -193,12 +197,15 @@ class Live(PartOfWatched, Page):
             self._twin.tell()
         elif self._choice.value == ERRORS:
             self._errors.tell()
+        elif self._choice.value == RAW:
+            self._raw.tell()
 
     def _show_parts_of(self, watched: Watched | None) -> None:
         self._errors.watch(watched)
         self._axes.watch(watched)
         self._allan.watch(watched)
         self._twin.watch(watched)
+        self._raw.watch(watched)
 
     def _look_on(self) -> None:
         """Look at offers and rights now and then while the page is visible or watches, and else no more."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 
 from lab.data.protocols.decoder import Decoder, DecoderError, Encoder
@@ -78,3 +79,37 @@ def decoder_of(name: str) -> Decoder:
         return DECODERS[name]()
     except ImportError as error:
         raise DecoderError(str(error)) from error
+
+
+LONGEST_LINE = 1024
+"""Longest line by which bytes of an unknown protocol count as text [bytes]."""
+ROW = 32
+"""Bytes in a row of what has neither frames nor lines."""
+
+
+def last_frames(name: str, data: bytes, most: int) -> list[bytes]:
+    """Return the last frames or lines in bytes from anywhere in a stream; of what has none, rows of bytes.
+
+    Parameters
+    ----------
+    name
+        A key of `DECODERS`; others, and an empty name, stand for a protocol that is not known.
+    data
+        The bytes.
+    most
+        Most frames.
+    """
+    try:
+        decoder = DECODERS[name]() if name in DECODERS else None
+    except ImportError:  # of a library that is not installed
+        decoder = None
+    found: list[bytes] = []
+    if isinstance(decoder, StreamDecoder):
+        decoder.passed = deque(maxlen=most)
+        decoder.feed(data)
+        found = list(decoder.passed)
+    else:
+        lines = data.split(b"\n")[1:-1]  # the first may be cut, and the last goes on
+        if decoder is not None or (lines and max(map(len, lines)) < LONGEST_LINE):
+            found = lines[-most:]
+    return found or [data[at : at + ROW] for at in range(0, len(data), ROW)][-most:]

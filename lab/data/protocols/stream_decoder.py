@@ -7,6 +7,7 @@ frames may begin within it.
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Sequence
 
 from lab.data.protocols.decoder import Statistics
@@ -40,6 +41,8 @@ class StreamDecoder:
         Most bytes that are held back.
     own_frames : int
         Frames that passed their check, without those beside.
+    passed : deque of bytes or None
+        Where frames that passed their check are kept, if they are to be shown.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class StreamDecoder:
     ) -> None:
         self.name = name
         self.own_frames = 0
+        self.passed: deque[bytes] | None = None
         self._own = tuple(framings)
         framings = (*framings, *beside)
         self.statistics = Statistics()
@@ -107,6 +111,8 @@ class StreamDecoder:
                 if framing.passes(frame):
                     statistics.frames += 1
                     self.own_frames += framing in self._own
+                    if self.passed is not None:
+                        self.passed.append(frame)
                     if not framing.read(frame, self._before + end, self._rows):
                         statistics.unknown += 1
                     at = end

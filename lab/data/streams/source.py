@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -37,6 +38,8 @@ MEASURED_FIXES = 10.0
 """Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
 _LOOKED_AT = 4096, 256
 """Samples and fixes that are looked at for it: those of this time at 2 kHz and 25 Hz."""
+LATEST = 512, 4096
+"""Chunks that are kept to be looked at, and the bytes of each: at most 2 MB, usually a hundredth of it."""
 MOST_EVENTS = 100
 """Most events that are kept: the last hours of a bad plug."""
 
@@ -85,6 +88,7 @@ class Source:
         self._losses: tuple[Event, ...] = ()
         self._writer: RawWriter | None = None
         self._first_bytes = FirstBytes()
+        self._latest: deque[bytes] = deque(maxlen=LATEST[0])
         self._recorded = ("", 0)
         self._warning = ""
         self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
@@ -118,6 +122,7 @@ class Source:
         """
         self._ring.forget()
         self._first_bytes = FirstBytes()
+        self._latest.clear()
         self._transport = NoTransport(self.address)
 
     @property
@@ -139,6 +144,10 @@ class Source:
     def vehicle(self) -> str:
         """The vehicle that carries the device, if the source knows it; else empty."""
         return str(getattr(self._transport, "vehicle", ""))
+
+    def latest_bytes(self, most: int) -> bytes:
+        """Return the last bytes that came, at most this many."""
+        return b"".join(tuple(self._latest))[-most:]
 
     def fixes_since(self, cursor: Cursor) -> Read:
         """Return the fixes after a cursor, without the samples of the IMU."""
@@ -379,6 +388,7 @@ class Source:
     def _accept(self, chunk: Chunk) -> None:
         with self._lock:
             self._record(chunk)
+            self._latest.append(chunk.data[-LATEST[1] :])
             self._heard, self._arrival = self._clock(), chunk.arrival
             imu, fix = self._reception.accept(chunk)
             self._put(imu, fix)

@@ -1,0 +1,104 @@
+"""Raw part: the last frames or lines of a stream as they came, in hexadecimal and as text."""
+
+from __future__ import annotations
+
+from html import escape
+
+import panel as pn
+
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
+from dashboards.pages.base import NARROW
+from dashboards.pages.live.watched import PartOfWatched, Watched
+from dashboards.sending import soon, together
+from lab.base.progress import Progress
+from lab.data.protocols.catalogue import last_frames
+from lab.live.station import Station
+
+FRAMES = 20
+"""Frames or lines that are shown."""
+LOOKED_AT = 2**14
+"""Last bytes in which they are looked for: 20 frames of 800 bytes."""
+LONGEST = 256
+"""Bytes of a frame that are shown."""
+_TEXT = bytes(byte if 32 <= byte < 127 else 0xB7 for byte in range(256))
+"""Each byte as a letter of Latin-1; a raised dot stands for those that are none in ASCII."""
+_STYLE = f"""
+table {{ border-collapse: collapse; width: 100%; font: 12.5px/1.45 ui-monospace, monospace; }}
+th {{ text-align: left; font-weight: 500; opacity: 0.7; padding: 2px 14px 2px 0; }}
+td {{ vertical-align: top; padding: 3px 14px 3px 0; border-top: 1px solid rgba(128, 136, 149, 0.3);
+     overflow-wrap: anywhere; white-space: pre-wrap; }}
+td:first-child {{ text-align: right; opacity: 0.7; }}
+p {{ margin: 2px 0 6px; }}
+@container stage (max-width: {NARROW}px) {{
+  th:nth-child(3), td:nth-child(3) {{ display: none; }}
+  .lines th:nth-child(3), .lines td:nth-child(3) {{ display: table-cell; }}
+  .lines th:nth-child(2), .lines td:nth-child(2) {{ display: none; }}
+}}
+"""
+
+
+class RawPart(PartOfWatched):
+    """The last frames of a source, newest first.
+
+    Attributes
+    ----------
+    view : panel.pane.HTML
+        The table.
+    """
+
+    def __init__(self) -> None:
+        self._document = pn.state.curdoc
+        self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
+        self.view = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[_STYLE])
+        self.watch(None)
+
+    def watch(self, watched: Watched | None) -> None:
+        """Show another source, or none; no byte of the one before stays."""
+        self._watched = watched
+        self.view.object = "<p>Connect a source to see its bytes.</p>" if watched is None else ""
+
+    def tell(self) -> None:
+        """Look at the bytes again, in the pool."""
+        station = self._station
+        if station is not None and not self._work.busy:
+            self._work.submit(station)
+
+    def close(self) -> None:
+        """Deliver no further results."""
+        self._work.close()
+
+    def _compute(self, station: Station, _progress: Progress) -> Outcome:
+        def work() -> str:
+            source = station.source
+            return raw_html(last_frames(source.status.protocol, source.latest_bytes(LOOKED_AT), FRAMES))
+
+        return attempt(work)
+
+    def _deliver(self, station: Station, outcome: Outcome) -> None:
+        def arrive() -> None:
+            assert self._document is not None
+            if station is self._station and not outcome.problem:
+                with together(self._document):
+                    self.view.object = outcome.result
+
+        if self._document is not None:
+            soon(self._document, arrive)
+
+
+def raw_html(frames: list[bytes]) -> str:
+    """Return frames as a table, newest first; what came from outside is text and never mark-up."""
+    if not frames:
+        return "<p>No byte has come yet.</p>"
+    readable = all(frame.isascii() and frame.strip().decode("ascii").isprintable() for frame in frames)
+    rows = "".join(
+        f"<tr><td>{len(frame)}</td><td>{_cut(frame[:LONGEST].hex(' '), frame)}</td>"
+        f"<td>{_cut(escape(frame[:LONGEST].translate(_TEXT).decode('latin-1')), frame)}</td></tr>"
+        for frame in reversed(frames)
+    )
+    head = "<tr><th>Bytes</th><th>Hexadecimal</th><th>Text</th></tr>"
+    kind = " class=lines" if readable else ""
+    return f"<p>The last of what came, newest first.</p><table{kind}>{head}{rows}</table>"
+
+
+def _cut(shown: str, frame: bytes) -> str:
+    return f"{shown} …" if len(frame) > LONGEST else shown
