@@ -128,7 +128,7 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
     """Return noise and lines of both triads, with spectra and Allan deviations."""
     from scipy import ndimage  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
-    spectrum = _spectrum(rates, dt)
+    spectrum = spectrum_of(rates, dt)
     sizes = {}
     high = (spectrum.frequency >= LEAST_HZ) & (spectrum.frequency < HIGHEST * spectrum.frequency[-1])
     for triad, density in spectrum.density.items():
@@ -142,12 +142,21 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
     return StreamStatistics(sizes, float("nan"), spectrum, deviations)
 
 
-def _spectrum(rates: Mapping[str, FloatArray], dt: float) -> Spectrum:
+def spectrum_of(rates: Mapping[str, FloatArray], dt: float, average: str = "median") -> Spectrum:
+    """Return the spectra of samples (n, 3) of each triad in SI units.
+
+    Parameters
+    ----------
+    rates, dt
+        As of `of_rest`.
+    average
+        Of the pieces: the median, which no bump changes, or the mean, which has the power of steady lines.
+    """
     from scipy import signal  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     densities = {}
     for triad, values in rates.items():
         frequency, densities[triad] = signal.welch(
-            values, 1 / dt, nperseg=min(round(SEGMENT / dt), len(values)), axis=0, average="median"
+            values, 1 / dt, nperseg=min(round(SEGMENT / dt), len(values)), axis=0, average=average
         )
     return Spectrum(frequency, densities)

@@ -2,20 +2,85 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
 
 import numpy as np
 from bokeh.plotting import figure
 
-from lab.base.parameters.units import TO_SI
-from lab.live.stream_statistics import LEAST_HZ
+from lab.base.arrays import FloatArray
+from lab.base.parameters.units import TO_SI, si
+from lab.live.stream_statistics import LEAST_HZ, Spectrum
 from lab.live.twin import CORRELATION, Difference, TwinComparison
+from lab.sensors.suite import SensorSuite
 from lab.views.allan import TITLES, UNITS, AllanFigures
 from lab.views.paired_curves import PairedCurves
 
 DENSITIES = {"gyro": "°/s/√Hz", "accelerometer": "µg/√Hz"}
 """Units of the spectra by triad."""
+
+
+class SpectrumFigures:
+    """Spectra of gyros and accelerometers.
+
+    Parameters
+    ----------
+    dashed
+        What the dashed curves are.
+
+    Attributes
+    ----------
+    figures : list of figure
+        Gyros, accelerometers.
+    """
+
+    def __init__(self, dashed: str) -> None:
+        self._curves = {
+            triad: PairedCurves(
+                f"{TITLES[triad]}, dashed: {dashed}", "spectrum", "frequency [Hz]", ("f", "Hz"), unit
+            )
+            for triad, unit in DENSITIES.items()
+        }
+        self.figures: list[figure] = [curves.figure for curves in self._curves.values()]
+
+    def show(self, found: Spectrum, dashed: Mapping[str, FloatArray]) -> None:
+        """Draw spectra, and beside them one-sided densities at the first of the same frequencies."""
+        for triad, curves in self._curves.items():
+            rows = slice(1, min(len(found.frequency), len(dashed[triad])))  # without f = 0
+            unit = TO_SI[DENSITIES[triad]]
+            curves.show(
+                found.frequency[rows],
+                np.sqrt(found.density[triad][rows]) / unit,
+                np.sqrt(dashed[triad][rows]) / unit,
+            )
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        for curves in self._curves.values():
+            curves.clear()
+
+
+def promised_density(sensors: SensorSuite, triad: str, frequency: FloatArray) -> FloatArray:
+    """Return the one-sided density (k, 3) expected from noise density, flicker and random walk, in SI units.
+
+    Rounding to steps is white noise, as in `lab.views.allan.promised`.
+
+    Parameters
+    ----------
+    sensors
+        The settings of the sensors.
+    triad
+        ``"gyro"`` or ``"accelerometer"``.
+    frequency : (k,) array
+        Frequencies [Hz], up to half the rate; at zero, the density of the next one stands.
+    """
+    errors, dt = sensors.groups()[triad], 1 / (2 * frequency[-1])
+    white, flicker, walk = (si(errors, name) for name in ("noise_density", "flicker", "rate_random_walk"))
+    w = 2 * np.pi * np.maximum(frequency, frequency[1])[:, None]
+    step = si(errors, "quantisation")
+    rounded = np.where(white**2 / dt >= (step / 2) ** 2, step**2 * dt / 12, 0.0)
+    return np.asarray(2 * (white**2 + rounded + flicker**2 / w + (walk / w) ** 2))
 
 
 class TwinFigures:
@@ -28,28 +93,13 @@ class TwinFigures:
     """
 
     def __init__(self) -> None:
-        self._spectra = {
-            triad: PairedCurves(
-                f"{TITLES[triad]}, dashed: simulated", "spectrum", "frequency [Hz]", ("f", "Hz"), unit
-            )
-            for triad, unit in DENSITIES.items()
-        }
+        self._spectra = SpectrumFigures("simulated")
         self._allan = AllanFigures("simulated")
-        self.figures: list[figure] = [
-            *(curves.figure for curves in self._spectra.values()),
-            *self._allan.figures,
-        ]
+        self.figures: list[figure] = [*self._spectra.figures, *self._allan.figures]
 
     def show(self, found: TwinComparison) -> None:
         """Draw a comparison."""
-        for triad, curves in self._spectra.items():
-            rows = slice(1, min(len(found.real.frequency), len(found.simulated.frequency)))  # without f = 0
-            unit = TO_SI[DENSITIES[triad]]
-            curves.show(
-                found.real.frequency[rows],
-                np.sqrt(found.real.density[triad][rows]) / unit,
-                np.sqrt(found.simulated.density[triad][rows]) / unit,
-            )
+        self._spectra.show(found.real, found.simulated.density)
         counts = {
             triad: min(len(found.real_allan[triad].tau), len(found.simulated_allan[triad].tau))
             for triad in found.real_allan
@@ -66,8 +116,7 @@ class TwinFigures:
 
     def clear(self) -> None:
         """Draw nothing."""
-        for curves in self._spectra.values():
-            curves.clear()
+        self._spectra.clear()
         self._allan.clear()
 
 

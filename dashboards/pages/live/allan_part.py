@@ -1,4 +1,4 @@
-"""Allan part: the Allan deviation of a device at rest as it grows, and a card made of it."""
+"""Allan part: the Allan deviation of a device at rest as it grows, a card made of it, and the spectrum."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import panel_material_ui as pmui
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.live.spectrum_part import SpectrumPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
@@ -76,6 +77,7 @@ class AllanPart(PartOfWatched):
             variant="outlined", margin=(10, 4),
         )  # fmt: skip
         self._job = Job()
+        self._spectrum = SpectrumPart(self._session)
         self.view = pn.Column(
             self._words,
             pn.Row(
@@ -84,6 +86,7 @@ class AllanPart(PartOfWatched):
             ),
             self._job.view,
             self._grid,
+            self._spectrum.view,
             sizing_mode="stretch_width",
             margin=0,
             stylesheets=[WHOLE],
@@ -92,6 +95,7 @@ class AllanPart(PartOfWatched):
     def watch(self, watched: Watched | None) -> None:
         """Show another device, or none."""
         self._watched, self._seen, self._toml, self.card = watched, (0.0, 0), b"", None
+        self._spectrum.watch(watched)
         self._clear()
         self._download.visible = False
         self._make.disabled = True
@@ -105,6 +109,7 @@ class AllanPart(PartOfWatched):
         if station is None:
             self._words.object = "<p>Connect a source that is at rest.</p>"
             return
+        self._spectrum.tell()
         tau = WANTED.get(str(self._wanted.value), 100.0)
         with station.growing() as growing:
             duration, restarts, sentence = growing.duration, growing.restarts, growing.sentence
@@ -129,6 +134,7 @@ class AllanPart(PartOfWatched):
     def close(self) -> None:
         """Deliver no further results."""
         self._work.close()
+        self._spectrum.close()
         self._job.close()
 
     def _compute(self, station: Station, _progress: Progress) -> Outcome:

@@ -6,11 +6,8 @@ from html import escape
 
 import panel as pn
 
-from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.pages.base import NARROW
-from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.sending import soon, together
-from lab.base.progress import Progress
+from dashboards.pages.live.watched import LookingPart, Watched
 from lab.data.protocols.catalogue import last_frames
 from lab.live.station import Station
 
@@ -37,7 +34,7 @@ p {{ margin: 2px 0 6px; }}
 """
 
 
-class RawPart(PartOfWatched):
+class RawPart(LookingPart):
     """The last frames of a source, newest first.
 
     Attributes
@@ -47,8 +44,7 @@ class RawPart(PartOfWatched):
     """
 
     def __init__(self) -> None:
-        self._document = pn.state.curdoc
-        self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
+        super().__init__()
         self.view = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[_STYLE])
         self.watch(None)
 
@@ -57,32 +53,14 @@ class RawPart(PartOfWatched):
         self._watched = watched
         self.view.object = "<p>Connect a source to see its bytes.</p>" if watched is None else ""
 
-    def tell(self) -> None:
-        """Look at the bytes again, in the pool."""
-        station = self._station
-        if station is not None and not self._work.busy:
-            self._work.submit(station)
+    def look(self, station: Station) -> str:
+        """Return the last frames as HTML."""
+        source = station.source
+        return raw_html(last_frames(source.status.protocol, source.latest_bytes(LOOKED_AT), FRAMES))
 
-    def close(self) -> None:
-        """Deliver no further results."""
-        self._work.close()
-
-    def _compute(self, station: Station, _progress: Progress) -> Outcome:
-        def work() -> str:
-            source = station.source
-            return raw_html(last_frames(source.status.protocol, source.latest_bytes(LOOKED_AT), FRAMES))
-
-        return attempt(work)
-
-    def _deliver(self, station: Station, outcome: Outcome) -> None:
-        def arrive() -> None:
-            assert self._document is not None
-            if station is self._station and not outcome.problem:
-                with together(self._document):
-                    self.view.object = outcome.result
-
-        if self._document is not None:
-            soon(self._document, arrive)
+    def show(self, found: str) -> None:
+        """Show them."""
+        self.view.object = found
 
 
 def raw_html(frames: list[bytes]) -> str:

@@ -1,10 +1,18 @@
-"""Watched: the source that a page watches, for as long as its visitor may."""
+"""Watched: the source that a page watches, for as long as its visitor may, and parts that look at it."""
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections.abc import Callable
+from typing import Any, ClassVar
 
+import panel as pn
+
+from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.devices import STATIONS
+from dashboards.sending import soon, together
+from lab.base.progress import Progress
 from lab.live.owner import Visitor, may_change, may_share, may_watch
 from lab.live.station import Station
 
@@ -65,3 +73,47 @@ class PartOfWatched:
     @property
     def _station(self) -> Station | None:
         return None if self._watched is None else self._watched.station
+
+
+class LookingPart(PartOfWatched):
+    """A part that looks at the source again and again while it is seen, in the pool."""
+
+    every: ClassVar[float] = 0.0
+    """Least time of the stream from look to look [s]."""
+
+    def __init__(self) -> None:
+        self._looked = -math.inf
+        self._document = pn.state.curdoc
+        self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
+
+    @abstractmethod
+    def look(self, station: Station) -> Any:
+        """Return what is to be shown of a source; called in a thread."""
+
+    @abstractmethod
+    def show(self, found: Any) -> None:
+        """Show what `look` has returned."""
+
+    def tell(self) -> None:
+        """Look at the source again, unless it is still looked at."""
+        station = self._station
+        if station is not None and not self._work.busy and abs(station.newest - self._looked) >= self.every:
+            self._looked = station.newest
+            self._work.submit(station)
+
+    def close(self) -> None:
+        """Deliver no further results."""
+        self._work.close()
+
+    def _compute(self, station: Station, _progress: Progress) -> Outcome:
+        return attempt(lambda: self.look(station))
+
+    def _deliver(self, station: Station, outcome: Outcome) -> None:
+        def arrive() -> None:
+            assert self._document is not None
+            if station is self._station and not outcome.problem:
+                with together(self._document):
+                    self.show(outcome.result)
+
+        if self._document is not None:
+            soon(self._document, arrive)
