@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.notice import Notice
+from dashboards.pages.live.field_part import FieldPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
@@ -83,6 +84,7 @@ class AxesPart(PartOfWatched):
         )
         self._anew = pmui.Button(label="Start over", icon="restart_alt", **_SMALL)
         self._anew.on_click(lambda _event: self._forget())
+        self._field = FieldPart()
         self.view = pn.Column(
             pn.pane.HTML(_INTRODUCTION, margin=(4, 10), sizing_mode="stretch_width"),
             self._notice.view,
@@ -100,6 +102,7 @@ class AxesPart(PartOfWatched):
                 stylesheets=[WRAP],
                 sizing_mode="stretch_width",
             ),
+            self._field.view,
             sizing_mode="stretch_width",
             margin=0,
             stylesheets=[WHOLE],
@@ -109,9 +112,18 @@ class AxesPart(PartOfWatched):
     def watch(self, watched: Watched | None) -> None:
         """Check another device, or none; what was taken of the one before is forgotten."""
         self._watched = watched
+        self._field.watch(watched)
         for button in self._buttons:
             button.disabled = watched is None
         self._forget()
+
+    def tell(self) -> None:
+        """Renew the points of the magnetometer."""
+        self._field.tell()
+
+    def close(self) -> None:
+        """Deliver no further results."""
+        self._field.close()
 
     def tell_rights(self) -> None:
         """Show whether this page may set the axes."""

@@ -167,6 +167,7 @@ class Live(PartOfWatched, Page):
         self._recorder.close()
         self._inviting.close()
         self._errors.close()
+        self._axes.close()
         self._allan.close()
         self._twin.close()
         self._raw.close()
@@ -190,15 +191,16 @@ class Live(PartOfWatched, Page):
                 self._stage[:] = [part]
 
     def _tell_part(self) -> None:
-        """Renew the words of the chosen part."""
-        if self._choice.value == ALLAN:
-            self._allan.tell()
-        elif self._choice.value == TWIN:
-            self._twin.tell()
-        elif self._choice.value == ERRORS:
-            self._errors.tell()
-        elif self._choice.value == RAW:
-            self._raw.tell()
+        """Renew the chosen part."""
+        telling = {
+            ALLAN: self._allan,
+            AXES: self._axes,
+            ERRORS: self._errors,
+            RAW: self._raw,
+            TWIN: self._twin,
+        }
+        if part := telling.get(str(self._choice.value)):
+            part.tell()
 
     def _show_parts_of(self, watched: Watched | None) -> None:
         self._errors.watch(watched)
