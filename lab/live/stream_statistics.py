@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from lab.live.live_verdict import batch_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import TRIADS, SensorSuite
 
+Average = Literal["mean", "median"]
+"""How the spectra of pieces are averaged."""
 LEAST_HZ: Final = 20.0
 """Lowest frequency at which noise is compared [Hz]. The mission Montréal has motion up to 15 Hz:
 at 12.5 Hz, it is 28 times the noise of the default accelerometers."""
@@ -142,7 +144,7 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
     return StreamStatistics(sizes, float("nan"), spectrum, deviations)
 
 
-def spectrum_of(rates: Mapping[str, FloatArray], dt: float, average: str = "median") -> Spectrum:
+def spectrum_of(rates: Mapping[str, FloatArray], dt: float, average: Average = "median") -> Spectrum:
     """Return the spectra of samples (n, 3) of each triad in SI units.
 
     Parameters

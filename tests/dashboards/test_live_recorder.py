@@ -119,11 +119,11 @@ def test_two_pages_share_one_recording(opened: Callable[[], Opened], folder: Pat
     first.until(lambda: station.source.end.fix > begun.fix + 3)
     clicked(second)  # who did not begin it may stop it
     assert station.source.recording is None
-    first.until(lambda: "in the library" in said(first))
-    second.until(lambda: "in the library" in said(second))
+    first.until(lambda: "to the library" in said(first))
+    second.until(lambda: "to the library" in said(second))
     assert not records(first)
     assert not records(second)
-    assert said(first).split()[0] == said(second).split()[0]
+    assert said(first) == said(second)
     assert len([name for name in missions() if name.startswith("recording")]) == 1
 
 
@@ -192,7 +192,7 @@ def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
     found.offer._name.value = "after the reload"
     found.offer._finish()
     page = next(one for one in opened.pages if recorder(one) is found)  # type: ignore[attr-defined]
-    page.until(lambda: "in the library" in found._job._after.text)
+    page.until(lambda: "to the library" in found._job._after.text)
     assert isinstance(mission("after the reload"), LogMission)
     found.offer.refresh()
     assert not found.offer.view.visible
@@ -232,8 +232,8 @@ def test_a_device_that_is_unplugged_is_recorded_when_it_comes_back(
     name = recorder(one)._path
     assert name is not None
     clicked(one)
-    one.until(lambda: "in the library" in said(one))
-    made = mission(said(one).split()[0])
+    one.until(lambda: "to the library" in said(one))
+    made = mission(recorder(one)._saved)
     assert isinstance(made, LogMission)
     assert made.log.time.size >= len(recorded_samples(name).imu) - 2 > 50
 
@@ -243,8 +243,18 @@ def test_a_recording_whose_source_ends_becomes_a_mission(opened: Callable[[], Op
     one = opened()
     station = recording(one)
     station.source.close()
-    one.until(lambda: "in the library" in said(one))
+    one.until(lambda: "to the library" in said(one))
     assert not records(one)
+    went: list[str | None] = []
+    one.session.go = lambda page, _time: went.append(page)
+    made = recorder(one)._saved
+    assert f"“{made}”" in said(one)
+    assert recorder(one)._open.visible
+    recorder(one)._open.clicks += 1
+    assert one.session.experiment.mission == made
+    assert went == ["Overview"]
+    assert not recorder(one)._open.visible
+    assert not said(one)
 
 
 def test_a_recording_in_work_is_offered_to_nobody(
@@ -280,7 +290,7 @@ def test_a_recording_in_work_is_offered_to_nobody(
             assert list(folder.glob(f"*{SUFFIX}")) == [path]
     finally:
         may_go_on.set()
-    one.until(lambda: "in the library" in said(one))
+    one.until(lambda: "to the library" in said(one))
 
 
 @pytest.mark.proof
@@ -295,14 +305,14 @@ def test_what_a_full_disk_lost_is_told_with_the_mission(
     assert writer is not None
     if ends_by_itself:
         monkeypatch.setattr("lab.data.streams.raw_recording.SPARE", 1 << 62)  # no disk has so much
-        one.until(lambda: "in the library" in said(one))
+        one.until(lambda: "to the library" in said(one))
         assert "are free on the disk" in said(one)
     else:
         file = writer._file
         assert file is not None
         monkeypatch.setattr(writer, "_file", FullAtTheEnd(file))
         clicked(one)
-        one.until(lambda: "in the library" in said(one))
+        one.until(lambda: "to the library" in said(one))
         assert "cannot be written any more: No space left on device" in said(one)
     assert recorder(one)._job._after.view.severity == "warning"
     assert "what was written stays" in station.recorded

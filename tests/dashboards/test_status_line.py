@@ -10,6 +10,7 @@ from dashboards.pages.live.status_line import StatusLine
 from lab.data.streams.intake import Counts
 from lab.data.streams.reception import Loss
 from lab.data.streams.source_status import ENDED, LOST, STALE, STREAMING, Status
+from lab.live.live_start import HOW
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, COASTING, NAVIGATING, LiveState
 
 FILLED = "1 gap of the IMU was filled linearly with 20 samples; the filter got large variances there."
@@ -92,6 +93,19 @@ def test_one_hint_at_a_time_and_no_verdict_on_what_is_not_navigated(
     line.say("Disconnected.")
     assert not line.strip.visible
     assert "Disconnected." in line.hint.object
+
+
+def test_the_hint_is_one_sentence_and_the_details_have_them_all() -> None:
+    line = opened()
+    unknown = f"The position is that of the last fix. The heading is unknown: {HOW}. The heading is relative."
+    line.show(Status(STREAMING, "Streaming."), LiveState(phase=ATTITUDE_ONLY, reason=unknown), "", "")
+    assert line.hint.object == (
+        "<p><b>Attitude only</b> The heading is unknown: the vehicle must move faster than 1 m/s.</p>"
+    )
+    assert "The heading is relative." in line.details.object
+    old = "The last fix is 40 s old."
+    line.show(Status(STREAMING, "Streaming."), LiveState(phase=ATTITUDE_ONLY, reason=old), "", "")
+    assert old in line.hint.object
 
 
 def test_a_drift_is_shown_with_its_sigma_once_that_is_small() -> None:

@@ -38,9 +38,9 @@ OTHERS_AXES = (
 """Said to others who watch."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
 _INTRODUCTION = (
-    f"<p>Turn the device as the vehicle would turn it, hold it still for {LAST:g} s, and press the button of "
-    "the position while you hold it. Two perpendicular positions give the axes, three check them, and all "
-    "six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn "
+    f"<p>Turn the device as the vehicle would turn it, hold it still for {LAST:g} s, and press Capture "
+    "beside the position while you hold it. Two perpendicular positions give the axes, three check them, and "
+    "all six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn "
     "by 90° within "
     f"{TURN_TIME:g} s, then press.</p>"
 )
@@ -133,8 +133,7 @@ class AxesPart(PartOfWatched):
         self._use.disabled = self._found is None or watched is None or not may
 
     def _row(self, name: str) -> pn.Row:
-        label = "Turn, then capture" if name in TURNS else "Hold still, then capture"
-        button = pmui.Button(label=label, **_SMALL, **sized(150))
+        button = pmui.Button(label="Capture", **_SMALL, **sized(100))
         button.on_click(lambda _event: self._accept(name))
         shown = pn.pane.HTML("", margin=(8, 6), sizing_mode="stretch_width")
         self._shown[name] = shown

@@ -101,7 +101,7 @@ class Live(PartOfWatched, Page):
         self._readout = AttitudeReadout()
         self._status = StatusLine()
         self._job = Job()
-        self._recorder = Recorder()
+        self._recorder = Recorder(self._session)
         self._inviting = Inviting()
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)

@@ -14,6 +14,7 @@ from dashboards.pages.live.unfinished_part import UnfinishedPart, name_of
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
+from dashboards.session import Session
 from dashboards.visitors import may_edit
 from lab.base.progress import Progress
 from lab.data.streams.raw_recording import SUFFIX
@@ -39,6 +40,11 @@ class _Stopped(NamedTuple):
 class Recorder(PartOfWatched):
     """Records; for visitors who may change missions.
 
+    Parameters
+    ----------
+    session
+        Session that opens the mission which was made.
+
     Attributes
     ----------
     widgets : list
@@ -49,7 +55,9 @@ class Recorder(PartOfWatched):
         Progress and outcome, and that offer.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._saved = ""  # the mission that was made last
         self._recorded_from: Station | None = None  # what this page records, also once it may not watch it
         self._path: Path | None = None
         self._own = False  # whether this page began the recording
@@ -57,7 +65,16 @@ class Recorder(PartOfWatched):
         self._stopped: deque[_Stopped] = deque()
         self._job = Job()
         self.offer = UnfinishedPart(self._finish, self._job.say)
-        self.view = pn.Column(self._job.view, self.offer.view, margin=0, sizing_mode="stretch_width")
+        self._open = pmui.Button(
+            label="Open", icon="arrow_forward", visible=False, size="small", margin=(10, 4)
+        )
+        self._open.on_click(lambda _event: self._show_mission())
+        self.view = pn.Column(
+            pn.Row(self._job.view, self._open, margin=0, sizing_mode="stretch_width"),
+            self.offer.view,
+            margin=0,
+            sizing_mode="stretch_width",
+        )
         self._field = pmui.TextInput(
             label="Recording", value="recording", size="small", variant="outlined", margin=(8, 4),
             **sized(140),
@@ -109,7 +126,15 @@ class Recorder(PartOfWatched):
     def clear(self) -> None:
         """Say nothing any more about a recording of another source that has become a mission."""
         if not self._job.busy:
+            self._open.visible = False
             self._job.say("")
+
+    def _show_mission(self) -> None:
+        """Choose the mission that was made last, and show it."""
+        self._open.visible = False
+        self._job.say("")
+        self._session.library_changed(self._saved)
+        self._session.go("Overview", None)
 
     def close(self) -> None:
         """Leave a recording to those who still watch; it ends with the last, and is offered as unfinished."""
@@ -138,6 +163,7 @@ class Recorder(PartOfWatched):
                 self._adopt(running)
             return
         self._recorded_from = station
+        self._open.visible = False
         self._show_running(path, own=True)
         self._job.say(f"Recording into {path.name}.", "info")
 
@@ -190,7 +216,7 @@ class Recorder(PartOfWatched):
             path, name, title, station, warning = self._stopped.popleft()
             try:
                 made.append(add_log(log_of_recording(path), free_name(name), title=title).name)
-                outcome = f"{made[-1]} is in the library: open it under Missions."
+                outcome = saved_words(made[-1:])
             except (ValueError, OSError) as error:
                 outcome = f"No mission was made: {str(error).rstrip('.')}. The recording stays: {path}"
                 problems.append(outcome)
@@ -207,13 +233,19 @@ class Recorder(PartOfWatched):
 
     def _made(self, outcome: tuple[list[str], list[str], list[str]]) -> None:
         made, warnings, problems = outcome
-        are = "is" if len(made) == 1 else "are"
-        known = [f"{', '.join(made)} {are} in the library: open it under Missions."] if made else []
+        known = [saved_words(made)] if made else []
+        if made:
+            self._saved, self._open.visible = made[-1], True
         if known or problems:  # else the job before made these missions too
             if self._station is not None:
                 self._heard = self._station.recorded  # the last of them, told here with the others
             severity = "error" if problems else "warning" if warnings else "success"
             self._job.say("\n".join([*warnings, *known, *problems]), severity)
+
+
+def saved_words(names: list[str]) -> str:
+    """Return that missions are in the library now."""
+    return f"Saved to the library as {', '.join(f'“{name}”' for name in names)}."
 
 
 def _new_file(folder: Path, stem: str) -> Path:

@@ -13,7 +13,7 @@ from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.seen_names import as_seen
 from lab.base.parameters.counted import counted
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
-from lab.live.live_state import NAVIGATING, WAITING, LiveState
+from lab.live.live_state import ATTITUDE_ONLY, NAVIGATING, WAITING, LiveState
 
 NO_SOURCE = "Choose a source and connect it. The simulated device needs no hardware."
 
@@ -140,7 +140,18 @@ def _hint(status: Status, state: LiveState, verdict: str, failure: str) -> str:
         return escape(said)
     if verdict and state.phase == NAVIGATING:
         return f"<b>Verdict</b> {escape(as_seen(verdict))}"
-    return f"<b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}"
+    return f"<b>{escape(state.phase.capitalize())}</b> {escape(as_seen(_short(state)))}"
+
+
+def _short(state: LiveState) -> str:
+    """Return the sentence of a reason that says what is missing, without what it says in brackets and on.
+
+    The whole reason is among the details.
+    """
+    if state.phase != ATTITUDE_ONLY:
+        return state.reason
+    sentences = state.reason.split(". ")  # the first says what the position is, if there are more
+    return sentences[min(1, len(sentences) - 1)].partition(" (")[0].rstrip(".") + "."
 
 
 def _details(status: Status, state: LiveState, name: str) -> str:
