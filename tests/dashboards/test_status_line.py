@@ -103,6 +103,10 @@ def test_the_hint_is_one_sentence_and_the_details_have_them_all() -> None:
         "<p><b>Attitude only</b> The heading is unknown: the vehicle must move faster than 1 m/s.</p>"
     )
     assert "The heading is relative." in line.details.object
+    late = Status(STREAMING, "Streaming. The device delivers 0.3 s late.")
+    line.show(late, NAVIGATES, CONSISTENT, "")
+    assert CONSISTENT in line.hint.object
+    assert "The device delivers 0.3 s late." in line.hint.object
     old = "The last fix is 40 s old."
     line.show(Status(STREAMING, "Streaming."), LiveState(phase=ATTITUDE_ONLY, reason=old), "", "")
     assert old in line.hint.object

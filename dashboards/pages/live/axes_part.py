@@ -40,8 +40,8 @@ _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 
 _INTRODUCTION = (
     f"<p>Turn the device as the vehicle would turn it, hold it still for {LAST:g} s, and press Capture "
     "beside the position while you hold it. Two perpendicular positions give the axes, three check them, and "
-    "all six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn "
-    "by 90° within "
+    "all six also give bias and scale factor of the accelerometers. Two turns check the gyros: begin level, "
+    "turn by 90° within "
     f"{TURN_TIME:g} s, then press.</p>"
 )
 _WORDS = {

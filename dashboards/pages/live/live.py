@@ -192,15 +192,15 @@ class Live(PartOfWatched, Page):
 
     def _tell_part(self) -> None:
         """Renew the chosen part."""
-        telling = {
-            ALLAN: self._allan,
-            AXES: self._axes,
-            ERRORS: self._errors,
-            RAW: self._raw,
-            TWIN: self._twin,
+        tells = {
+            ALLAN: self._allan.tell,
+            AXES: self._axes.tell,
+            ERRORS: self._errors.tell,
+            RAW: self._raw.tell,
+            TWIN: self._twin.tell,
         }
-        if part := telling.get(str(self._choice.value)):
-            part.tell()
+        if tell := tells.get(str(self._choice.value)):
+            tell()
 
     def _show_parts_of(self, watched: Watched | None) -> None:
         self._errors.watch(watched)

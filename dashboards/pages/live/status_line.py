@@ -136,11 +136,13 @@ def _hint(status: Status, state: LiveState, verdict: str, failure: str) -> str:
         return f'<span class="bad">{escape(failure)}</span>'
     if status.warning:
         return escape(f"{said} {status.warning}".strip())
-    if status.state != STREAMING or said:
+    if status.state != STREAMING or (said and state.phase == WAITING):
         return escape(said)
+    name, words = state.phase.capitalize(), _short(state)
     if verdict and state.phase == NAVIGATING:
-        return f"<b>Verdict</b> {escape(as_seen(verdict))}"
-    return f"<b>{escape(state.phase.capitalize())}</b> {escape(as_seen(_short(state)))}"
+        name, words = "Verdict", verdict
+    beside = f' <span class="dim">{escape(said)}</span>' if said else ""  # as of a simulator's pace
+    return f"<b>{escape(name)}</b> {escape(as_seen(words))}{beside}"
 
 
 def _short(state: LiveState) -> str:
