@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import Page, ViewportSize, expect
+from playwright.sync_api import FloatRect, Locator, Page, ViewportSize, expect
 
 from tests.browser.conftest import IDLE, show, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 """Size of the window [px]: a stream is drawn all the time, without a graphics card."""
 NARROW: ViewportSize = {"width": 700, "height": 800}
+PHONE: ViewportSize = {"width": 390, "height": 844}
+LEGIBLE = 44
+"""Least size of the large digits [px]: 10 mm high on most screens, which two metres away are 17'."""
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"
 
 SCALES = """(() => {
@@ -56,6 +59,14 @@ def newest(page: Page) -> float:
     return float(page.evaluate(f"{RATES}.at(-1)"))
 
 
+def box(one: Locator) -> FloatRect:
+    """Return where something is that is written anew four times a second, and is nowhere meanwhile."""
+    expect(one).to_be_visible()
+    found = next((found for _ in range(100) if (found := one.bounding_box()) is not None), None)
+    assert found is not None
+    return found
+
+
 @pytest.mark.browser
 def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
     page = shared_page
@@ -64,8 +75,20 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
         if size is SMALL:
             connect(page)
         wait_for(page, f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02")
+    # The attitude is the first thing that is seen, and is large.
+    for size in (PHONE, SMALL):
+        page.set_viewport_size(size)
+        roll, strip = box(page.locator(".angle").first), box(page.get_by_text("streaming", exact=True))
+        button = box(page.get_by_role("button", name="Disconnect"))
+        assert 0 < roll["y"] < strip["y"] < button["y"] < size["height"]
+        assert roll["x"] >= 0
+        assert roll["x"] + roll["width"] <= size["width"]
+        assert box(page.locator(".angle b").first)["height"] >= LEGIBLE
+    page.get_by_role("button", name="Details").click()
+    expect(page.get_by_text("Recognised as VectorNav from")).to_be_visible()
     page.get_by_role("button", name="Disconnect").click()
     expect(page.get_by_text("Disconnected.")).to_be_visible()
+    expect(page.locator(".angle").first).to_be_hidden()
     # A line that begins before the window is painted in the frame alone.
     wait_for(page, IDLE)
     outside, inside = page.evaluate(PAINTED)
