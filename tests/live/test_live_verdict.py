@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 
+import lab.live.station as station_module
 from lab import Experiment
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.live_log import log_of
+from lab.live import open as open_source
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_verdict import verdict_of
 from lab.live.simulated.simulated_flight import SimulatedFlight
@@ -84,3 +87,17 @@ def test_the_settings_themselves_are_not_changed() -> None:
     assert not stream_settings(experiment.sensors, experiment.navigator)[0].airspeed.fitted
     assert sensors.odometer.fitted == experiment.sensors.odometer.fitted  # a stream may have one
     assert not np.any([navigator.smoother, navigator.estimate_gps_drift])
+
+
+def test_a_verdict_on_a_solution_that_is_no_more_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(station_module, "JUDGED", 0.01)
+    source = open_source("simulated:rest?hz=20&rest=60")
+    station = station_module.Station(source, Experiment().sensors, Experiment().navigator, "rest")
+    try:
+        station.verdict = "Consistent: as of the flight before."
+        end = time.monotonic() + 60
+        while station.verdict:  # it aligns: it has no position of its own
+            assert time.monotonic() < end
+            station.source.wait(station.source.end, 0.05)
+    finally:
+        station.close()
