@@ -75,7 +75,9 @@ class Aside:
         button.on_click(lambda _event: self._turn(not self.is_open))
         self._turned = turned
         self._place = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
-        self.view = pn.Column(visible=False, margin=0, stylesheets=[style, ON_SCREEN])
+        self.view = pn.Column(
+            name=f"page {kind.title}", visible=False, margin=0, stylesheets=[style, ON_SCREEN]
+        )
 
     def _head(self) -> pn.viewable.Viewable:
         """Return the title, and the button that closes it."""

@@ -76,3 +76,40 @@ def test_a_slider_says_its_value_and_a_field_what_it_is_about(shared_page: Page)
     expect(fold).to_have_attribute("aria-expanded", "true")
     fold.click()
     expect(page.get_by_role("heading", name="INS Lab")).to_have_attribute("aria-level", "1")
+
+
+FOCUSED = """(() => {
+  let at = document.activeElement;
+  while (at?.shadowRoot?.activeElement) at = at.shadowRoot.activeElement;
+  return at;
+})()"""
+"""The element that has the focus, in whatever component it is."""
+INSIDE = f"""(name) => {{
+  const [view] = Array.from(Bokeh.index.query((one) => one.model.name === name));
+  for (let at = {FOCUSED}; at; at = at.assignedSlot ?? at.parentElement ?? at.getRootNode().host) {{
+    if (at === view.el) return true;
+  }}
+  return false;
+}}"""
+"""Whether the focus is in a part of the page that has a name."""
+
+
+def test_the_first_key_reaches_a_link_past_all_settings(shared_page: Page) -> None:
+    page = shared_page
+    link = page.get_by_role("link", name="Skip to the plots")
+    page.evaluate(f"{FOCUSED}.blur()")
+    page.keyboard.press("Tab")
+    expect(link).to_be_focused()
+    expect(link).to_be_in_viewport(ratio=1)
+    page.keyboard.press("Enter")
+    assert page.evaluate(INSIDE, "page stage")
+    expect(link).not_to_be_in_viewport()
+    page.keyboard.press("Tab")
+    assert page.evaluate(INSIDE, "page stage")  # the next key goes on from there
+    page.keyboard.press("2")
+    expect(page.get_by_role("tab", name="Flight")).to_have_attribute("aria-selected", "true")
+    show(page, "Missions")
+    expect(page.get_by_role("button", name="Choose Montréal")).to_be_visible()
+    link.focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate(INSIDE, "page Missions")
