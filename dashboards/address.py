@@ -155,7 +155,7 @@ class Address:
         self._code, self._keeps_settings = "", True
         self._theme = ""
         session.record = self._record
-        session.param.watch(lambda _event: self.update(), ["result", "runs", "held"])
+        session.param.watch(lambda _event: self.update(), ["result", "runs", "held", "shows_sigmas"])
         # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self.update())
 
@@ -275,6 +275,7 @@ class Address:
         self._waits = False
         self._updates.append(time.monotonic())
         history = self._history
+        history.sigmas = self._session.shows_sigmas
         self.search = self._search(history.present)
         self.bar.shown = {
             "pushed": [[number, self._search(made)] for number, made in history.take_new()],

@@ -33,6 +33,7 @@ class CovarianceField(TextField):
         self._sigmas: list[Any] = []
         self._matched = matched
         super().__init__(declaration, change)
+        assert self._lock is not None
         self._list = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
         more = pmui.ToggleIcon(
             icon="expand_more",
@@ -46,7 +47,7 @@ class CovarianceField(TextField):
         )
         more.param.watch(self._unfold, "value")
         self._column = pn.Column(
-            pn.Row(self._widget, more, margin=0, sizing_mode="stretch_width"),
+            pn.Row(self._widget, self._lock, more, margin=0, sizing_mode="stretch_width"),
             self._list,
             margin=0,
             sizing_mode="stretch_width",

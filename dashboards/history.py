@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 from urllib.parse import parse_qsl
 
@@ -15,8 +16,11 @@ from dashboards.mission_titles import mission_titles
 from dashboards.query import default_settings
 from dashboards.seen_names import seen_name
 from dashboards.session import Glide
+from dashboards.sigmas import sigma_of, to_sigma
 from dashboards.teaching.moment import Place
 from dashboards.widgets import shown
+from lab.base.parameters.setting_kinds import AxisQuantity
+from lab.experiment.experiment import Experiment
 from lab.missions import missions
 
 MOST = 100
@@ -71,6 +75,8 @@ class History:
     ----------
     position : int
         Number of the present state; the first one of the page is 0.
+    sigmas : bool
+        Whether changes of variances are named by σ.
     """
 
     def __init__(self, first: State, clock: Callable[[], float] = time.monotonic) -> None:
@@ -80,6 +86,7 @@ class History:
         self._changed = 0.0
         self._new: list[int] = []
         self.position = 0
+        self.sigmas = False
 
     @property
     def present(self) -> State:
@@ -153,31 +160,41 @@ class History:
         if position not in self._entries or position - 1 not in self._entries:
             return ""
         before, entry = self._entries[position - 1], self._entries[position]
-        return entry.called or change_in_words(before.state.settings, entry.state.settings)
+        return entry.called or change_in_words(before.state.settings, entry.state.settings, self.sigmas)
 
 
-def change_in_words(before: str, after: str) -> str:
-    """Return what differs between two queries of settings.
+def change_in_words(before: str, after: str, sigmas: bool = False) -> str:
+    """Return what differs between two queries of settings; of variances, their roots if these are shown.
 
     >>> change_in_words("", "navigator.q_scale=0.1")
     'Navigator and filter: Q scale 1 → 0.1'
+    >>> change_in_words("", "sensors.gps.position_variance=0.49", sigmas=True)
+    'GPS receiver: Position σ 0.707107 → 0.7'
     """
     old, new = dict(parse_qsl(before)), dict(parse_qsl(after))
     paths = [path for path in old | new if old.get(path) != new.get(path)]
     paths.sort(key=lambda path: path != "mission")
     if not paths:
         return "The last change"
-    words = [_words(path, old.get(path), new.get(path)) for path in paths[:2]]
+    words = [_words(path, old.get(path), new.get(path), sigmas) for path in paths[:2]]
     return ", ".join(words) if len(paths) <= 2 else f"{words[0]} and {len(paths) - 1} more"
 
 
-def _words(path: str, old: str | None, new: str | None) -> str:
-    values = [_value(path, text) for text in (old, new)]
-    is_short = all(len(value) <= LONGEST for value in values)
-    return f"{seen_name(path)} {' → '.join(values)}" if is_short else seen_name(path)
+def _words(path: str, old: str | None, new: str | None, sigmas: bool) -> str:
+    sigma = _sigma(path) if sigmas else None
+    values = [_value(path, text, sigma is not None) for text in (old, new)]
+    name = seen_name(path)
+    if sigma is not None:
+        name = f"{name.rpartition(': ')[0]}: {sigma.label}"
+    return f"{name} {' → '.join(values)}" if all(len(value) <= LONGEST for value in values) else name
 
 
-def _value(path: str, text: str | None) -> str:
+@cache
+def _sigma(path: str) -> AxisQuantity | None:
+    return sigma_of(Experiment().declaration(path))
+
+
+def _value(path: str, text: str | None, as_sigma: bool) -> str:
     """Return a value as its field shows it; None stands for the default."""
     if path == "mission":
         name = default_settings()[path] if text is None else text
@@ -188,4 +205,6 @@ def _value(path: str, text: str | None) -> str:
         return str(text)
     if isinstance(value, list):
         value = tuple(tuple(part) if isinstance(part, list) else part for part in value)
+    if as_sigma:
+        value = to_sigma(value if isinstance(value, tuple) else (value,) * 3)
     return {"True": "on", "False": "off", "": "none"}.get(shown(value), shown(value))

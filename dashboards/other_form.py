@@ -8,7 +8,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from dashboards.widgets import Change, Field, per_axis, shown
+from dashboards.widgets import Change, Field, label_of, per_axis
 
 
 class OtherFormField(Field):
@@ -18,7 +18,7 @@ class OtherFormField(Field):
         super().__init__(declaration, change)
         self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
         self._box = pmui.TextInput(
-            label=f"{declaration.label} [{getattr(declaration, 'unit', '')}]",
+            label=label_of(declaration),
             size="small",
             variant="standard",
             margin=(0, 0, 8, 12),
@@ -38,8 +38,11 @@ class OtherFormField(Field):
         self._box.param.update(helper_text=sentence, error_state=bool(sentence))
 
     def _render(self, value: Any) -> None:
-        self._box.value = shown(value)
+        self._box.value = self.in_words(value)
+
+    def _relabel(self) -> None:
+        self._box.param.update(label=label_of(self.said), description=self.said.doc)
 
     def _typed(self, event: param.parameterized.Event) -> None:
-        if not self._showing and event.new != shown(self._value):
-            self._ask(per_axis(event.new, self._axes))
+        if not self._showing and event.new != self.in_words(self._value):
+            self._ask(self._as_set(per_axis(event.new, self._axes)))

@@ -107,6 +107,7 @@ class Session(param.Parameterized):
     )
     fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
     held: tuple[Held, ...] = param.Parameter((), doc="The results that are held, the oldest first.")
+    shows_sigmas: bool = param.Boolean(True, doc="Whether the fields of variances show σ, their roots.")
     runs: int = param.Selector(default=1, objects=RUNS, doc="Number of runs that are judged together.")
 
     def __init__(self, document: Document) -> None:

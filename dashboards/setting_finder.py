@@ -1,4 +1,4 @@
-"""Setting finder: the settings whose names have the words that a person types, and those that are changed."""
+"""Setting finder: settings by words of their names, those that are changed, and the last ones used."""
 
 from __future__ import annotations
 
@@ -9,6 +9,15 @@ import panel_material_ui as pmui
 
 MOST = 12
 """Most settings that are shown at once."""
+LAST = 3
+"""How many of the settings that were changed last are at hand."""
+_LAST = {
+    "& button": {
+        "textTransform": "none", "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
+        "textOverflow": "ellipsis", "display": "block", "maxWidth": "132px",
+    },
+    "flexWrap": "wrap",
+}  # fmt: skip
 NOTHING = "<small>No setting has all these words.</small>"
 
 
@@ -18,13 +27,15 @@ class SettingFinder:
     Parameters
     ----------
     names
-        All names of each setting: group, label, path.
+        All names of each setting: group, label, others.
     changed
         Returns the paths of the settings that are changed.
     fields
         Makes a row for each of some settings, to change them there.
     found
         Called with whether settings are sought: then the groups are hidden.
+    beside
+        Stands at the right, below the box.
 
     Attributes
     ----------
@@ -36,12 +47,14 @@ class SettingFinder:
 
     def __init__(
         self,
-        names: Mapping[str, str],
+        names: Mapping[str, tuple[str, ...]],
         changed: Callable[[], Iterable[str]],
         fields: Callable[[Iterable[str]], list[pn.viewable.Viewable]],
         found: Callable[[bool], None],
+        beside: pn.viewable.Viewable,
     ) -> None:
         self.names, self._changed, self._fields, self._found = names, changed, fields, found
+        self._recent: list[str] = []
         self._box = pmui.TextInput(
             label="Find a setting",
             size="small",
@@ -54,14 +67,20 @@ class SettingFinder:
             size="small",
             variant="outlined",
             color="default",
-            margin=(6, 0, 6, 8),
+            margin=(6, 8, 2, 0),
             sx={"textTransform": "none", "whiteSpace": "nowrap"},
+        )
+        self._last = pmui.CheckButtonGroup(
+            options={}, value=[], size="small", margin=(4, 0), visible=False, sx=_LAST
         )
         self._place = pn.Column(margin=(0, 10), sizing_mode="stretch_width", visible=False)
         self._box.param.watch(lambda _event: self._seek(), "value_input")
         self._only.param.watch(lambda _event: self._seek(), "value")
+        self._last.param.watch(lambda _event: self._seek(), "value")
         self.view = pn.Column(
-            pn.Row(self._box, self._only, margin=0, sizing_mode="stretch_width"),
+            self._box,
+            pn.Row(self._only, beside, margin=0, sizing_mode="stretch_width"),
+            self._last,
             self._place,
             margin=0,
             sizing_mode="stretch_width",
@@ -74,16 +93,39 @@ class SettingFinder:
         if label != self._only.label:
             self._only.param.update(label=label, disabled=not number and not self._only.value)
 
+    def used(self, path: str) -> None:
+        """Have a setting at hand that was changed: its name stays among the last ones.
+
+        Names that are there keep their places, and so do their fields: a slider may be in motion.
+        """
+        if path not in self.names or path in self._recent:
+            return
+        self._recent = [*self._recent[-LAST + 1 :], path]
+        kept = [one for one in self._last.value if one in self._recent]
+        options = {self._short(one): one for one in self._recent}
+        self._last.param.update(options=options, value=kept, visible=True)
+
+    def _short(self, path: str) -> str:
+        """Return the label of a setting, with its group where another one at hand has the same."""
+        group, label, *_ = self.names[path]
+        same = sum(self.names[one][1] == label for one in self._recent)
+        return f"{label} ({group})" if same > 1 else label
+
     def _seek(self) -> None:
-        """Show the fields of what is sought; nothing is sought without words."""
+        """Show the fields of what is sought, or else of the last ones that are pressed."""
         words = str(self._box.value_input or "").casefold().split()
-        among = self._changed() if self._only.value else self.names if words else ()
-        paths = [path for path in among if all(word in self.names[path].casefold() for word in words)]
+        among = self._changed() if self._only.value else self.names if words else self._pressed()
+        texts = {path: " ".join(self.names[path]).casefold() for path in among}
+        paths = [path for path, text in texts.items() if all(word in text for word in words)]
         sought = bool(words) or bool(self._only.value)
-        rows = self._fields(paths[:MOST]) if sought else []
+        rows = self._fields(paths[:MOST])
         self._place[:] = rows if rows or not sought else [pn.pane.HTML(NOTHING, margin=(8, 0))]
-        self._place.visible = sought
+        self._place.visible = sought or bool(rows)
         self._found(sought)
+
+    def _pressed(self) -> list[str]:
+        """Return the last settings whose names are pressed."""
+        return [path for path in self._recent if path in self._last.value]
 
 
 def mark_changed(view: pn.viewable.Viewable, before: str) -> None:

@@ -17,9 +17,10 @@ from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
 from dashboards.session import Glide, Session
 from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
+from dashboards.sigmas import sigma_of
 from dashboards.style import TOOLTIP
 from dashboards.titled import Card
-from dashboards.widgets import ChoiceField, Field, TextField, field, shown
+from dashboards.widgets import FOLLOWS, ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
@@ -115,7 +116,9 @@ class SettingsPanel:
         self._cards = CardChooser(session)
         session.on_settings(self.refresh)  # once the chooser knows the card
         self._found: dict[str, Field] = {}
-        self._finder = SettingFinder(self._names(), self._changed, self._rows, self._hide)
+        self._finder = SettingFinder(
+            self._names(), self._changed, self._rows, self._hide, self._sigma_switch()
+        )
         self._groups = pn.Column(*self._sections(), margin=0, sizing_mode="stretch_width")
         self._note = Notice(margin=(4, 0))
         self.view = pn.Column(
@@ -142,11 +145,16 @@ class SettingsPanel:
         self._finder.count()
         self._suit()
 
-    def _names(self) -> dict[str, str]:
+    def _names(self) -> dict[str, tuple[str, ...]]:
         """Return what each setting with a field can be found by."""
         experiment = self._session.experiment
+
+        def named(path: str, owner: str, declaration: param.Parameter) -> tuple[str, ...]:
+            sigma = sigma_of(declaration)
+            return SECTIONS[owner][0], declaration.label, path, sigma.label if sigma else ""
+
         return {
-            path: f"{SECTIONS[owner][0]} {owner_settings.param[name].label} {path}"
+            path: named(path, owner, owner_settings.param[name])
             for path, owner_settings, name in experiment.leaves()
             if (owner := path.rpartition(".")[0]) in SECTIONS and path not in OF_NOTEBOOKS
         }
@@ -162,9 +170,13 @@ class SettingsPanel:
 
     def _mark(self, path: str, made: Field) -> None:
         """Mark the field of a changed setting, and say what it was."""
-        before = self._cards.base.get(path) if path in self._finder.names else None
-        differs = path in self._finder.names and before != self._session.experiment.get(path)
-        mark_changed(made.view, f"was {shown(before) or 'empty'}" if differs else "")
+        if path not in self._finder.names:
+            return
+        before, words = self._cards.base.get(path), ""
+        if before != self._session.experiment.get(path):
+            said = made.in_words(before) or "empty"
+            words = "followed the sensor" if said == FOLLOWS else f"was {said}"
+        mark_changed(made.view, words)
 
     def _rows(self, paths: Iterable[str]) -> list[pn.viewable.Viewable]:
         """Return a field for each of some settings, with the name of its group before the first of each."""
@@ -178,6 +190,29 @@ class SettingsPanel:
             self._found[path] = made
             rows.append(made.view)
         return rows
+
+    def _sigma_switch(self) -> pn.viewable.Viewable:
+        """Return the switch between σ and variances."""
+        switch = pmui.RadioButtonGroup(
+            label="Noise as σ or as variance",
+            options={"σ": True, "σ²": False},
+            value=self._session.shows_sigmas,
+            size="small",
+            margin=(6, 0, 2, 0),
+            sx={"& button": {"textTransform": "none", "padding": "3px 10px"}},
+            description="Show and enter the noise of the receiver as σ, in the unit of what it measures, or "
+            "as its square, the variance.",
+        )
+
+        def turn(event: param.parameterized.Event) -> None:
+            self._session.shows_sigmas = bool(event.new)
+            for fields in (self._fields, self._found):
+                for path, made in fields.items():
+                    made.speak(self._session.shows_sigmas)
+                    self._mark(path, made)
+
+        switch.param.watch(turn, "value")
+        return switch
 
     def _hide(self, sought: bool) -> None:
         """Hide the groups while settings are sought; their fields show the changes made meanwhile."""
@@ -218,6 +253,7 @@ class SettingsPanel:
                 self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
+            self._finder.used(path)
             self._follow(path, value)
 
         return change
@@ -336,6 +372,7 @@ class SettingsPanel:
         else:
             made = field(declaration, change)
         made.show(self._session.experiment.get(path))
+        made.speak(self._session.shows_sigmas)
         made.view.stylesheets = [*made.view.stylesheets, MARKED]
         self._mark(path, made)
         return made
@@ -352,6 +389,7 @@ class SettingsPanel:
         """Return the box for another form of a setting."""
         made = OtherFormField(self._session.experiment.derived(path).declaration, self._change(path))
         made.show(self._session.experiment.get(path))
+        made.speak(self._session.shows_sigmas)
         self._fields[path] = made
         return made.view
 

@@ -12,6 +12,7 @@ import panel_material_ui as pmui
 import param
 from bokeh.models import CustomJSTickFormatter
 
+from dashboards.sigmas import sigma_of, to_sigma, to_variance
 from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import (
@@ -25,6 +26,8 @@ from lab.base.parameters.setting_kinds import (
 
 Change = Callable[[Any], object]
 
+FOLLOWS = "follows the sensor"
+"""Stands in the field of a setting of the filter that is not given."""
 LOGARITHMIC_FROM = 100
 """A slider is logarithmic if the ratio of its ends is at least this."""
 
@@ -65,12 +68,14 @@ class Field(param.Parameterized):
     ----------
     motion : int or None
         While a slider requests a change: how many times it was taken until now. None otherwise.
+    said : param.Parameter
+        The declaration of what is shown and typed: of a variance, it may be that of its root.
     """
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__()
         self.motion: int | None = None
-        self.declaration = declaration
+        self.declaration = self.said = declaration
         self._change = change
         self._value: Any = declaration.default
         self._showing = False
@@ -94,8 +99,30 @@ class Field(param.Parameterized):
         finally:
             self._showing = False
 
+    def speak(self, sigmas: bool) -> None:
+        """Show a variance as σ, or as itself; what is no variance stays as it is."""
+        said = (sigma_of(self.declaration) if sigmas else None) or self.declaration
+        if said.label != self.said.label:
+            self.said = said
+            self.complain("")
+            self._relabel()
+            self.show(self._value)
+
+    def in_words(self, value: Any) -> str:
+        """Return a value of the setting as this field shows it."""
+        return shown(self._as_said(value))
+
     def complain(self, sentence: str) -> None:
         """Show a sentence about a refused value below the field; an empty one shows nothing."""
+
+    def _relabel(self) -> None:
+        """Show the label and the unit of what is said; only numbers can be said in two ways."""
+
+    def _as_said(self, value: Any) -> Any:
+        return value if self.said is self.declaration else to_sigma(value)
+
+    def _as_set(self, value: Any) -> Any:
+        return value if self.said is self.declaration else to_variance(value)
 
     def _render(self, value: Any) -> None:
         raise NotImplementedError
@@ -103,7 +130,7 @@ class Field(param.Parameterized):
     def _ask(self, value: Any) -> None:
         if self._showing or value == self._value:
             return
-        self._take(value, requirement(self.declaration, value))
+        self._take(value, requirement(self.said, value))
 
     def _take(self, value: Any, sentence: str) -> None:
         """Request a change, and show its outcome; the sentence says what the value must be."""
@@ -126,10 +153,10 @@ class NumberField(Field):
         self._scale = Scale(declaration)
         self._motions, self._in_motion = 0, False
         self._spoken = CustomJSTickFormatter(code=self._scale.words(getattr(declaration, "unit", "")))
-        self._slider = self._make_slider(_label(declaration), declaration.doc or "")
+        self._slider = self._make_slider(label_of(declaration), declaration.doc or "")
         self._slider.param.watch(lambda event: self._moved(None, event.new), "value")
         self._box = pmui.TextInput(
-            label=_label(declaration),
+            label=label_of(declaration),
             size="small",
             variant="standard",
             width=96,
@@ -190,8 +217,8 @@ class NumberField(Field):
         return slider
 
     def _render(self, value: Any) -> None:
-        components = value if self._axes else (value,)
-        self._box.value = shown(value)
+        components = self._as_said(value) if self._axes else (value,)
+        self._box.value = self.in_words(value)
         self._place(self._slider, max(components, key=abs))
         for slider, number in zip(self._axis_sliders, components, strict=False):
             self._place(slider, number)
@@ -223,10 +250,10 @@ class NumberField(Field):
         if not self._axes:
             self._ask(number)
         elif axis is None:
-            self._ask((number,) * len(self._axes))
+            self._ask(self._as_set((number,) * len(self._axes)))
         else:
             components = list(self._value)
-            components[axis] = number
+            components[axis] = self._as_set(number)
             self._ask(tuple(components))
         self.motion = None
 
@@ -234,15 +261,27 @@ class NumberField(Field):
         self._in_motion = False
 
     def _typed(self, event: param.parameterized.Event) -> None:
-        if self._showing or event.new == shown(self._value):
+        if self._showing or event.new == self.in_words(self._value):
             return
-        self._ask(per_axis(event.new, self._axes))
+        self._ask(self._as_set(per_axis(event.new, self._axes)))
+
+    def _relabel(self) -> None:
+        self._scale = Scale(self.said, self._scale.logarithmic)
+        self._spoken = CustomJSTickFormatter(code=self._scale.words(self.said.unit))
+        self._box.label = self._slider.label = label_of(self.said)
+        scale = self._scale
+        ends = {"start": scale.start, "end": scale.end, "step": scale.step, "format": self._spoken}
+        self._showing = True
+        for slider in (self._slider, *self._axis_sliders):
+            slider.param.update(**ends, value=min(max(slider.value, scale.start), scale.end))
+        self._slider.description = self.said.doc
+        self._showing = False
 
     def _unfold(self, event: param.parameterized.Event) -> None:
         if event.new and not self._axis_sliders:
             for axis, name in enumerate(self._axes):
                 slider = self._make_slider(name)
-                slider.value = self._scale.position(self._value[axis])
+                slider.value = self._scale.position(self._as_said(self._value)[axis])
                 slider.param.watch(lambda moved, axis=axis: self._moved(axis, moved.new), "value")
                 self._axis_sliders.append(slider)
             self._column.extend(self._axis_sliders)
@@ -311,12 +350,15 @@ class SwitchField(Field):
 
 
 class TextField(Field):
-    """A text box: for whole numbers, intervals of time, variances."""
+    """A text box: for whole numbers, intervals of time, variances.
+
+    A setting of the filter that follows the sensor until it is given has a lock, which lets it follow again.
+    """
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
         self._widget = pmui.TextInput(
-            label=_label(declaration),
+            label=label_of(declaration),
             placeholder=_placeholder(declaration),
             size="small",
             variant="outlined",
@@ -325,12 +367,22 @@ class TextField(Field):
             description=declaration.doc,
         )
         self._widget.param.watch(self._typed, "value")
+        self._lock: pmui.IconButton | None = None
+        self._view: pn.viewable.Viewable = self._widget
+        if follows(declaration):
+            self._lock = pmui.IconButton(size="1.1em", margin=(18, 0, 0, 0), width=26, stylesheets=[TOOLTIP])
+            self._lock.on_click(lambda _event: self._ask(None))
+            self._view = pn.Row(self._widget, self._lock, margin=0, sizing_mode="stretch_width")
         self.show(declaration.default)
 
     @property
     def view(self) -> pn.viewable.Viewable:
         """The widgets to place on the page."""
-        return self._widget
+        return self._view
+
+    def in_words(self, value: Any) -> str:
+        """Return a value of the setting as this field shows it."""
+        return FOLLOWS if value is None and self._lock is not None else super().in_words(value)
 
     def complain(self, sentence: str) -> None:
         """Show a sentence below the box."""
@@ -338,6 +390,10 @@ class TextField(Field):
 
     def _render(self, value: Any) -> None:
         self._widget.value = shown(value)
+        if self._lock is not None:
+            name = str(self.declaration.label)
+            words = f"{name} {FOLLOWS}" if value is None else f"Let {name} follow the sensor again"
+            self._lock.param.update(icon="lock" if value is None else "lock_open", description=words)
 
     def _typed(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new == shown(self._value):
@@ -346,11 +402,12 @@ class TextField(Field):
 
 
 class Scale:
-    """The scale of a slider: linear, or logarithmic if the range spans decades."""
+    """The scale of a slider: linear, or logarithmic if the range spans decades, or if that is given."""
 
-    def __init__(self, declaration: param.Parameter) -> None:
+    def __init__(self, declaration: param.Parameter, logarithmic: bool | None = None) -> None:
         low, high = declaration.softbounds or declaration.bounds
-        self.logarithmic = low > 0 and high / low >= LOGARITHMIC_FROM
+        spans_decades = low > 0 and high / low >= LOGARITHMIC_FROM
+        self.logarithmic = spans_decades if logarithmic is None else logarithmic
         self.start = math.log10(low) if self.logarithmic else float(low)
         self.end = math.log10(high) if self.logarithmic else float(high)
         self.step = 0.01 if self.logarithmic else float(declaration.step or (high - low) / 200)
@@ -448,7 +505,8 @@ def number(text: str) -> float | str:
         return text
 
 
-def _label(declaration: param.Parameter) -> str:
+def label_of(declaration: param.Parameter) -> str:
+    """Return the label of a field: the name of the setting, and its unit."""
     unit = getattr(declaration, "unit", "")
     return f"{declaration.label} [{unit}]" if unit else str(declaration.label)
 
@@ -456,6 +514,11 @@ def _label(declaration: param.Parameter) -> str:
 def _placeholder(declaration: param.Parameter) -> str:
     if isinstance(declaration, Intervals):
         return "none, or such as 60–75, 120–130"
-    if isinstance(declaration, QuantityOrNone):
-        return str(declaration.unset)
-    return "matched" if isinstance(declaration, MatrixOrNone) else ""
+    if follows(declaration):
+        return FOLLOWS
+    return str(declaration.unset) if isinstance(declaration, QuantityOrNone) else ""
+
+
+def follows(declaration: param.Parameter) -> bool:
+    """Return whether a setting of the filter follows the sensor until it is given."""
+    return isinstance(declaration, MatrixOrNone) or getattr(declaration, "unset", "") == "matched"

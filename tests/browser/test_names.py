@@ -56,8 +56,13 @@ def test_everything_that_one_can_change_has_a_name(shared_page: Page) -> None:
 
 def test_a_slider_says_its_value_and_a_field_what_it_is_about(shared_page: Page) -> None:
     page = shared_page
+    sigma = page.get_by_role("slider", name="Position σ [m]")
+    expect(sigma).to_have_attribute("aria-valuetext", "0.707 m")  # its position is -0.15
+    page.get_by_role("button", name="σ²", exact=True).click()
     variance = page.get_by_role("slider", name="Position variance [m²]")
-    expect(variance).to_have_attribute("aria-valuetext", "0.5 m²")  # its position is -0.3
+    expect(variance).to_have_attribute("aria-valuetext", "0.5 m²")
+    page.get_by_role("button", name="σ", exact=True).click()
+    expect(sigma).to_have_attribute("aria-valuetext", "0.707 m")
     noise = page.get_by_role("slider", name="White noise").first
     expect(noise).to_have_attribute("aria-valuetext", "0.05 °/s/√Hz")
     expect(page.get_by_role("textbox", name="White noise [°/s/√Hz]")).to_have_value("0.05")

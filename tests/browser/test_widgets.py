@@ -207,7 +207,7 @@ def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[A
         lambda value: experiment.set(path, value),
         lambda: matched_variances(experiment, name),
     )
-    toggle = made.view[0][1]
+    toggle = made.view[0][2]
     toggle.value = True
     return made, list(made.view[1])
 

@@ -88,3 +88,75 @@ def test_of_a_loaded_card_only_what_differs_from_the_card_is_changed(walk: Walk)
     assert panel._finder._only.label == "Changed"
     panel._fields[NOISE]._box.value = "0.3"
     assert panel._changed() == [NOISE]
+
+
+def test_variances_are_shown_and_entered_as_sigma_until_the_switch_says_otherwise(walk: Walk) -> None:
+    panel, session = panel_of(walk), walk.page.session
+    path = "sensors.gps.position_variance"
+    assert path in seek(panel, "position σ")
+    assert seek(panel, "position variance") == [path]
+    here, there = panel._found[path], panel._fields[path]
+    assert (there._slider.label, there._box.value) == ("Position σ [m]", "0.707107")
+    here._box.value = "0.7"
+    assert session.experiment.get(path) == (0.49,) * 3
+    assert there._box.value == "0.7"
+    assert there.view.styles["--was"] == '"was 0.707107"'
+    walk.page._address._write()
+    assert walk.page._address.bar.shown["undone"] == "GPS receiver: Position σ 0.707107 → 0.7"
+    here._box.value = "-0.7"
+    assert session.experiment.get(path) == (0.49,) * 3
+    assert "Position σ must be between 0.001 and 1,000 m." in here._complaint.object
+    here._slider.value = here._slider.end
+    assert session.experiment.get(path) == (25.0,) * 3
+    there.view[2].value = True
+    there._axis_sliders[1].value = there._slider.start
+    assert session.experiment.get(path) == (25.0, 0.01, 25.0)
+    switch = panel._finder.view[1][1]
+    switch.value = False
+    assert (there._slider.label, there._box.value) == ("Position variance [m²]", "25, 0.01, 25")
+    assert there._axis_sliders[1].value == there._slider.start
+    assert there.view.styles["--was"] == '"was 0.5"'
+    walk.page._address._write()
+    assert walk.page._address.bar.shown["undone"].startswith("GPS receiver: Position variance 0.49 → 25")
+    assert session.experiment.get(path) == (25.0, 0.01, 25.0)
+    walk.ask("undo")
+    assert there._box.value == "0.49"
+    switch.value = True
+    assert there._box.value == "0.7"
+
+
+def test_the_last_three_settings_are_at_hand(walk: Walk) -> None:
+    panel = panel_of(walk)
+    last = panel._finder._last
+    assert not last.visible
+    for path, text in ((NOISE, "0.2"), (Q, "0.5"), ("navigator.r_scale", "2"), (NOISE, "0.3")):
+        panel._fields[path]._box.value = text
+    assert list(last.options) == ["White noise", "Q scale", "R scale"]
+    last.value = [Q]
+    assert found(panel) == [Q]
+    assert panel._groups.visible
+    panel._found[Q]._box.value = "0.25"
+    assert panel._fields[Q]._box.value == "0.25"
+    panel._fields["navigator.p0_scale"]._box.value = "3"
+    assert list(last.options) == ["Q scale", "R scale", "P₀ scale"]
+    assert found(panel) == [Q]
+    last.value = ["seed"]  # such as a message made by hand has it
+    assert found(panel) == []
+    last.value = []
+    assert found(panel) == []
+
+
+@pytest.mark.parametrize(("name", "text"), [("lever_arm", "1, 0, 0.5"), ("r", "1 1 1 0.5 0.5 0.5")])
+def test_a_value_of_the_filter_follows_the_sensor_until_it_is_given(walk: Walk, name: str, text: str) -> None:
+    panel, path = panel_of(walk), f"navigator.{name}"
+    seek(panel, path)
+    made = panel._found[path]
+    box, lock = made._widget, made._lock
+    assert (box.value, box.placeholder, lock.icon) == ("", "follows the sensor", "lock")
+    box.value = text
+    assert lock.icon == "lock_open"
+    assert made.view.styles["--was"] == '"followed the sensor"'
+    lock.clicks += 1
+    assert walk.page.session.experiment.get(path) is None
+    assert (box.value, lock.icon) == ("", "lock")
+    assert MARK not in made.view.css_classes
