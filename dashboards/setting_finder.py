@@ -14,9 +14,8 @@ LAST = 3
 _LAST = {
     "& button": {
         "textTransform": "none", "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
-        "textOverflow": "ellipsis", "display": "block", "maxWidth": "132px",
+        "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "33.3%", "flexShrink": "0",
     },
-    "flexWrap": "wrap",
 }  # fmt: skip
 NOTHING = "<small>No setting has all these words.</small>"
 
@@ -68,10 +67,11 @@ class SettingFinder:
             variant="outlined",
             color="default",
             margin=(6, 8, 2, 0),
-            sx={"textTransform": "none", "whiteSpace": "nowrap"},
+            sx={"textTransform": "none", "whiteSpace": "nowrap", "& button, &": {"padding": "3px 10px"}},
         )
-        self._last = pmui.CheckButtonGroup(
-            options={}, value=[], size="small", margin=(4, 0), visible=False, sx=_LAST
+        self._last = pmui.CheckButtonGroup(options={}, value=[], size="small", margin=(0, 0, 4, 0), sx=_LAST)
+        self._strip = pn.Column(
+            pn.pane.HTML("<small>Changed last</small>", margin=0), self._last, margin=0, visible=False
         )
         self._place = pn.Column(margin=(0, 10), sizing_mode="stretch_width", visible=False)
         self._box.param.watch(lambda _event: self._seek(), "value_input")
@@ -80,7 +80,7 @@ class SettingFinder:
         self.view = pn.Column(
             self._box,
             pn.Row(self._only, beside, margin=0, sizing_mode="stretch_width"),
-            self._last,
+            self._strip,
             self._place,
             margin=0,
             sizing_mode="stretch_width",
@@ -101,9 +101,18 @@ class SettingFinder:
         if path not in self.names or path in self._recent:
             return
         self._recent = [*self._recent[-LAST + 1 :], path]
-        kept = [one for one in self._last.value if one in self._recent]
-        options = {self._short(one): one for one in self._recent}
-        self._last.param.update(options=options, value=kept, visible=True)
+        self._offer()
+        self._strip.visible = True
+
+    def rename(self, names: Mapping[str, tuple[str, ...]]) -> None:
+        """Take other names of the settings."""
+        self.names = names
+        self._offer()
+
+    def _offer(self) -> None:
+        """Show the names of the last settings; those that are pressed stay so."""
+        kept = self._pressed()
+        self._last.param.update(options={self._short(one): one for one in self._recent}, value=kept)
 
     def _short(self, path: str) -> str:
         """Return the label of a setting, with its group where another one at hand has the same."""

@@ -18,7 +18,7 @@ from dashboards.other_form import OtherFormField
 from dashboards.session import Glide, Session
 from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
 from dashboards.sigmas import sigma_of
-from dashboards.style import TOOLTIP
+from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from dashboards.titled import Card
 from dashboards.widgets import FOLLOWS, ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
@@ -151,7 +151,9 @@ class SettingsPanel:
 
         def named(path: str, owner: str, declaration: param.Parameter) -> tuple[str, ...]:
             sigma = sigma_of(declaration)
-            return SECTIONS[owner][0], declaration.label, path, sigma.label if sigma else ""
+            labels = (sigma.label, declaration.label) if sigma else (declaration.label,)
+            shown_first = labels if self._session.shows_sigmas else labels[::-1]
+            return SECTIONS[owner][0], *shown_first, path
 
         return {
             path: named(path, owner, owner_settings.param[name])
@@ -198,21 +200,22 @@ class SettingsPanel:
             options={"σ": True, "σ²": False},
             value=self._session.shows_sigmas,
             size="small",
-            margin=(6, 0, 2, 0),
-            sx={"& button": {"textTransform": "none", "padding": "3px 10px"}},
-            description="Show and enter the noise of the receiver as σ, in the unit of what it measures, or "
-            "as its square, the variance.",
+            margin=(6, 0, 2, 4),
+            sx={"& button": {"textTransform": "none", "padding": "3px 14px"}},
+            stylesheets=[HIDDEN_LABEL],
         )
 
         def turn(event: param.parameterized.Event) -> None:
             self._session.shows_sigmas = bool(event.new)
+            self._finder.rename(self._names())
             for fields in (self._fields, self._found):
                 for path, made in fields.items():
                     made.speak(self._session.shows_sigmas)
                     self._mark(path, made)
 
         switch.param.watch(turn, "value")
-        return switch
+        words = pn.pane.HTML("<small>Noise as</small>", margin=(12, 0, 0, 8))
+        return pn.Row(words, switch, margin=0)
 
     def _hide(self, sought: bool) -> None:
         """Hide the groups while settings are sought; their fields show the changes made meanwhile."""

@@ -33,6 +33,14 @@ LOGARITHMIC_FROM = 100
 
 
 _LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
+_HINTED = {
+    "& .MuiInputLabel-root": {"transform": "translate(14px, -9px) scale(0.75)", "maxWidth": "calc(133% - 32px)"},
+    "& .MuiOutlinedInput-notchedOutline legend": {"maxWidth": "100%"},
+    "& label[data-shrink] + .MuiInputBase-formControl .MuiInputBase-input::placeholder": {
+        "opacity": "0.75 !important"
+    },
+}
+"""An empty box shows its hint: the label is above it, as if there were a value."""
 _AT_ONCE = {"& .MuiSlider-thumb, & .MuiSlider-track": {"transition": "none"}}
 """An animated thumb would keep the browser painting frames while it should paint the plots."""
 _RED = "p { margin: 0; font-size: 0.75rem; color: var(--mui-palette-error-main, #b3261e); }"
@@ -359,7 +367,8 @@ class TextField(Field):
         super().__init__(declaration, change)
         self._widget = pmui.TextInput(
             label=label_of(declaration),
-            placeholder=_placeholder(declaration),
+            placeholder=(hint := _placeholder(declaration)),
+            sx=_HINTED if hint else {},
             size="small",
             variant="outlined",
             margin=(8, 0),

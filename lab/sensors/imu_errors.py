@@ -271,7 +271,7 @@ def noise_variance(errors: Settings, path: str, rate: float) -> Derived:
             form(density.default),
             unit=unit,
             bounds=tuple((end * factor) ** 2 * rate for end in density.bounds),
-            label="Variance of a sample",
+            label="Variance per sample",
             doc="Variance of the white noise of one sample, N² f, at the IMU rate f.",
         ),
         path.replace("noise_variance", "noise_density"),

@@ -106,7 +106,8 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
 ) -> None:
     page = shared_page
     slider, box = noise(page)
-    variance = page.get_by_role("textbox", name="Variance of a sample").first
+    page.get_by_role("button", name="σ²", exact=True).click()
+    variance = page.get_by_role("textbox", name="Variance per sample").first
     remember_data(page)
     slider.press("End")
     wait_for_new_data(page)
@@ -128,6 +129,8 @@ def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_
     expect(box).to_have_value("0.05")
     assert page.locator("canvas").first.bounding_box() == plot  # no bar moves the plots
     assert page.evaluate(f"{DATA} === window.before")
+    page.get_by_role("button", name="σ", exact=True).click()
+    expect(page.get_by_role("textbox", name="σ per sample").first).to_have_value("0.707107")
     box.fill("0.06")
     box.press("Enter")
     wait_for_new_data(page)

@@ -111,9 +111,11 @@ def test_variances_are_shown_and_entered_as_sigma_until_the_switch_says_otherwis
     there.view[2].value = True
     there._axis_sliders[1].value = there._slider.start
     assert session.experiment.get(path) == (25.0, 0.01, 25.0)
-    switch = panel._finder.view[1][1]
+    assert list(panel._finder._last.options) == ["Position σ"]
+    switch = panel._finder.view[1][1][1]
     switch.value = False
     assert (there._slider.label, there._box.value) == ("Position variance [m²]", "25, 0.01, 25")
+    assert list(panel._finder._last.options) == ["Position variance"]
     assert there._axis_sliders[1].value == there._slider.start
     assert there.view.styles["--was"] == '"was 0.5"'
     walk.page._address._write()
@@ -128,7 +130,7 @@ def test_variances_are_shown_and_entered_as_sigma_until_the_switch_says_otherwis
 def test_the_last_three_settings_are_at_hand(walk: Walk) -> None:
     panel = panel_of(walk)
     last = panel._finder._last
-    assert not last.visible
+    assert not panel._finder._strip.visible
     for path, text in ((NOISE, "0.2"), (Q, "0.5"), ("navigator.r_scale", "2"), (NOISE, "0.3")):
         panel._fields[path]._box.value = text
     assert list(last.options) == ["White noise", "Q scale", "R scale"]
