@@ -71,7 +71,7 @@ PICTURES = {
         MONTREAL + "&sensors.gps.outages=[[90,110]]&tab=Errors", "Position error, east [m]", "Consistent"
     ),
     "verdict": Picture(MONTREAL + "&navigator.q_scale=0.1&tab=Verdict", "NEES", "too small"),
-    "budget": Picture(MONTREAL + "&tab=Budget", "Parts of the variance of heading [%]", "At the end"),
+    "budget": Picture(MONTREAL + "&tab=Budget", "Share of the variance of heading [%]", "At the end"),
     "compare": Picture(MONTREAL + "&tab=Compare&hold=navigator.q_scale%3D0.1", "", "relative to"),
     "missions": Picture(MONTREAL + "&beside=Missions", "", "Over the Pacific"),
     "lessons": Picture(MONTREAL + "&tab=Errors&beside=Lessons", "Position error, east [m]", "Tuning R"),

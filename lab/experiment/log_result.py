@@ -77,7 +77,7 @@ class LogResult(Result):
                 f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
             )
         if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return f"This sensor log has no reference, so its errors are unknown; {_KNOWN}"
+            return "This log has no reference, so its errors are unknown. See Innovations or the Verdict."
         return ""
 
     @property

@@ -139,11 +139,11 @@ class BudgetFigures:
                 area.glyph.fill_color = colours[used[family] % len(colours)]
                 used[family] += 1
                 item.label = {"value": names[slot]}
-        self._titles[0].text = f"Parts of the variance of {here.quantity.item()} [%]"
+        self._titles[0].text = f"Share of the variance of {here.quantity.item()} [%]"
 
     def _draw_stack(self, axis: TimeAxis) -> figure:
         self._parts.data = {name: [] for name in ("time", *(f"edge_{slot}" for slot in range(SLOTS + 1)))}
-        fig = time_figure("Parts of the variance [%]", axis)
+        fig = time_figure("Share of the variance [%]", axis)
         fig.y_range.update(start=0.0, end=100.0)
         self._areas: list[GlyphRenderer[Any]] = [
             fig.varea("time", f"edge_{slot}", f"edge_{slot + 1}", source=self._parts, fill_alpha=0.9)

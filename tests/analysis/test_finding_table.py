@@ -193,6 +193,6 @@ def test_a_number_is_rounded_and_a_factor_of_a_setting_too() -> None:
 def test_a_variance_is_judged_in_the_words_of_its_row() -> None:
     (entry,) = judge_size(Squares(np.array(400.0), np.array(100.0)), FINDINGS["Q"], "noise")
     finding = entry.finding
-    assert finding.sentence == "Errors grow 2 × as fast as σ states: Q is about 4 × too small."
+    assert finding.sentence == "Errors grow 2 times as fast as the filter claims: Q is 4 times too small."
     assert (finding.quantity, finding.direction, finding.factor) == ("Q", "too small", 4.0)
     assert finding.changes == (Change("navigator.q_scale", 4.0, True),)

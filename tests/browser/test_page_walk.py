@@ -29,7 +29,7 @@ FIRST = {
     "Ground track": "Ground track",
     "Flight": "Height above the ellipsoid [m]",
     "Live": "Angular rate [°/s]: none yet",
-    "Budget": "Parts of the variance of heading [%]",
+    "Budget": "Share of the variance of heading [%]",
 }
 """First figure of each tab that has figures."""
 WORDS = {

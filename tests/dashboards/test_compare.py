@@ -264,12 +264,12 @@ def test_a_log_without_reference_stands_beside_a_flight(walk: Walk, tmp_path: Pa
     walk.page.session.experiment = log.copy()
     assert walk.run(log).problem == ""
     assert "–" in walk.text()
-    assert "Now: This sensor log has no reference, so its errors are unknown" in walk.text()
+    assert "Now: This log has no reference, so its errors are unknown" in walk.text()
     assert not walk.complaints()
     choose(walk, "Seeds")
     assert "of a sensor log would all be the same" in walk.text()
     sweep(walk, "navigator.r_scale")
-    assert "unknown. This sensor log has no reference" in walk.text()
+    assert "unknown. This log has no reference" in walk.text()
     with set_curdoc(walk._document):
         page(walk)._sweep._metric.value = METRICS[-1]
     assert len(walk.figures()) == 1

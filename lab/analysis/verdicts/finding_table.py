@@ -227,14 +227,14 @@ FINDINGS: dict[str, Wording] = {
     ),
     "Q": Wording(
         "Q",
-        "Errors grow {root} × as fast as σ states: Q is about {factor} × {direction}.",
+        "Errors grow {root} times as fast as the filter claims: Q is {factor} times {direction}.",
         "Multiply navigator.q_scale by {multiply}.",
         (Change("navigator.q_scale", "{multiply}", True),),
     ),
     "Q of a sensor": Wording(
         "Q {sensor}",
-        "Errors grow {root} × as fast as σ states: the {sensor} noise, and so Q, is about {factor} × "
-        "{direction}.",
+        "Errors grow {root} times as fast as the filter claims: the {sensor} noise, and so Q, is {factor} "
+        "times {direction}.",
         "Multiply the {sensor} noise in navigator.q by {multiply}.",
         (Change("navigator.q", "{multiply}", True),),
     ),

@@ -65,12 +65,8 @@ def judge(evidence: Evidence) -> Verdict:
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     runs += "" if evidence.usage.used else ", no fix used"
     basis = f"{runs}, {_judged(evidence) if with_truth else 'innovations only'}"
-    what = "errors and innovations are" if with_truth else "the innovations are white and"
-    return Verdict(
-        headline(findings, f"Consistent: {what} as large as the filter says."),
-        findings,
-        basis,
-    )
+    what = "the errors match" if with_truth else "the innovations are white and match"
+    return Verdict(headline(findings, f"Consistent: {what} the filter's own σ."), findings, basis)
 
 
 def _judged(evidence: Evidence) -> str:
