@@ -1,4 +1,4 @@
-"""Page template: the HTML of the page, with the script that makes Bokeh quick, and the link past all settings."""
+"""Page template: the HTML of the page, the script that makes Bokeh quick, and the link past the settings."""
 
 from __future__ import annotations
 

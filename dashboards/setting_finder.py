@@ -14,7 +14,8 @@ LAST = 3
 _LAST = {
     "& button": {
         "textTransform": "none", "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
-        "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "33.3%", "flexShrink": "0",
+        "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "33.3%",
+        "flexShrink": "0",
     },
 }  # fmt: skip
 NOTHING = "<small>No setting has all these words.</small>"

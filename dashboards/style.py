@@ -114,8 +114,8 @@ WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
 """Makes a column as high as its content; otherwise Panel lets content higher than the window overlap."""
 
 HIDDEN_LABEL = """
-.MuiInputLabel-root, .MuiFormLabel-root { position: absolute !important; width: 1px; height: 1px; overflow: hidden;
-                      clip-path: inset(50%); }
+.MuiInputLabel-root, .MuiFormLabel-root { position: absolute !important; width: 1px; height: 1px;
+                                          overflow: hidden; clip-path: inset(50%); }
 label + .MuiInput-root { margin-top: 0 !important; }
 fieldset { top: 0 !important; }
 legend { display: none !important; }

@@ -34,7 +34,10 @@ LOGARITHMIC_FROM = 100
 
 _LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
 _HINTED = {
-    "& .MuiInputLabel-root": {"transform": "translate(14px, -9px) scale(0.75)", "maxWidth": "calc(133% - 32px)"},
+    "& .MuiInputLabel-root": {
+        "transform": "translate(14px, -9px) scale(0.75)",
+        "maxWidth": "calc(133% - 32px)",
+    },
     "& .MuiOutlinedInput-notchedOutline legend": {"maxWidth": "100%"},
     "& label[data-shrink] + .MuiInputBase-formControl .MuiInputBase-input::placeholder": {
         "opacity": "0.75 !important"
