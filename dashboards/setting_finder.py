@@ -14,7 +14,7 @@ LAST = 3
 _LAST = {
     "& button": {
         "textTransform": "none", "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
-        "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "33.3%",
+        "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "100px",
         "flexShrink": "0",
     },
 }  # fmt: skip

@@ -382,9 +382,10 @@ class TextField(Field):
         self._lock: pmui.IconButton | None = None
         self._view: pn.viewable.Viewable = self._widget
         if follows(declaration):
-            self._lock = pmui.IconButton(size="1.1em", margin=(18, 0, 0, 0), width=26, stylesheets=[TOOLTIP])
+            self._lock = pmui.IconButton(size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP])
             self._lock.on_click(lambda _event: self._ask(None))
-            self._view = pn.Row(self._widget, self._lock, margin=0, sizing_mode="stretch_width")
+            row = pn.Row(self._widget, self._lock, margin=0, sizing_mode="stretch_width")
+            self._view = pn.Column(row, margin=0, sizing_mode="stretch_width")
         self.show(declaration.default)
 
     @property
