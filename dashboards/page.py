@@ -26,6 +26,8 @@ from dashboards.openings import Openings
 from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
 from dashboards.page_template import PAGE
 from dashboards.pages.base import Page, not_drawn
+from dashboards.pages.consistency import Consistency
+from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.progress import ProgressText
@@ -91,7 +93,8 @@ class SimulatorPage:
         self._closed = False
         self._visible: Page | None = None
         self._progress = ProgressText(self.session)
-        self._reason = Notice(margin=(16, 20))
+        steps = {f"Open {title}": partial(self._open, title) for title in (Innovations.title, Consistency.title)}
+        self._reason = Notice(margin=(16, 20), steps=steps)
         self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
@@ -503,6 +506,7 @@ class SimulatorPage:
                 page.release()
             return
         self._epoch = result.epoch
+        self._tabs.dim(result)
         self._sheet.button.label = result.mission.title or result.mission.name
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages

@@ -9,6 +9,7 @@ from itertools import chain
 import panel as pn
 import panel_material_ui as pmui
 import param
+from panel.custom import JSComponent
 
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page
@@ -26,6 +27,7 @@ from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.style import ON_SCREEN
 from dashboards.titled import Tabs
+from lab.experiment.result import Result
 
 TABS: dict[str, tuple[type[Page], ...]] = {
     "Overview": (Overview,),
@@ -41,17 +43,52 @@ FIRST: type[Page] = Overview
 """The page that opens first."""
 IN_TABS = tuple(chain.from_iterable(TABS.values()))
 
+_NOTHING = {"& button[data-nothing]": {"fontStyle": "italic", "opacity": 0.92, "fontWeight": 300}}
+"""As far as letters may be dimmed that must still be read."""
 _TAB = {"minWidth": "0", "padding": "12px 12px", "letterSpacing": "0"}
 _PART = {
     "& button": {
         **{"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"},
         "@media (max-width: 480px)": {"padding": "3px 7px"},
-    }
+    },
+    **_NOTHING,
 }
 _ROW = """
 :host { flex: 0 0 auto !important; flex-wrap: wrap; justify-content: space-between; align-items: center; }
 """
 """The parts stand at the right of the tabs, or below them where both do not fit."""
+_MARKS = """
+export function render({model, el}) {
+  const seen = new WeakSet()
+  const mark = () => {
+    const {host} = el.getRootNode()
+    for (const {shadowRoot} of host?.getRootNode().querySelectorAll("*") ?? []) {
+      if (!shadowRoot || shadowRoot === host.shadowRoot) continue
+      if (!seen.has(shadowRoot)) new MutationObserver(mark).observe(shadowRoot, {childList: true, subtree: true})
+      seen.add(shadowRoot)
+      for (const one of shadowRoot.querySelectorAll("button")) {
+        const kind = one.getAttribute("role") === "tab" ? "tab" : "button"
+        const reason = model.reasons[kind]?.[one.textContent.trim()]
+        for (const name of ["title", "aria-description", "data-nothing"]) {
+          if (reason) one.setAttribute(name, reason)
+          else one.removeAttribute(name)
+        }
+      }
+    }
+  }
+  model.on("reasons", mark)
+  requestAnimationFrame(mark)
+  return document.createElement("span")
+}
+"""
+
+
+class Marks(JSComponent):
+    """The reasons why tabs and parts have nothing to show; the browser writes them at their buttons."""
+
+    reasons: dict[str, dict[str, str]] = param.Dict({}, doc="By the role of a button and what is written on it.")
+
+    _esm = _MARKS
 
 
 class PageTabs:
@@ -75,6 +112,8 @@ class PageTabs:
         self._turned = turned
         self._silent = False
         self._titles = tuple(TABS)
+        self._reasons: dict[type[Page], str] = {}
+        self._marks: Marks | None = None
         self._last = {tab: pages[0] for tab, pages in TABS.items()}
         tab = self._tab_of(FIRST)
         self._tabs = Tabs(
@@ -84,7 +123,7 @@ class PageTabs:
             height=48,
             margin=0,
             styles={"flex": "0 1 auto", "min-width": "0", "max-width": "100%"},
-            sx={"& .MuiTab-root": _TAB},
+            sx={"& .MuiTab-root": _TAB, **_NOTHING},
         )
         self._parts = pmui.RadioButtonGroup(
             css_classes=["page-parts"],
@@ -113,12 +152,31 @@ class PageTabs:
             self._parts.param.update(
                 options=[page.title for page in TABS[tab]], value=kind.title, visible=len(TABS[tab]) > 1
             )
+            self._mark()
         self._turned()
 
     def turn(self, number: int) -> None:
         """Open a tab by its number from 1; of another number, nothing comes."""
         if 1 <= number <= len(self._titles):
             self.open(self._last[self._titles[number - 1]])
+
+    def dim(self, result: Result) -> None:
+        """Dim the tabs and parts that have nothing to show of a result; their reasons are their tooltips."""
+        self._reasons = {kind: reason for kind in IN_TABS if (reason := kind.missing_reason(result))}
+        self._mark()
+
+    def _mark(self) -> None:
+        """Mark the tabs whose page would have nothing to show, and the parts of the open one."""
+        if self._marks is None:
+            if not self._reasons:
+                return
+            self._marks = Marks(margin=0)  # type: ignore[no-untyped-call]
+            self.view.append(self._marks)
+        opened = {"tab": self._last, "button": {one.title: one for one in TABS[self._tab_of(self.kind)]}}
+        self._marks.reasons = {
+            role: {title: self._reasons[kind] for title, kind in kinds.items() if kind in self._reasons}
+            for role, kinds in opened.items()
+        }
 
     def _tab_chosen(self, event: param.parameterized.Event) -> None:
         if not self._silent:

@@ -57,7 +57,8 @@ class Allan(ComputedPage):
             margin=0,
         )
 
-    def missing_reason(self, result: Result) -> str:
+    @classmethod
+    def missing_reason(cls, result: Result) -> str:
         """Return why a sensor log has no Allan deviation: its rest is too short."""
         if result.recorded is None or result.recorded.alignment.rest >= LEAST_REST:
             return ""

@@ -61,7 +61,8 @@ class Page(ABC):
     def make(self) -> pn.viewable.Viewable:
         """Return the layout, made once, without any data."""
 
-    def missing_reason(self, result: Result) -> str:
+    @classmethod
+    def missing_reason(cls, result: Result) -> str:
         """Return, in a sentence, why a result has nothing to show; empty if it has."""
         return ""
 

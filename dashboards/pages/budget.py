@@ -47,7 +47,8 @@ class Budget(ComputedPage):
             margin=0,
         )
 
-    def missing_reason(self, result: Result) -> str:
+    @classmethod
+    def missing_reason(cls, result: Result) -> str:
         """Return why there is no budget."""
         return result.missing_reason("budget")
 

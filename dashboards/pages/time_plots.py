@@ -76,7 +76,8 @@ class Errors(TimePlots):
     title = "Errors"
     plots = ERRORS
 
-    def missing_reason(self, result: Result) -> str:
+    @classmethod
+    def missing_reason(cls, result: Result) -> str:
         """Return why the errors are unknown."""
         return result.missing_reason("errors")
 

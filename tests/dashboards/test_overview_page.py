@@ -7,6 +7,7 @@ from pathlib import Path
 from shutil import rmtree
 
 import numpy as np
+import panel_material_ui as pmui
 import pytest
 from panel.io.state import set_curdoc
 from sensor_logs import tables, write
@@ -179,3 +180,31 @@ def test_a_hidden_fault_leaves_the_buttons_but_no_other_lesson(walk: Walk) -> No
     faulty = FaultyExperiment(next(iter(FAULTS.values()))).update(flight().to_dict())
     begin(walk, faulty)
     assert "lesson" not in keys(walk)
+
+
+def test_what_has_nothing_to_show_of_a_log_is_dimmed_and_says_what_to_see(
+    walk: Walk, own_missions: Path, request: pytest.FixtureRequest
+) -> None:
+    folder = write(own_missions / "blind", tables(60, 90))
+    request.addfinalizer(lambda: rmtree(folder))
+    (folder / "ref.csv").unlink()
+    begin(walk, flight())
+    tabs = walk.page._tabs
+    assert tabs._marks is None
+    begin(walk, Experiment(mission="blind"))
+    assert tabs._marks is not None
+    assert "no reference" in tabs._marks.reasons["tab"]["Errors"]
+    assert tabs._marks.reasons["button"] == {}
+    walk.open("Errors")
+    assert set(tabs._marks.reasons["button"]) == {"Errors"}, "σ is known without a reference"
+    assert "no reference" in walk.reason
+    steps = walk.page._reason.view.select(pmui.Button)
+    assert [one.label for one in steps] == ["Open Innovations", "Open Verdict"]
+    with set_curdoc(walk._document):
+        steps[1].clicks += 1
+    assert walk.title == "Verdict"
+    assert set(tabs._marks.reasons["button"]) == {"Budget"}
+    walk.open("Covariance")
+    assert "Errors" not in tabs._marks.reasons["tab"], "it opens what there is"
+    begin(walk, flight())
+    assert tabs._marks.reasons == {"tab": {}, "button": {}}
