@@ -13,6 +13,7 @@ from dashboards.history import change_in_words
 from dashboards.overview_head import OverviewHead
 from dashboards.pages.base import AROUND, NARROW
 from dashboards.pages.computed import ComputedPage
+from dashboards.pages.log_checks import LogChecks
 from dashboards.query import query
 from dashboards.session import OUTAGES, Session
 from dashboards.settings_panel import may_change
@@ -40,18 +41,20 @@ _GRID = f"""
   display: grid !important; gap: 8px; min-height: calc(var(--print-height, 100vh) - {AROUND}px) !important;
   height: auto !important; grid-template-columns: minmax(0, 5fr) minmax(0, 6fr);
   grid-template-rows: max-content max-content minmax({3 * LEAST + 16}px, 3fr) minmax({LEAST}px, 1fr);
-  grid-template-areas: "head head" "words words" "track plots" "nis nis";
+  grid-template-areas: "head head" "words words" "track plots" "nis nis" "checks checks";
+  grid-auto-rows: max-content;
 }}
 :host > .head {{ grid-area: head; }}
 :host > .words {{ grid-area: words; }}
 :host > .track {{ grid-area: track; }}
 :host > .plots {{ grid-area: plots; }}
 :host > .nis {{ grid-area: nis; }}
+:host > .checks {{ grid-area: checks; }}
 .scroll-button {{ display: none !important; }}
 @container stage (max-width: {NARROW}px) {{
   :host {{
     grid-template-columns: minmax(0, 1fr); grid-template-rows: max-content max-content 560px 380px 180px;
-    grid-template-areas: "head" "words" "plots" "track" "nis";
+    grid-template-areas: "head" "words" "plots" "track" "nis" "checks";
   }}
 }}
 """
@@ -92,6 +95,7 @@ class Overview(ComputedPage):
         self._track.figure.update(min_height=LEAST, css_classes=["track"])
         self._figures: dict[tuple[TimePlot, ...], TimeFigures] = {}
         self._shown = OVERVIEW
+        self._checks: LogChecks | None = None
         self.words.param.update(css_classes=["words"], margin=(0, 4), stylesheets=[_WORDS])
         return pn.Column(*self._parts(), sizing_mode="stretch_both", stylesheets=[_GRID], margin=(6, 8))
 
@@ -116,7 +120,13 @@ class Overview(ComputedPage):
         plots = pn.Column(
             *panes, sizing_mode="stretch_both", margin=0, css_classes=["plots"], stylesheets=[_PLOTS]
         )
-        return [self._head, self.words, track, plots, below]
+        parts = [self._head, self.words, track, plots, below]
+        if self._shown is BY_INNOVATIONS:
+            if self._checks is None:
+                self._checks = LogChecks(self.axis, lambda: self._session.go("Verdict", None))
+                self._checks.view.css_classes = ["checks"]
+            parts.append(self._checks.view)
+        return parts
 
     def prepare(self, result: Result) -> None:
         """Compute the data of the plots, if the result needs no others."""
@@ -131,6 +141,12 @@ class Overview(ComputedPage):
         if shown != self._shown:
             self.view[:] = self._parts()
         super().draw(result)
+        if self._checks is not None:
+            if self._shown is BY_INNOVATIONS:
+                self._checks.show(result)
+            else:
+                self._checks.hide()
+                self._checks.release()
 
     def say(self, text: str) -> None:
         """Show a problem; the figures of the result before stay until the new ones are there."""
@@ -156,6 +172,25 @@ class Overview(ComputedPage):
         """Refer to no result any more; what is drawn stays."""
         super().release()
         self._track.release()
+        if self._checks is not None:
+            self._checks.release()
+
+    def forget(self) -> None:
+        """Redraw at the next occasion, the checks too."""
+        super().forget()
+        if self._checks is not None:
+            self._checks.forget()
+
+    def hide(self) -> None:
+        """End the checks that nobody waits for."""
+        if self._checks is not None:
+            self._checks.hide()
+
+    def close(self) -> None:
+        """End all work."""
+        super().close()
+        if self._checks is not None:
+            self._checks.close()
 
     def show_time(self, time: float) -> None:
         """Mark the aircraft."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from lab.views.run_comparison import mean_over_degrees
 from lab.views.time_plot import Band, Curve, FloatArray, TimePlot
 
 if TYPE_CHECKING:
+    from lab.analysis.cross_checks import CrossChecks
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
 
@@ -65,6 +67,24 @@ OVERVIEW: tuple[TimePlot, ...] = (
 """Where the errors are known."""
 BY_INNOVATIONS: tuple[TimePlot, ...] = (POSITION_INNOVATIONS, VELOCITY_INNOVATIONS, COVARIANCE[2], NIS)
 """Of a log without reference."""
+
+
+def _of_checks(name: str, title: str, unit: str, label: str, band: type[Band], **clock: Any) -> TimePlot:
+    """Return a plot of one of the cross checks of a run, with ±3σ."""
+    style: Literal["points", "line"] = "points" if clock else "line"
+    curve = Curve(f"check_{name}", label, BLUE, attrgetter(name), style)
+    expected = band(f"check_{name}_band", 3, BLUE, attrgetter(f"{name}_sigma"))
+    return TimePlot(
+        f"check_{name}", title, unit, (curve,), band=expected, scale="free" if band is Bound else "symmetric", **clock
+    )
+
+
+CROSS_CHECKS: tuple[TimePlot, ...] = (
+    _of_checks("withheld", "Withheld fixes, predicted", "m", "fix minus prediction", Bound, clock="time_gps"),
+    _of_checks("apart", "Filter and smoother apart", "m", "distance", Bound),
+    _of_checks("turned", "Heading, filter minus smoother", "°", "difference", Band),
+)
+"""Of what a run tells of its own errors; drawn of `lab.analysis.cross_checks.CrossChecks`."""
 
 
 class Number(NamedTuple):
@@ -168,6 +188,23 @@ def sentences_of(result: Result) -> str:
         f"A sensor log, “{title}”, with a reference. "
         "Blue: how far the navigation is from it; shade: how far it believes to be."
     )
+
+
+def checks_in_words(found: CrossChecks) -> str:
+    """Return in sentences how far withheld fixes and the smoothed solution are from what the filter expects."""
+    said = []
+    for name, words in (
+        ("withheld", "Fixes that are withheld for 10 s are predicted to {} rms"),
+        ("apart", "Filter and smoother are {} apart"),
+    ):
+        size, sigma = getattr(found, name), getattr(found, f"{name}_sigma")
+        known = np.isfinite(size) & np.isfinite(sigma)
+        if known.any():
+            rms, expected = (_shown(float(np.sqrt(np.mean(one[known] ** 2))), "m") for one in (size, sigma))
+            said.append(f"{words.format(rms)}; the filter expects {expected}.")
+        elif name == "withheld":
+            said.append("The log is too short to withhold fixes.")
+    return " ".join([*said, *([f"There is no smoothed solution: {found.problem}"] if found.problem else [])])
 
 
 def _sensors(result: Result) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import rmtree
+from weakref import ref
 
 import numpy as np
 import panel_material_ui as pmui
@@ -160,6 +161,44 @@ def test_a_log(walk: Walk, own_missions: Path, request: pytest.FixtureRequest, h
     press(walk, "outage")
     ((start, _end),) = walk.page.session.experiment.get(OUTAGES)
     assert result.epoch < start < result.epoch + result.time[-1], "in the clock of the file"
+
+
+def test_a_log_is_judged_by_itself(
+    walk: Walk, own_missions: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write(own_missions / "blind", tables(60, 160))
+    request.addfinalizer(lambda: rmtree(folder))
+    (folder / "ref.csv").unlink()
+    begin(walk, Experiment(mission="blind"))
+    checks = overview(walk)._checks
+    assert checks is not None
+    assert "Judging the log by itself" in walk.text()
+    assert not checks._plots.visible
+    walk.open("Flight")
+    assert checks._next is None, "nothing is computed that nobody sees"
+    walk.open("Overview")
+    wanted = checks._next
+    assert wanted is not None
+    with set_curdoc(walk._document):
+        checks.begin(ref(Experiment(mission="blind").run()))
+        assert not checks._work.busy, "of another result"
+        checks.begin(wanted)
+    assert checks._work.busy
+    monkeypatch.setattr(Walk, "shown", checks)  # until it is done
+    walk.settle()
+    monkeypatch.undo()
+    assert checks._plots.visible
+    assert "withheld for 10 s are predicted to" in walk.text()
+    assert "Filter and smoother are" in walk.text()
+    assert "Withheld fixes, predicted" in titles(walk)
+    (button,) = checks.view.select(pmui.Button)
+    with set_curdoc(walk._document):
+        button.clicks += 1
+    assert walk.title == "Verdict"
+    walk.open("Overview")
+    begin(walk, flight())
+    assert checks._content is None
+    assert checks.view not in overview(walk).view.objects
 
 
 def test_a_homework_offers_only_what_may_be_changed(walk: Walk) -> None:

@@ -38,13 +38,20 @@ def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) ->
     return [mask for mask in masks if mask.any()]
 
 
+def innovations_of_withheld(
+    subject: Subject, experiment: ExperimentSettings, withheld: Flags
+) -> InnovationSeries:
+    """Return the innovations of all fixes, where those of a set are withheld, with their H P Hᵀ + R."""
+    settings = experiment.copy()
+    settings.navigator.smoother, settings.navigator.engine = False, "compiled"
+    return subject.navigate(settings, withheld)[1]
+
+
 def predicted(
     subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags
 ) -> InnovationSeries:
     """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
-    settings = experiment.copy()
-    settings.navigator.smoother, settings.navigator.engine = False, "compiled"
-    _, seen = subject.navigate(settings, withheld)
+    seen = innovations_of_withheld(subject, experiment, withheld)
     kept = withheld & ~dropped
     innovation = seen.innovation[kept]
     known = np.isfinite(innovation).any(axis=1)
