@@ -170,7 +170,7 @@ class PageTabs:
         if self._marks is None:
             if not self._reasons:
                 return
-            self._marks = Marks(margin=0)  # type: ignore[no-untyped-call]
+            self._marks = Marks(margin=0, styles={"display": "none"})  # type: ignore[no-untyped-call]
             self.view.append(self._marks)
         opened = {"tab": self._last, "button": {one.title: one for one in TABS[self._tab_of(self.kind)]}}
         self._marks.reasons = {

@@ -47,7 +47,8 @@ class CrossChecks:
     fixes : Fixes
         The fixes.
     withheld, withheld_sigma : (m,) array
-        Horizontal distance of each withheld fix from its prediction, and its σ [m]; NaN for the others.
+        Horizontal distance of each withheld fix from its prediction, and its σ [m]; NaN and 0 for the
+        others.
     apart, apart_sigma : (n + 1,) array
         Horizontal distance of the filter's solution from the smoothed one, and its σ [m].
     turned, turned_sigma : (n + 1,) array
@@ -104,7 +105,7 @@ def _withheld(run: Repeatable, progress: Progress) -> tuple[FloatArray, FloatArr
         sigma[mask] = np.sqrt(np.trace(seen.covariance[mask, :2, :2], axis1=1, axis2=2))
     rows = np.searchsorted(again.stamps - run.latency, run.fix_validity - _ROUNDING)
     size, sigma = size[rows], sigma[rows]
-    sigma[~np.isfinite(size)] = np.nan
+    sigma[~np.isfinite(size)] = 0
     return size, sigma
 
 

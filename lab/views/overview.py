@@ -80,9 +80,9 @@ def _of_checks(name: str, title: str, unit: str, label: str, band: type[Band], *
 
 
 CROSS_CHECKS: tuple[TimePlot, ...] = (
-    _of_checks("withheld", "Withheld fixes, predicted", "m", "fix minus prediction", Bound, clock="time_gps"),
-    _of_checks("apart", "Filter and smoother apart", "m", "distance", Bound),
-    _of_checks("turned", "Heading, filter minus smoother", "°", "difference", Band),
+    _of_checks("withheld", "Withheld fixes", "m", "fix from prediction", Bound, clock="time_gps"),
+    _of_checks("apart", "Smoother: position", "m", "filter from smoother", Bound),
+    _of_checks("turned", "Smoother: heading", "°", "filter from smoother", Band),
 )
 """Of what a run tells of its own errors; drawn of `lab.analysis.cross_checks.CrossChecks`."""
 
@@ -194,8 +194,8 @@ def checks_in_words(found: CrossChecks) -> str:
     """Return in sentences how far withheld fixes and the smoothed solution are from what the filter expects."""
     said = []
     for name, words in (
-        ("withheld", "Fixes that are withheld for 10 s are predicted to {} rms"),
-        ("apart", "Filter and smoother are {} apart"),
+        ("withheld", "Withheld for 10 s, fixes are predicted to {} (rms)"),
+        ("apart", "Filter and smoother differ by {} (rms)"),
     ):
         size, sigma = getattr(found, name), getattr(found, f"{name}_sigma")
         known = np.isfinite(size) & np.isfinite(sigma)

@@ -188,9 +188,9 @@ def test_a_log_is_judged_by_itself(
     walk.settle()
     monkeypatch.undo()
     assert checks._plots.visible
-    assert "withheld for 10 s are predicted to" in walk.text()
-    assert "Filter and smoother are" in walk.text()
-    assert "Withheld fixes, predicted" in titles(walk)
+    assert "Withheld for 10 s, fixes are predicted to" in walk.text()
+    assert "Filter and smoother differ by" in walk.text()
+    assert "Withheld fixes" in titles(walk)
     (button,) = checks.view.select(pmui.Button)
     with set_curdoc(walk._document):
         button.clicks += 1
