@@ -67,3 +67,40 @@ class OverviewHead(JSComponent):
         content = {"sentences": sentences, "actions": actions, "numbers": numbers}
         if content != self.content:
             self.content = content
+
+
+class TrackSwitch(JSComponent):
+    """Two buttons in the place of the track: the track from above, or the flight in three dimensions."""
+
+    is_3d: bool = param.Boolean(False, doc="Whether the flight is shown in three dimensions.")
+
+    _esm = """
+export function render({model}) {
+  const group = document.createElement("div")
+  group.setAttribute("role", "group")
+  group.setAttribute("aria-label", "Track or 3-D")
+  const buttons = [["Track", false], ["3-D", true]].map(([label, is_3d]) => {
+    const button = document.createElement("button")
+    button.type = "button"
+    button.textContent = label
+    button.addEventListener("click", () => { model.is_3d = is_3d })
+    const show = () => button.setAttribute("aria-pressed", model.is_3d === is_3d)
+    model.on("is_3d", show)
+    show()
+    return button
+  })
+  group.append(...buttons)
+  return group
+}
+"""
+    _stylesheets = [  # noqa: RUF012 - Panel's own
+        """
+button { font: 12px/1 Roboto, sans-serif; color: inherit; background: none; cursor: pointer; padding: 5px 9px;
+         border: 1px solid rgba(128, 128, 128, .4); }
+button:first-child { border-radius: 6px 0 0 6px; }
+button:last-child { border-radius: 0 6px 6px 0; border-left: 0; }
+button[aria-pressed=true] { background: rgba(59, 142, 234, .2); }
+button:focus-visible { outline: 2px solid #3b8eea; outline-offset: 1px; }
+@media print { :host { display: none; } }
+"""
+    ]

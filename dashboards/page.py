@@ -39,6 +39,7 @@ from dashboards.settings_panel import SettingsPanel
 from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
 from dashboards.style import DRESS, FRAME, STAGE, THEME
+from dashboards.teaching.bar_style import flash
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
@@ -93,7 +94,9 @@ class SimulatorPage:
         self._closed = False
         self._visible: Page | None = None
         self._progress = ProgressText(self.session)
-        steps = {f"Open {title}": partial(self._open, title) for title in (Innovations.title, Consistency.title)}
+        steps = {
+            f"Open {title}": partial(self._open, title) for title in (Innovations.title, Consistency.title)
+        }
         self._reason = Notice(margin=(16, 20), steps=steps)
         self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
@@ -204,6 +207,7 @@ class SimulatorPage:
             keep=self._address.keep_class,
             href=lambda: self._address.href,
             enlarge=self._enlarge,
+            flash=lambda paths: flash(self._settings.views(paths)) if self._settings else None,
         )
 
     def _visitor(self) -> Visitor:

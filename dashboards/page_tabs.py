@@ -64,8 +64,10 @@ export function render({model, el}) {
     const {host} = el.getRootNode()
     for (const {shadowRoot} of host?.getRootNode().querySelectorAll("*") ?? []) {
       if (!shadowRoot || shadowRoot === host.shadowRoot) continue
-      if (!seen.has(shadowRoot)) new MutationObserver(mark).observe(shadowRoot, {childList: true, subtree: true})
-      seen.add(shadowRoot)
+      if (!seen.has(shadowRoot)) {
+        new MutationObserver(mark).observe(shadowRoot, {childList: true, subtree: true})
+        seen.add(shadowRoot)
+      }
       for (const one of shadowRoot.querySelectorAll("button")) {
         const kind = one.getAttribute("role") === "tab" ? "tab" : "button"
         const reason = model.reasons[kind]?.[one.textContent.trim()]
@@ -86,7 +88,9 @@ export function render({model, el}) {
 class Marks(JSComponent):
     """The reasons why tabs and parts have nothing to show; the browser writes them at their buttons."""
 
-    reasons: dict[str, dict[str, str]] = param.Dict({}, doc="By the role of a button and what is written on it.")
+    reasons: dict[str, dict[str, str]] = param.Dict(
+        {}, doc="By the role of a button and what is written on it."
+    )
 
     _esm = _MARKS
 

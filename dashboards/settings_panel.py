@@ -145,6 +145,12 @@ class SettingsPanel:
         self._finder.count()
         self._suit()
 
+    def views(self, paths: Iterable[str]) -> list[pn.viewable.Viewable]:
+        """Return the fields of some settings, as far as they are there."""
+        return [
+            fields[path].view for path in paths for fields in (self._fields, self._found) if path in fields
+        ]
+
     def _names(self) -> dict[str, tuple[str, ...]]:
         """Return what each setting with a field can be found by."""
         experiment = self._session.experiment

@@ -1,4 +1,4 @@
-"""Log checks: the part of the Overview of a log without reference: withheld fixes, filter against smoother."""
+"""Log checks: the part of the Overview of a log without reference, which is judged by itself."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _LINE = """
 
 
 class LogChecks(ComputedPage):
-    """Two sentences and three plots, computed after the rest of the Overview, and a way to identify the noise.
+    """Two sentences and three plots, computed after the rest of the page, and a way to identify the noise.
 
     Parameters
     ----------
@@ -65,7 +65,9 @@ class LogChecks(ComputedPage):
         button = pmui.Button(label="Identify noise …", size="small", variant="outlined", margin=(4, 8))
         button.on_click(lambda _event: self._identify())
         self.words.margin = (2, 8)
-        self._plots = pn.Column(*panes, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW], visible=False)
+        self._plots = pn.Column(
+            *panes, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW], visible=False
+        )
         return pn.Column(
             pn.Row(self.words, button, sizing_mode="stretch_width", margin=0, stylesheets=[_LINE]),
             self._plots,

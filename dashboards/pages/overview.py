@@ -7,13 +7,15 @@ from typing import NamedTuple, Self
 from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
+import param
 from bokeh.models.tickers import BasicTicker
 
 from dashboards.history import change_in_words
-from dashboards.overview_head import OverviewHead
-from dashboards.pages.base import AROUND, NARROW
+from dashboards.overview_head import OverviewHead, TrackSwitch
+from dashboards.pages.base import AROUND, NARROW, Page
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.log_checks import LogChecks
+from dashboards.pages.view_3d import View3D
 from dashboards.query import query
 from dashboards.session import OUTAGES, Session
 from dashboards.settings_panel import may_change
@@ -33,6 +35,8 @@ FOOLED = 0.1
 MOST_SETTINGS = 6
 """Most settings that differ from the defaults and are named."""
 
+_TRACK = 2
+"""Number of the track among the parts of the page."""
 LEAST = 125
 """Least height of a plot [px]."""
 
@@ -47,6 +51,8 @@ _GRID = f"""
 :host > .head {{ grid-area: head; }}
 :host > .words {{ grid-area: words; }}
 :host > .track {{ grid-area: track; }}
+:host > .switch {{ grid-area: track; place-self: start; margin-left: 140px !important; z-index: 2; }}
+:host > .in-3d {{ grid-area: track; padding-top: 28px; }}
 :host > .plots {{ grid-area: plots; }}
 :host > .nis {{ grid-area: nis; }}
 :host > .checks {{ grid-area: checks; }}
@@ -60,6 +66,12 @@ _GRID = f"""
 """
 _PLOTS = ":host { display: flex; flex-direction: column; gap: 8px; min-height: 0 !important; }"
 _WORDS = "p { margin: 0; font: 13px/1.4 Roboto, sans-serif; opacity: .8; }"
+
+
+class _Beside3D(View3D):
+    """The flight in three dimensions, in the place of the track."""
+
+    height = f"calc(100vh - {AROUND + 300}px)"
 
 
 class _Content(NamedTuple):
@@ -96,6 +108,10 @@ class Overview(ComputedPage):
         self._figures: dict[tuple[TimePlot, ...], TimeFigures] = {}
         self._shown = OVERVIEW
         self._checks: LogChecks | None = None
+        self._scene: View3D | None = None
+        self._dark = False
+        self._switch = TrackSwitch(css_classes=["switch"], margin=0)  # type: ignore[no-untyped-call]
+        self._switch.param.watch(self._switched, "is_3d")
         self.words.param.update(css_classes=["words"], margin=(0, 4), stylesheets=[_WORDS])
         return pn.Column(*self._parts(), sizing_mode="stretch_both", stylesheets=[_GRID], margin=(6, 8))
 
@@ -113,14 +129,11 @@ class Overview(ComputedPage):
         """Return the parts of the page in reading order."""
         *beside, nis = self._drawn_by(self._shown).figures
         nis.css_classes = ["nis"]
-        track, *panes, below = (
-            pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0)
-            for fig in (self._track.figure, *beside, nis)
-        )
+        *panes, below = (pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in (*beside, nis))
         plots = pn.Column(
             *panes, sizing_mode="stretch_both", margin=0, css_classes=["plots"], stylesheets=[_PLOTS]
         )
-        parts = [self._head, self.words, track, plots, below]
+        parts = [self._head, self.words, self._seen_track(), self._switch, plots, below]
         if self._shown is BY_INNOVATIONS:
             if self._checks is None:
                 self._checks = LogChecks(self.axis, lambda: self._session.go("Verdict", None))
@@ -128,8 +141,29 @@ class Overview(ComputedPage):
             parts.append(self._checks.view)
         return parts
 
+    def _seen_track(self) -> pn.viewable.Viewable:
+        """Return the track, or the flight in three dimensions."""
+        if self._scene is not None:
+            return self._scene.view
+        return pn.pane.Bokeh(self._track.figure, sizing_mode="stretch_both", margin=0)
+
+    def _switched(self, event: param.parameterized.Event) -> None:
+        """Show the flight in three dimensions, of which nothing is kept once the track is shown again."""
+        if self._scene is not None:
+            self._scene.close()
+            self._scene = None
+        if event.new:
+            self._scene = _Beside3D(self.axis)
+            self._scene.dress(self._dark)
+            self._scene.draw_again = self.draw_again
+            self._scene.view.css_classes = ["in-3d"]
+        self.view[_TRACK] = self._seen_track()
+        self.draw_again()
+
     def prepare(self, result: Result) -> None:
         """Compute the data of the plots, if the result needs no others."""
+        if self._scene is not None:
+            self._scene.prepare(result)
         if _plots_of(result) == self._shown:
             self._drawn_by(self._shown).prepare(result)
 
@@ -137,7 +171,10 @@ class Overview(ComputedPage):
         """Draw a result in the visible stretch of time, and compute its figures."""
         shown, self._shown = self._shown, _plots_of(result)
         self._drawn_by(self._shown).show(result, self.held())
-        self._track.show(result, self.axis.time, self.held())
+        if self._scene is None:
+            self._track.show(result, self.axis.time, self.held())
+        else:
+            self._scene.show(result)
         if shown != self._shown:
             self.view[:] = self._parts()
         super().draw(result)
@@ -172,14 +209,25 @@ class Overview(ComputedPage):
         """Refer to no result any more; what is drawn stays."""
         super().release()
         self._track.release()
-        if self._checks is not None:
-            self._checks.release()
+        for part in self._further:
+            part.release()
+
+    @property
+    def _further(self) -> list[Page]:
+        """The parts that are pages themselves."""
+        return [part for part in (self._checks, self._scene) if part is not None]
 
     def forget(self) -> None:
-        """Redraw at the next occasion, the checks too."""
+        """Redraw at the next occasion, with all parts."""
         super().forget()
-        if self._checks is not None:
-            self._checks.forget()
+        for part in self._further:
+            part.forget()
+
+    def dress(self, dark: bool) -> None:
+        """Follow the theme, which the scene does not by itself."""
+        self._dark = dark
+        if self._scene is not None:
+            self._scene.dress(dark)
 
     def hide(self) -> None:
         """End the checks that nobody waits for."""
@@ -189,12 +237,15 @@ class Overview(ComputedPage):
     def close(self) -> None:
         """End all work."""
         super().close()
-        if self._checks is not None:
-            self._checks.close()
+        for part in self._further:
+            part.close()
 
     def show_time(self, time: float) -> None:
         """Mark the aircraft."""
-        self._track.show_time(time)
+        if self._scene is None:
+            self._track.show_time(time)
+        else:
+            self._scene.show_time(time)
 
     def _actions(self) -> list[tuple[str, str]]:
         """Return the buttons, without those whose settings a homework locks."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from typing import ClassVar
 
 import panel as pn
 import panel_material_ui as pmui
@@ -27,6 +28,10 @@ class View3D(Page):
     title = "3-D"
     seen = ("solution", "truth")
     depends_on_window = False
+    frame_style: ClassVar[str] = f"""
+    iframe {{ border: 0; width: 100%; height: calc(100vh - {AROUND + 46}px); min-height: 360px;
+              display: block; border-radius: 6px; }}
+    """
 
     def __init__(self, axis: TimeAxis) -> None:
         self._served: ServedScene | None = None
@@ -38,7 +43,13 @@ class View3D(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return the frame, which shows a viser server once a browser is there."""
         self._document = pn.state.curdoc
-        self._frame = pn.pane.HTML("", sizing_mode="stretch_width", margin=0)
+        self._frame = pn.pane.HTML(
+            "",
+            css_classes=["frame"],
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[self.frame_style],
+        )
         self._begin()
         if self._served is None and self._document is not None:  # a link opens this page
             self._document.on_event(DocumentReady, lambda _event: self.draw_again())
@@ -67,9 +78,8 @@ class View3D(Page):
         self._served = ServedScene(self._document)
         self._scene = Scene(self._served.server, dark=self._dark)
         self._frame.object = (
-            f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen" '
-            f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
-            'border-radius:6px"></iframe>'
+            f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen">'
+            "</iframe>"
         )
 
     def prepare(self, result: Result) -> None:

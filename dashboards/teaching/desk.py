@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from weakref import ref
 
@@ -36,6 +36,8 @@ class Desk:
         Returns the address of the page, as its browser has it.
     enlarge : callable
         Turns large type for a projector on or off.
+    flash : callable
+        Makes the fields of some settings flash.
     """
 
     session: Session
@@ -47,6 +49,7 @@ class Desk:
     keep: Callable[[str, bool], None]
     href: Callable[[], str]
     enlarge: Callable[[bool], None]
+    flash: Callable[[Iterable[str]], None]
 
     def own(self) -> Moment:
         """Return what the page shows, with the settings of its fields."""

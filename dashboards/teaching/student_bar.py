@@ -6,14 +6,19 @@ wanders off. Returning takes one click, and what the student had is kept for the
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextvars import Context
 from html import escape
+from typing import NamedTuple
+from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.history import change_in_words
 from dashboards.pages.missions.entry_fields import WRAP
+from dashboards.query import query
 from dashboards.sending import soon, together
 from dashboards.style import TOOLTIP
 from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
@@ -26,6 +31,17 @@ KEPT = "You follow your teacher. Your own settings are kept."
 WAITING = "Your teacher has not shown anything yet."
 OWN_WAY = "You are exploring. Your teacher continues."
 ENDED = "The class has ended. Your page stays as it is."
+QUIET = 3.0
+"""Longest time between two changes of the same settings that are named as one [s]: a slider moves."""
+
+
+class _Told(NamedTuple):
+    """What the teacher changed last: the settings, from what to what, and when [s]."""
+
+    paths: list[str]
+    before: dict[str, str]
+    after: dict[str, str]
+    at: float
 
 
 class StudentBar:
@@ -67,6 +83,8 @@ class StudentBar:
         self._seat.follows = follows
         self._own: Moment | None = None
         self._showing = self._called = False
+        self._told: _Told | None = None
+        self._seen: dict[str, str] | None = None
         school_class.join(self._seat)
         self._words = pn.pane.HTML("", margin=(8, 8), align="center", stylesheets=[WORDS])
         self._turn = pmui.Button(label="", icon="directions_walk", **BUTTON)
@@ -139,6 +157,7 @@ class StudentBar:
         """Follow no longer; the page stays as it is."""
         if self.follows:
             self._seat.follows = False
+            self._told = self._seen = None
             self._changed()
 
     def back(self) -> None:
@@ -197,6 +216,7 @@ class StudentBar:
         moment = self._class.moment
         if moment is not None:
             self._show(moment)
+            self._tell()
         self._lay_out()
 
     def _show(self, moment: Moment) -> None:
@@ -205,6 +225,26 @@ class StudentBar:
             self._desk.show(moment)
         finally:
             self._showing = False
+
+    def _tell(self) -> None:
+        """Note what the teacher has changed since what this page saw before, and make it flash."""
+        before, after = self._seen, self._settings()
+        self._seen = after
+        if before is None:
+            return
+        paths = [path for path in before | after if before.get(path) != after.get(path)]
+        if paths:
+            now, told = time.monotonic(), self._told
+            if told is not None and told.paths == paths and now - told.at < QUIET:  # one motion of a slider
+                before = told.before
+            self._told = _Told(paths, before, after, now)
+            self._desk.flash(paths)
+
+    def _settings(self) -> dict[str, str]:
+        """Return the settings of the page that differ from the defaults; a seed may be hidden."""
+        experiment = self._desk.session.experiment
+        found = dict(parse_qsl(query(experiment)))
+        return {path: text for path, text in found.items() if path != "seed" or not experiment.hidden}
 
     def _changed(self) -> None:
         self._lay_out()
@@ -222,6 +262,9 @@ class StudentBar:
             text = WAITING
         else:
             text = KEPT if self._own is not None else FOLLOWING
+            if self._told is not None:
+                changed = change_in_words(urlencode(self._told.before), urlencode(self._told.after))
+                text = f"{text} Changed: {changed}"
         with together(self._desk.document):
             if self._words.object != escape(text):
                 self._words.object = escape(text)

@@ -75,7 +75,13 @@ def _of_checks(name: str, title: str, unit: str, label: str, band: type[Band], *
     curve = Curve(f"check_{name}", label, BLUE, attrgetter(name), style)
     expected = band(f"check_{name}_band", 3, BLUE, attrgetter(f"{name}_sigma"))
     return TimePlot(
-        f"check_{name}", title, unit, (curve,), band=expected, scale="free" if band is Bound else "symmetric", **clock
+        f"check_{name}",
+        title,
+        unit,
+        (curve,),
+        band=expected,
+        scale="free" if band is Bound else "symmetric",
+        **clock,
     )
 
 
@@ -191,7 +197,7 @@ def sentences_of(result: Result) -> str:
 
 
 def checks_in_words(found: CrossChecks) -> str:
-    """Return in sentences how far withheld fixes and the smoothed solution are from what the filter expects."""
+    """Return in sentences how far withheld fixes and the smoothed solution are from the filter."""
     said = []
     for name, words in (
         ("withheld", "Withheld for 10 s, fixes are predicted to {} (rms)"),

@@ -142,10 +142,50 @@ def test_students_see_settings_tab_and_time_without_another_run(room: Room) -> N
         assert student.page.session.experiment.to_dict() == room.teacher.page.session.experiment.to_dict()
         assert student.page.session.result is room.teacher.page.session.result
         assert (student.title, student.page.axis.time) == ("Flight", 42.0)
-        assert words(student) == FOLLOWING
+        assert words(student).split(" Changed: ")[0] == FOLLOWING
     assert CACHE.computed["navigation"] == before["navigation"] + 1  # the teacher's
     room.look()
     assert "<b>2</b> here, <b>2</b> follow" in words(room.teacher)
+
+
+def test_what_the_teacher_changed_is_named_and_flashes(room: Room) -> None:
+    student = room.student()
+    assert words(student) == FOLLOWING
+    panel = student.page._settings
+    if panel is None:
+        with set_curdoc(student._document):
+            student.page._add_settings()
+        panel = student.page._settings
+    assert panel is not None
+    for step in list(student.page._steps):  # its groups are filled one after the other
+        with set_curdoc(student._document):
+            step()
+    (field,) = panel.views([NOISE])
+
+    def flashes() -> list[str]:
+        return [one for one in field.css_classes if one.startswith("told")]
+
+    assert flashes() == []
+    room.set("seed", 2)  # the settings of the fields of the teacher's page, which are not those of its result
+    settle(student)
+    room.set(NOISE, 0.5)
+    settle(student)
+    assert words(student) == f"{FOLLOWING} Changed: Navigator and filter: Q scale 1 → 0.5"
+    first = flashes()
+    room.set(NOISE, 0.25)
+    settle(student)
+    assert words(student).endswith("Q scale 1 → 0.25"), "a motion of a slider is one change"
+    assert len(first) == len(flashes()) == 1
+    assert flashes() != first, "it flashes again"
+    room.set("navigator.r_scale", 2.0)
+    settle(student)
+    assert words(student).endswith("Changed: Navigator and filter: R scale 1 → 2")
+    with set_curdoc(student._document):
+        bar(student).wander()
+    assert words(student) == OWN_WAY
+    with set_curdoc(student._document):
+        bar(student).follow()
+    assert words(student) == FOLLOWING, "nothing has changed meanwhile"
 
 
 def test_of_several_steps_in_a_row_the_last_is_shown(room: Room) -> None:

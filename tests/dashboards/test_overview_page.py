@@ -14,7 +14,9 @@ from panel.io.state import set_curdoc
 from sensor_logs import tables, write
 from walking import Walk, walking
 
+from dashboards import viser_proxy
 from dashboards.pages.overview import OUTAGES, Q_SCALE, Overview
+from dashboards.viser_proxy import registered_views
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.classroom.homework.hidden_experiment import HiddenExperiment
@@ -247,3 +249,30 @@ def test_what_has_nothing_to_show_of_a_log_is_dimmed_and_says_what_to_see(
     assert "Errors" not in tabs._marks.reasons["tab"], "it opens what there is"
     begin(walk, flight())
     assert tabs._marks.reasons == {"tab": {}, "button": {}}
+
+
+def test_the_flight_in_three_dimensions_takes_the_place_of_the_track_while_it_is_wanted(walk: Walk) -> None:
+    begin(walk, flight())
+    page = overview(walk)
+    views = registered_views(viser_proxy.web_application(walk._document))
+    assert page._scene is None, "nothing is made that nobody asked for"
+    assert not views
+    with set_curdoc(walk._document):
+        page._switch.is_3d = True
+    walk.settle()
+    assert len(views) == 1
+    scene = page._scene
+    assert scene is not None
+    assert scene.view in page.view.objects
+    assert "Ground track" not in titles(walk)
+    assert scene._scene is not None
+    assert scene._scene._result is walk.page.session.result
+    begin(walk, flight().update({"seed": 2}))
+    assert scene._scene._result is walk.page.session.result
+    walk.page._time_bar.go(10.0)
+    with set_curdoc(walk._document):
+        page._switch.is_3d = False
+    walk.settle()
+    assert not views
+    assert page._scene is None
+    assert "Ground track" in titles(walk)
