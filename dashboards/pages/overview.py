@@ -51,8 +51,8 @@ _GRID = f"""
 :host > .head {{ grid-area: head; }}
 :host > .words {{ grid-area: words; }}
 :host > .track {{ grid-area: track; }}
-:host > .switch {{ grid-area: track; place-self: start; margin-left: 140px !important; z-index: 2; }}
-:host > .in-3d {{ grid-area: track; padding-top: 28px; }}
+:host > .switch {{ grid-area: track; place-self: start; margin-left: 190px !important; z-index: 2; }}
+:host > .in-3d {{ grid-area: track; padding-top: 24px; }}
 :host > .plots {{ grid-area: plots; }}
 :host > .nis {{ grid-area: nis; }}
 :host > .checks {{ grid-area: checks; }}
@@ -65,13 +65,24 @@ _GRID = f"""
 }}
 """
 _PLOTS = ":host { display: flex; flex-direction: column; gap: 8px; min-height: 0 !important; }"
+_IN_3D = """
+:host { display: flex !important; flex-direction: column; height: auto !important; min-height: 0 !important; }
+:host > .frame { flex: 1 1 auto !important; min-height: 200px !important; }
+"""
 _WORDS = "p { margin: 0; font: 13px/1.4 Roboto, sans-serif; opacity: .8; }"
 
 
 class _Beside3D(View3D):
     """The flight in three dimensions, in the place of the track."""
 
-    height = f"calc(100vh - {AROUND + 300}px)"
+    # A narrow frame would have the controls of a phone over the scene: it is made smaller instead.
+    frame_style = """
+    :host { position: relative; }
+    iframe { border: 0; position: absolute; inset: 0; width: 100%; height: 100%; border-radius: 6px; }
+    @container stage (max-width: 1300px) {
+      iframe { width: 166.7%; height: 166.7%; transform: scale(0.6); transform-origin: 0 0; }
+    }
+    """
 
 
 class _Content(NamedTuple):
@@ -156,7 +167,7 @@ class Overview(ComputedPage):
             self._scene = _Beside3D(self.axis)
             self._scene.dress(self._dark)
             self._scene.draw_again = self.draw_again
-            self._scene.view.css_classes = ["in-3d"]
+            self._scene.view.param.update(css_classes=["in-3d"], stylesheets=[_IN_3D])
         self.view[_TRACK] = self._seen_track()
         self.draw_again()
 
