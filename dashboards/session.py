@@ -12,6 +12,7 @@ from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome, run
 from dashboards.sending import soon, together
+from lab.base.files.deleted_files import DeletedFiles
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.homework.homework import Homework
@@ -19,7 +20,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
 from lab.missions import missions, names_in_words
-from lab.missions.library import DeletedMission, take_mission_away
+from lab.missions.library import take_mission_away
 
 OUTAGES = "sensors.gps.outages"
 PATIENCE = 500
@@ -129,7 +130,7 @@ class Session(param.Parameterized):
         self._on_rest: list[Callable[[], None]] = []
         self._on_library: list[Callable[[], None]] = []
         self._on_run: list[Callable[[], None]] = []
-        self._deleted: dict[str, DeletedMission] = {}
+        self._deleted: dict[str, DeletedFiles] = {}
         self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: tuple[Experiment, Outcome] | None = None

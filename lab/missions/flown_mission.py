@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from lab.base.files.deleted_files import file_errors_reported
 from lab.base.files.description_toml import read_toml
 from lab.base.files.locks import folder_lock
 from lab.base.files.mission_error import MissionError
@@ -15,7 +16,6 @@ from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.library import (
     add_mission,
     encoded,
-    file_errors_reported,
     named_by_others,
     new_recording,
     replace_toml,

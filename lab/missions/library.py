@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.base.files.atomic_file import atomic_file
+from lab.base.files.deleted_files import DeletedFiles, file_errors_reported
 from lab.base.files.description_toml import file_in_same_folder, read_toml
 from lab.base.files.locks import folder_lock
 from lab.base.files.mission_error import MissionError
@@ -254,51 +255,7 @@ def describe_mission(
     return mission(path)
 
 
-class DeletedMission:
-    """The files of a mission that was deleted, which may still be brought back.
-
-    Parameters
-    ----------
-    name
-        Name of the mission.
-    kept
-        Where each file is now, and where it was.
-    holding
-        Holds the folder where they are; closed, the folder goes with what is in it.
-    """
-
-    def __init__(self, name: str, kept: Sequence[tuple[Path, Path]], holding: contextlib.ExitStack) -> None:
-        self.name = name
-        self._kept = tuple(kept)
-        self._holding = holding
-
-    def restore(self) -> None:
-        """Bring the mission back with its files.
-
-        Raises
-        ------
-        MissionError
-            If a file has taken the place of one of these, or the folder cannot be written.
-        """
-        if not self._kept:
-            raise MissionError(f"mission {self.name}: its files are gone")
-        folder = self._kept[0][0].parent.parent
-        with file_errors_reported(folder), folder_lock(folder):
-            for _, place in self._kept:
-                if place.exists():
-                    raise MissionError(f"{place}: not brought back, because another file is there now")
-            for file, place in self._kept:
-                place.parent.mkdir(exist_ok=True)
-                file.rename(place)
-        self.forget()
-
-    def forget(self) -> None:
-        """Delete the files for good."""
-        self._kept = ()
-        self._holding.close()
-
-
-def take_mission_away(name: str) -> DeletedMission:
+def take_mission_away(name: str) -> DeletedFiles:
     """Delete a mission of the user's own, and keep its files until they are forgotten or brought back.
 
     The files are its TOML file and its recording, or those of its log. A recording that another mission names
@@ -310,14 +267,11 @@ def take_mission_away(name: str) -> DeletedMission:
         If it is not the user's own, or a file cannot be deleted.
     """
     path = own_place(name)
-    with contextlib.ExitStack() as holding, file_errors_reported(path.parent), folder_lock(path.parent):
-        folder = holding.enter_context(temporary_folder(path.parent))
-        kept = [(folder / str(number), place) for number, place in enumerate(_files_of(path))]
-        for file, place in kept:
-            place.rename(file)
+    with file_errors_reported(path.parent), folder_lock(path.parent):
+        deleted = DeletedFiles.taken(f"mission {name}", path.parent, _files_of(path))
         if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
             path.rmdir()
-        return DeletedMission(name, kept, holding.pop_all())
+        return deleted
 
 
 def delete_mission(name: str) -> None:
@@ -455,13 +409,3 @@ def _tags(tags: Sequence[str]) -> list[str]:
     if isinstance(tags, str) or not all(isinstance(tag, str) for tag in tags):
         raise MissionError(f'tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
     return list(dict.fromkeys(filter(None, (tag.strip() for tag in tags))))
-
-
-@contextlib.contextmanager
-def file_errors_reported(folder: Path) -> Iterator[None]:
-    """Raise errors of the file system as a `MissionError`."""
-    try:
-        yield
-    except OSError as error:
-        where = error.filename or folder
-        raise MissionError(f"{where}: cannot be changed: {error.strerror or error}") from error

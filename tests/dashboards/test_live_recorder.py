@@ -15,6 +15,7 @@ import dashboards.pages.live.recorder as recorder_module
 from dashboards import devices, visitors
 from dashboards.devices import allow_devices
 from dashboards.pages.live.recorder import Recorder
+from lab.base.files.locks import LOCK_FILE
 from lab.data.log import sensor_log
 from lab.data.streams import unfinished
 from lab.data.streams.raw_recording import SUFFIX
@@ -184,7 +185,7 @@ def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
     opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = begun_and_left(opened, monkeypatch)
-    assert found.offer.view.visible
+    assert found.offer._offer.visible
     assert found.offer._name.value == "recording"
     found.offer._name.value = "../evil"
     found.offer._finish()
@@ -195,21 +196,29 @@ def test_a_recording_of_a_page_that_was_reloaded_becomes_a_mission(
     page.until(lambda: "to the library" in found._job._after.text)
     assert isinstance(mission("after the reload"), LogMission)
     found.offer.refresh()
-    assert not found.offer.view.visible
+    assert not found.offer._offer.visible
     assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
 
 
 @pytest.mark.proof
-def test_an_unfinished_recording_is_discarded_only_after_a_question(
+def test_an_unfinished_recording_that_was_discarded_comes_back_with_its_bytes(
     opened: Callable[[], Opened], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = begun_and_left(opened, monkeypatch)
+    (path,) = folder.glob(f"*{SUFFIX}")
+    before = path.read_bytes()
     found.offer._discard()
-    assert len(list(folder.glob(f"*{SUFFIX}"))) == 1
-    assert "for good" in found.offer._drop.label
+    assert not list(folder.glob(f"*{SUFFIX}*"))
+    assert not found.offer._offer.visible
+    assert found.offer._back.visible
+    found.offer._bring_back()
+    assert path.read_bytes() == before
+    assert found.offer._offer.visible
+    assert not found.offer._back.visible
+    found.offer._bring_back()  # once
     found.offer._discard()
-    assert not list(folder.glob("*"))
-    assert not found.offer.view.visible
+    found.close()
+    assert [one.name for one in folder.glob("*")] == [LOCK_FILE]
 
 
 @pytest.mark.proof
@@ -278,9 +287,9 @@ def test_a_recording_in_work_is_offered_to_nobody(
         for page in (one, other):
             offer = recorder(page).offer
             offer.refresh()
-            assert not offer.view.visible
+            assert not offer._offer.visible
             for clicks, answer in (
-                ((offer._discard, offer._discard), "a mission is made of it"),
+                ((offer._discard,), "a mission is made of it"),
                 ((offer._finish,), "another page"),
             ):
                 offer._choice.options, offer._choice.value = {"late": path}, path  # as it was offered before

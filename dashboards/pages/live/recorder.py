@@ -139,6 +139,7 @@ class Recorder(PartOfWatched):
     def close(self) -> None:
         """Leave a recording to those who still watch; it ends with the last, and is offered as unfinished."""
         self._job.close()
+        self.offer.close()
 
     def _begin(self) -> None:
         station = self._station

@@ -13,13 +13,14 @@ import panel_material_ui as pmui
 from dashboards.devices import STATIONS
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.visitors import may_edit
+from lab.base.files.deleted_files import DeletedFiles
+from lab.base.files.mission_error import MissionError
 from lab.data.streams.raw_recording import SUFFIX
-from lab.data.streams.unfinished import UnfinishedRecordings, discard
+from lab.data.streams.unfinished import UnfinishedRecordings, bring_back, discard
 from lab.missions import own_folder
 
 LOOK = 2000
 """Time between two looks at the folder [ms]."""
-_DISCARD, _SURE = "Discard", "Delete these bytes for good"
 _STAMP = "%Y%m%d-%H%M%S"
 """What the recorder writes behind the name."""
 
@@ -32,15 +33,15 @@ class UnfinishedPart:
     make
         Makes a mission of a recording, with this name.
     say
-        Shows a sentence.
+        Shows a sentence, as an error or with another severity.
 
     Attributes
     ----------
     view : panel.Column
-        The offer; invisible while there is none.
+        The offer, which is invisible while there is none, and a button that undoes the last discard.
     """
 
-    def __init__(self, make: Callable[[Path, str], None], say: Callable[[str], None]) -> None:
+    def __init__(self, make: Callable[[Path, str], None], say: Callable[..., None]) -> None:
         self._make, self._say = make, say
         self._kept = UnfinishedRecordings()
         self._document = pn.state.curdoc
@@ -51,7 +52,12 @@ class UnfinishedPart:
             label="Name", value="recording", size="small", variant="outlined", margin=(8, 4), **sized(190)
         )
         self._add = pmui.Button(label="Make a mission", icon="add", color="primary", **small)
-        self._drop = pmui.Button(label=_DISCARD, icon="delete", variant="outlined", **small)
+        self._drop = pmui.Button(label="Discard", icon="delete", variant="outlined", **small)
+        self._back = pmui.Button(
+            label="Undo: bring it back", icon="undo", variant="outlined", visible=False, **small
+        )
+        self._gone: tuple[DeletedFiles, Path] | None = None
+        self._back.on_click(lambda _event: self._bring_back())
         self._choice.param.watch(lambda _event: self._chosen(), "value")
         self._add.on_click(lambda _event: self._finish())
         self._drop.on_click(lambda _event: self._discard())
@@ -64,7 +70,8 @@ class UnfinishedPart:
             self._choice, self._name, self._add, self._drop,
             margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
         )  # fmt: skip
-        self.view = pn.Column(words, row, visible=False, margin=0, sizing_mode="stretch_width")
+        self._offer = pn.Column(words, row, visible=False, margin=0, sizing_mode="stretch_width")
+        self.view = pn.Column(self._offer, self._back, margin=0, sizing_mode="stretch_width")
 
     def follow(self) -> None:
         """Look at the folder, now and then, until `rest`."""
@@ -87,10 +94,14 @@ class UnfinishedPart:
             self._choice.options = found
             if self._choice.value not in found.values():
                 self._choice.value = next(iter(found.values()), None)
-        self.view.visible = bool(found)
+        self._offer.visible = bool(found)
+
+    def close(self) -> None:
+        """Delete for good what was discarded."""
+        if self._gone is not None:
+            self._gone[0].forget()
 
     def _chosen(self) -> None:
-        self._drop.label = _DISCARD
         path = self._choice.value
         if isinstance(path, Path):
             self._name.value = name_of(path)
@@ -113,14 +124,26 @@ class UnfinishedPart:
         path = self._path()
         if path is None or not may_edit():
             return
-        if self._drop.label == _DISCARD:
-            self._drop.label = _SURE
-            return
-        self._drop.label = _DISCARD
         try:
-            discard(path)
+            deleted = discard(path)
         except OSError as error:
             self._say(f"{path.name} cannot be deleted: {error.strerror or error}.")
+        else:
+            self.close()
+            self._gone, self._back.visible = (deleted, path), True
+            self._say(f"{path.name} was discarded.", "info")
+        self.refresh()
+
+    def _bring_back(self) -> None:
+        gone, self._gone, self._back.visible = self._gone, None, False
+        if gone is None or not may_edit():
+            return
+        try:
+            bring_back(*gone)
+        except (MissionError, OSError) as error:
+            self._say(str(error))
+        else:
+            self._say(f"{gone[1].name} is there again.", "info")
         self.refresh()
 
 

@@ -15,6 +15,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from lab.base.files.deleted_files import DeletedFiles
 from lab.base.files.locks import locked
 from lab.data.streams.raw_recording import FLUSH, SUFFIX
 
@@ -77,8 +78,8 @@ def release(path: Path) -> None:
             file.close()
 
 
-def discard(path: Path) -> None:
-    """Delete an unfinished recording, with its mark.
+def discard(path: Path) -> DeletedFiles:
+    """Delete an unfinished recording, with its mark; the recording may still be brought back.
 
     Raises
     ------
@@ -88,11 +89,18 @@ def discard(path: Path) -> None:
     if not hold(path):
         raise OSError(errno.EBUSY, "a mission is made of it")
     try:
-        path.unlink(missing_ok=True)
+        deleted = DeletedFiles.taken(path.name, path.parent, [path] if path.exists() else [])
     except OSError:
         release(path)
         raise
     unmark(path)
+    return deleted
+
+
+def bring_back(deleted: DeletedFiles, path: Path) -> None:
+    """Bring a recording back that was discarded; raises `MissionError` or `OSError`."""
+    deleted.restore()
+    mark(path)
 
 
 class UnfinishedRecordings:

@@ -10,8 +10,18 @@ from pathlib import Path
 
 import pytest
 
+from lab.base.files.mission_error import MissionError
 from lab.data.streams.raw_recording import SUFFIX
-from lab.data.streams.unfinished import RUNS, UnfinishedRecordings, discard, hold, mark, release, unmark
+from lab.data.streams.unfinished import (
+    RUNS,
+    UnfinishedRecordings,
+    bring_back,
+    discard,
+    hold,
+    mark,
+    release,
+    unmark,
+)
 
 LONG_AGO = time.time() - 3600
 """[s]."""
@@ -48,8 +58,14 @@ def test_a_folder_is_read_again_only_when_it_changed(tmp_path: Path, reads: list
     assert reads == [tmp_path]
     second = begun(tmp_path, "second")
     assert set(kept.found(tmp_path)) == {first, second}
-    discard(first)
+    before = first.read_bytes()
+    deleted = discard(first)
     assert kept.found(tmp_path) == [second]
+    bring_back(deleted, first)
+    assert set(kept.found(tmp_path)) == {first, second}
+    assert first.read_bytes() == before
+    with pytest.raises(MissionError, match="gone"):
+        bring_back(deleted, first)
 
 
 def test_a_recording_is_offered_when_its_last_bytes_are_old_without_a_change_of_the_folder(
