@@ -20,6 +20,7 @@ from panel.custom import JSComponent
 from dashboards.classroom import shelf
 from dashboards.held_links import HeldLinks
 from dashboards.history import History, State
+from dashboards.notes import Notes, query_of_notes
 from dashboards.query import (
     HOMEWORK,
     THEME,
@@ -134,6 +135,8 @@ class Address:
         The buttons Undo and Redo, to place on the page.
     held : HeldLinks
         The held results in the address.
+    notes : Notes
+        The notes in the address.
     search : str
         The query in the address, with its question mark; empty without one.
     """
@@ -146,6 +149,7 @@ class Address:
         self.search = str(self._location.search) if self._location is not None else ""
         self.bar = HistoryBar(self._act, margin=(6, 0), width=76, height=36)
         self.held = HeldLinks(session, document)
+        self.notes = Notes(session)
         self._history = History(self._state())
         self._waits = False  # for the next update
         self._walking = False
@@ -155,7 +159,8 @@ class Address:
         self._code, self._keeps_settings = "", True
         self._theme = ""
         session.record = self._record
-        session.param.watch(lambda _event: self.update(), ["result", "runs", "held", "shows_sigmas"])
+        watched = ["result", "runs", "held", "notes", "shows_sigmas"]
+        session.param.watch(lambda _event: self.update(), watched)
         # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self.update())
 
@@ -199,6 +204,7 @@ class Address:
         except SettingError as error:
             problems.append(str(error))
             self._session.compute()
+        problems += self.notes.bring(rest)
         self._session.problem = "\n\n".join(problems)
 
     def begin(self) -> None:
@@ -231,7 +237,8 @@ class Address:
 
     def _state(self) -> State:
         experiment = self._session.experiment
-        return State(query(experiment), experiment.hidden, self._shown.view().tab, self._shown.place())
+        notes = query_of_notes(self._session.notes, experiment.mission)
+        return State(query(experiment), experiment.hidden, self._shown.view().tab, self._shown.place(), notes)
 
     def _record(self, called: str, glide: Glide | None) -> None:
         """Note a change of settings in the history."""
@@ -260,6 +267,8 @@ class Address:
             self._shown.restore(state, experiment)
         finally:
             self._walking = False
+        if not gone:
+            self.notes.bring(state.notes)
         self._history.amend(self._state())
         if gone:
             self._session.problem = f"The mission {mission!r} is not there any more. All else is restored."
@@ -292,7 +301,7 @@ class Address:
         others = {FIELD: self._code, HOMEWORK: self._homework(state), THEME: self._theme}
         if not self._keeps_settings:
             return _joined(_named(others))
-        return self._with_held(_named(others), state.settings, self._view(state))
+        return self._with_held(_named(others), state.settings, state.notes, self._view(state))
 
     @property
     def link(self) -> str:
@@ -301,7 +310,9 @@ class Address:
         parts = state.settings.split("&")
         if state.hidden:
             parts = [part for part in parts if not part.startswith("seed=")]
-        return self._with_held(_named({HOMEWORK: self._homework(state)}), *parts, self._view(state))
+        return self._with_held(
+            _named({HOMEWORK: self._homework(state)}), *parts, state.notes, self._view(state)
+        )
 
     @property
     def lacks_held(self) -> bool:

@@ -1,4 +1,5 @@
-// The events of a flight as spans above the slider: manoeuvres in the upper row, what goes wrong in the lower one.
+// The events of a flight as spans above the slider: manoeuvres in the upper row, what goes wrong in the middle one,
+// and notes, which people write, in the lower one. All that a note says is text, never markup.
 // The lane is one stop of the Tab key; the arrow keys go from event to event.
 
 const FAULTS = ["outage", "rejected", "saturated"]
@@ -6,9 +7,52 @@ const SMALLEST = 3  // width of the shortest event [px]
 
 const clock = (time) => `${time.toFixed(1)} s`
 
-function named([, start, end, words]) {
-  const name = words[0].toUpperCase() + words.slice(1)
+function named([kind, start, end, words]) {
+  const name = kind === "note" ? words : words[0].toUpperCase() + words.slice(1)
   return end > start ? `${name}: ${clock(start)} to ${clock(end)}` : `${name}: ${clock(start)}`
+}
+
+// The field in which a note is written, changed or deleted.
+function writing(ask) {
+  const element = document.createElement("form")
+  element.setAttribute("role", "dialog")
+  element.setAttribute("aria-label", "Note on the flight")
+  const when = document.createElement("span")
+  const field = document.createElement("input")
+  Object.assign(field, {type: "text", maxLength: 200, placeholder: "What is there to see?"})
+  field.setAttribute("aria-label", "Text of the note")
+  const made = (label, type, act) => {
+    const button = document.createElement("button")
+    Object.assign(button, {type, textContent: label})
+    button.addEventListener("click", act)
+    return button
+  }
+  let about = {}
+  const close = () => { element.hidden = true }
+  const send = (text) => {
+    close()
+    ask(about.note === undefined ? {start: about.start, end: about.end, text} : {note: about.note, text})
+  }
+  const away = made("Delete", "button", () => send(""))
+  element.append(when, field, made("Save", "submit", () => {}), away, made("Cancel", "button", close))
+  element.hidden = true
+  element.addEventListener("submit", (event) => {
+    event.preventDefault()
+    send(field.value)
+  })
+  element.addEventListener("keydown", (event) => {
+    event.stopPropagation()  // of the keys of the page
+    if (event.key === "Escape") close()
+  })
+  const open = (note) => {
+    about = note
+    when.textContent = note.end > note.start ? `${clock(note.start)} to ${clock(note.end)}` : clock(note.start)
+    field.value = note.text
+    away.hidden = note.note === undefined
+    element.hidden = false
+    field.focus()
+  }
+  return {element, open}
 }
 
 export function render({model}) {
@@ -30,24 +74,29 @@ export function render({model}) {
   }
   const hush = () => { hint.hidden = true }
 
+  const ask = (wish) => { model.asked = {...wish, count: (model.asked.count || 0) + 1} }
+  const form = writing(ask)
+
   const show = () => {
     const {duration} = model.shown
+    const notes = model.notes.map(([start, end, text], number) => ["note", start, end, text, number])
     // A short event stands before a long one.
-    const events = [...model.shown.events].sort((one, other) => other[2] - other[1] - (one[2] - one[1]))
+    const events = [...model.shown.events, ...notes].sort((one, other) => other[2] - other[1] - (one[2] - one[1]))
     hush()
     lane.replaceChildren(...events.map((event, index) => {
-      const [kind, start, end] = event
+      const [kind, start, end, text, note] = event
       const button = document.createElement("button")
       button.type = "button"
-      button.className = `${kind.replaceAll(" ", "-")} ${FAULTS.includes(kind) ? "fault" : "flown"}`
+      button.className = `${kind.replaceAll(" ", "-")} ${kind === "note" ? "" : FAULTS.includes(kind) ? "fault" : "flown"}`
       button.tabIndex = index === 0 ? 0 : -1
       button.title = named(event)
       button.setAttribute("aria-label", button.title)
       button.style.left = `min(${100 * start / duration}%, 100% - ${SMALLEST}px)`
       button.style.width = `max(${SMALLEST}px, ${100 * (end - start) / duration}%)`
       button.addEventListener("click", () => {
-        model.asked = {time: start, count: (model.asked.count || 0) + 1}
-        say(button)
+        ask({time: start})
+        if (note === undefined) say(button)
+        else form.open({start, end, text, note})
       })
       button.addEventListener("focus", () => say(button))
       button.addEventListener("blur", hush)
@@ -67,8 +116,10 @@ export function render({model}) {
     to.focus()
   })
   model.on("shown", show)
+  model.on("notes", show)
+  model.on("opened", () => form.open({...model.opened, text: ""}))
   show()
   const root = document.createElement("div")
-  root.append(lane, hint)
+  root.append(lane, hint, form.element)
   return root
 }

@@ -15,8 +15,9 @@ from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, run
 from dashboards.holding import LONGEST_NAME, name_of
+from dashboards.notes import MOST_FIELDS
 from dashboards.openings import Openings
-from dashboards.query import HELD, MOST_FIELDS, experiment_of_query, query
+from dashboards.query import HELD, experiment_of_query, query
 from dashboards.sending import soon
 from dashboards.session import MOST_HELD, Held, Session
 from lab.base.progress import Progress

@@ -44,16 +44,19 @@ class State(NamedTuple):
         Title of the tab that was open.
     place : tuple or None
         The lesson and the number of its step that was open; None without one.
+    notes : str
+        The notes on the flight, as the query of an address.
     """
 
     settings: str
     hidden: str
     tab: str
     place: Place | None
+    notes: str = ""
 
     def has_settings_of(self, other: State) -> bool:
-        """Return whether another state has the same settings, and the same hidden."""
-        return (self.settings, self.hidden) == (other.settings, other.hidden)
+        """Return whether another state has the same settings, the same hidden and the same notes."""
+        return (self.settings, self.hidden, self.notes) == (other.settings, other.hidden, other.notes)
 
 
 class _Entry(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from bokeh.document import Document
 from panel.custom import JSComponent
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
+from dashboards.notes import Notes
 from dashboards.openings import Openings
 from dashboards.sending import soon
 from dashboards.session import Session
@@ -43,7 +45,15 @@ class Lane(JSComponent):
         {"events": [], "duration": 1.0},
         doc="Kind, start, end [s] and words of the events; end of the flight.",
     )
-    asked: dict[str, Any] = param.Dict({}, doc="The last press: a time [s], and a count.")
+    notes: list[list[Any]] = param.List([], doc="Start, end [s] and text of the notes.")
+    opened: dict[str, Any] = param.Dict(
+        {}, doc="The stretch of time [s] on which a note is to be written, and a count."
+    )
+    asked: dict[str, Any] = param.Dict(
+        {},
+        doc="The last wish: the time of an event [s]; or the number of a note, or its stretch, and its text; "
+        "and a count.",
+    )
 
     _esm = _HERE / "event_lane.js"
     _stylesheets = [(_HERE / "event_lane.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own
@@ -60,6 +70,8 @@ class EventLane:
         The document of the page.
     go
         Called with the time of an event that was pressed [s].
+    shade
+        Called with the stretches of time [s] of the notes that are shown.
 
     Attributes
     ----------
@@ -67,8 +79,15 @@ class EventLane:
         The lane.
     """
 
-    def __init__(self, session: Session, document: Document, go: Callable[[float], None]) -> None:
-        self._document, self._go = document, go
+    def __init__(
+        self,
+        session: Session,
+        document: Document,
+        go: Callable[[float], None],
+        shade: Callable[[list[tuple[float, float]]], None],
+    ) -> None:
+        self._document, self._go, self._shade = document, go, shade
+        self._notes = Notes(session)
         self._openings = Openings.of(document)
         self._result: Result | None = None
         self._work: LatestWins[Result] = LatestWins(self._find, self._deliver, LONG)
@@ -76,6 +95,7 @@ class EventLane:
         self.view.param.watch(self._pressed, "asked")
         session.on_run(self._wait)
         session.param.watch(self._arrived, "result", onlychanged=False)
+        session.param.watch(lambda _event: self._show_notes(), "notes")
 
     def close(self) -> None:
         """Look for no more events."""
@@ -94,6 +114,7 @@ class EventLane:
         duration, wanted = float(event.new.time[-1]), ref(event.new)
         if duration != self.view.shown["duration"]:
             self._show([], duration)
+        self._show_notes()
         self._document.add_timeout_callback(lambda: self._begin(wanted), SETTLED)
 
     def _begin(self, wanted: ref[Result]) -> None:
@@ -130,7 +151,29 @@ class EventLane:
         if shown != self.view.shown:
             self.view.shown = shown
 
+    def open(self, start: float, end: float) -> None:
+        """Let a person write a note on a stretch of time [s]."""
+        self.view.opened = {"start": start, "end": end, "count": self.view.opened.get("count", 0) + 1}
+
+    def _show_notes(self) -> None:
+        """Show the notes on the flight that is shown, as far as they are in it."""
+        last = float(self.view.shown["duration"])
+        rows = [[min(one.start, last), min(one.end, last), one.text] for one in self._notes.here]
+        if rows != self.view.notes:
+            self.view.notes = rows
+        self._shade([(start, end) for start, end, _text in rows])
+
     def _pressed(self, event: param.parameterized.Event) -> None:
-        time = event.new.get("time")
-        if isinstance(time, int | float):
-            self._go(float(time))
+        """Do what was asked for; a hand-made message may contain anything."""
+        wish = event.new
+        given = (wish.get(name) for name in ("time", "start", "end"))
+        times = [one for one in given if isinstance(one, int | float)]
+        if not all(map(math.isfinite, times)):
+            return
+        text, number = wish.get("text"), wish.get("note")
+        if isinstance(text, str) and isinstance(number, int):
+            self._notes.change(number, text)
+        elif isinstance(text, str) and len(times) == len(("start", "end")):
+            self._notes.write(times[0], times[1], text)
+        elif text is None and len(times) == 1:
+            self._go(float(times[0]))

@@ -10,15 +10,13 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode
 
+from dashboards.notes import MOST_FIELDS, NOTE
 from dashboards.session import RUNS
 from dashboards.teaching.class_link import FIELD
 from lab.base.parameters.setting_error import RefusedValueError, SettingError, UnknownSettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone, requirement
 from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
-
-MOST_FIELDS = 200
-"""Most settings an address may hold; there are fewer than 100."""
 
 MOST_PROBLEMS = 10
 """Most wrong settings of an address that are reported; the rest is ignored, because each message takes
@@ -77,7 +75,7 @@ def homework_of_query(query: str) -> tuple[str, str]:
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
     """Return the experiment of an address query, and messages about settings that were not accepted.
 
-    The code of a class, the theme, held results and the parts of a view are no settings.
+    The code of a class, the theme, held results, notes and the parts of a view are no settings.
     """
     trial, problems = Experiment(), list[str]()
     try:
@@ -86,7 +84,7 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
-        if path in (FIELD, THEME, HELD, *View._fields):
+        if path in (FIELD, THEME, HELD, NOTE, *View._fields):
             continue
         try:
             trial.set_text(path, text)

@@ -11,6 +11,7 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome, run
+from dashboards.notes import Note
 from dashboards.sending import soon, together
 from lab.base.files.deleted_files import DeletedFiles
 from lab.base.parameters.setting_error import SettingError
@@ -109,6 +110,7 @@ class Session(param.Parameterized):
     fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
     held: tuple[Held, ...] = param.Parameter((), doc="The results that are held, the oldest first.")
     shows_sigmas: bool = param.Boolean(True, doc="Whether the fields of variances show σ, their roots.")
+    notes: tuple[Note, ...] = param.Parameter((), doc="What people wrote on stretches of flights.")
     runs: int = param.Selector(default=1, objects=RUNS, doc="Number of runs that are judged together.")
 
     def __init__(self, document: Document) -> None:

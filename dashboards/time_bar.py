@@ -86,16 +86,23 @@ class TimeBar:
             f"If the whole flight is visible: {OUTAGE:g} s from the time cursor on.",
         )
         outage.on_click(lambda _event: self._cut_stretch())
+        note = _icon_button(
+            "edit_note",
+            "Note on the visible stretch (drag over a plot to choose one). "
+            "If the whole flight is visible: at the time cursor.",
+        )
+        note.on_click(lambda _event: self._write_note())
         whole = _icon_button("zoom_out_map", "Whole flight", right=10)
         whole.on_click(lambda _event: axis.whole())
         axis.cursor.on_change("location", self._clicked)
-        self._lane = EventLane(session, document, self.go)
+        self._lane = EventLane(session, document, self.go, axis.show_notes)
         row = pn.Row(
             self._play,
             self._speed,
             pn.Column(self._lane.view, self._slider, sizing_mode="stretch_width", margin=0, styles=ABOVE),
             self._readout,
             outage,
+            note,
             whole,
             sizing_mode="stretch_width",
             margin=0,
@@ -164,6 +171,13 @@ class TimeBar:
         self._axis.whole()
         if end > start:
             self._cut(round(start, 1), round(end, 1))
+
+    def _write_note(self) -> None:
+        """Let a person write a note on the visible stretch, or at the cursor."""
+        start, end = self._axis.window
+        if end - start >= self._axis.duration:
+            start = end = self._axis.time
+        self._lane.open(start, end)
 
     def _moved(self, event: param.parameterized.Event) -> None:
         if not self._moving:

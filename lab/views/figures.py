@@ -23,7 +23,7 @@ from bokeh.plotting import figure
 from lab.run.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, limits
 from lab.views.legend import add_legend
-from lab.views.quantities import CURSOR, HELD, LETTERS
+from lab.views.quantities import CURSOR, HELD, LETTERS, NOTES
 from lab.views.thinned import Thinned, columns_of, thinned
 from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Interval, TimePlot
 
@@ -84,6 +84,8 @@ class TimeAxis:
         )
         self.outages = ColumnDataSource({"start": [], "end": []}, name=f"{name} without GPS")
         self._strips: list[GlyphRenderer[Any]] = []
+        self._shaded: list[figure] = []
+        self._notes: ColumnDataSource | None = None
         self.crosshair = Span(dimension="height", line_color="#808895", line_dash="dotted", line_width=1)
 
     @property
@@ -120,6 +122,28 @@ class TimeAxis:
         strip = fig.add_glyph(self.outages, area, level="underlay")
         strip.visible = bool(self.outages.data["start"])
         self._strips.append(strip)
+        self._shaded.append(fig)
+        if self._notes is not None:
+            self._shade_notes(fig, self._notes)
+
+    def show_notes(self, stretches: Sequence[tuple[float, float]]) -> None:
+        """Shade the stretches of time [s] of notes; before the first, the figures have no part for it."""
+        starts, ends = ([float(stretch[edge]) for stretch in stretches] for edge in (0, 1))
+        if self._notes is None:
+            if not starts:
+                return
+            self._notes = ColumnDataSource({"start": [], "end": []}, name=f"{self.range.name}: notes")
+            for fig in self._shaded:
+                self._shade_notes(fig, self._notes)
+        if self._notes.data != {"start": starts, "end": ends}:
+            self._notes.data = {"start": starts, "end": ends}
+
+    @staticmethod
+    def _shade_notes(fig: figure, notes: ColumnDataSource) -> None:
+        area = VStrip(
+            x0="start", x1="end", fill_color=NOTES, fill_alpha=0.13, line_color=NOTES, line_alpha=0.6
+        )
+        fig.add_glyph(notes, area, level="underlay")
 
     def show(self, start: float, end: float) -> None:
         """Show a stretch of time [s], as far as it is in the flight."""

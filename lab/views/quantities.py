@@ -26,6 +26,8 @@ BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
 AXIS_COLOURS = (BLUE, GREEN, ORANGE)
 TRUTH, ESTIMATE, FIXES, CURSOR = "#8b95a5", BLUE, "#c2569b", "#e5484d"
 
+NOTES = "#c99a1b"
+"""Colour of the notes on a flight."""
 HELD = ("#9b5de5", "#d6457f", "#8a9a2e", "#7d8794")
 """Colours of held results, visible on white and on black."""
 LETTERS = "ABCD"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import threading
 import time
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import quote, urlencode, urlsplit
 
 import panel as pn
 import pytest
@@ -23,6 +24,7 @@ from dashboards import exchange
 from dashboards.exchange import Files, experiment_of
 from dashboards.headers import sockets
 from dashboards.held_links import HeldLinks
+from dashboards.notes import LONGEST, MOST, ROOM, notes_of_query, query_of_notes
 from dashboards.query import experiment_of_query, query, view_of_query
 from dashboards.session import Session
 from dashboards.upstream.page_address import address_parts
@@ -199,3 +201,30 @@ def test_what_is_in_an_uploaded_file_is_never_the_name_of_another(tmp_path: Path
     with pytest.raises(SettingError) as caught:
         experiment_of(str(secret).encode())
     assert "password" not in str(caught.value)
+
+
+NOTES = {
+    "markup": "note=" + quote("1-2:<img src=x onerror=alert(1)><script>alert(2)</script>"),
+    "turned text": "note=" + quote("1-2:safe\u202etxt.exe\u2066"),
+    "a long note": f"note=1-2:{'a' * LONG}",
+    "a long time": f"note={'9' * LONG}:a",
+    "many notes": "&".join(f"note={number}:a" for number in range(190)),
+    "many wrong notes": "&".join("note=<b>" for _ in range(190)),
+    "many fields": "&".join("note=1:a" for _ in range(LONG // 9)),
+    "wide letters": "&".join(f"note=1:{quote('漢' * 200)}" for _ in range(30)),
+}
+
+
+@pytest.mark.parametrize("name", NOTES)
+def test_notes_of_a_hostile_address_are_few_short_and_plain_text(name: str) -> None:
+    with takes_less_than(SECONDS):
+        notes, problems = notes_of_query(NOTES[name], "montreal")
+        experiment, others = experiment_of_query(NOTES[name])
+    assert len("".join(problems)) < 1000
+    assert query(experiment) == ""
+    assert len(notes) <= MOST
+    assert len(query_of_notes(notes, "montreal")) <= ROOM
+    for note in notes:
+        assert len(note.text) <= LONGEST
+        assert not any(unicodedata.category(letter).startswith("C") for letter in note.text)
+    assert notes or problems or others

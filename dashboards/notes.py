@@ -1,0 +1,164 @@
+"""Notes: what people write on stretches of a flight: undone one by one, and passed on with the address.
+
+A note is text, whoever wrote it and whatever link brought it: it is never read as markup.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import parse_qsl, quote, urlencode
+
+if TYPE_CHECKING:
+    from dashboards.session import Session
+
+NOTE = "note"
+"""What names a note in an address; there is one for each."""
+MOST = 20
+"""Most notes of a flight: more are not told apart in the lane."""
+LONGEST = 200
+"""Longest text of a note [characters]."""
+ROOM = 4096
+"""Longest part of an address with notes [characters]: half of what a link may have."""
+MOST_FIELDS = 200
+"""Most fields an address may hold; there are fewer than 100 settings."""
+MOST_NAMED = 3
+"""Most wrong notes of a link that are named; the rest is ignored."""
+SHORT = 24
+"""Longest text of a note in the name of a change [characters]."""
+
+_SECONDS = r"\d{1,9}(?:\.\d{1,9})?"
+_WRITTEN = re.compile(rf"({_SECONDS})(?:-({_SECONDS}))?:(.*)", re.ASCII | re.DOTALL)
+
+
+class Note(NamedTuple):
+    """A note.
+
+    Attributes
+    ----------
+    start, end : float
+        Its stretch of time in the plots [s]; the same for a moment.
+    text : str
+        What it says.
+    mission : str
+        The flight.
+    """
+
+    start: float
+    end: float
+    text: str
+    mission: str
+
+
+def plain_text(typed: str) -> str:
+    """Return a text in one line, without control characters and marks of the direction of writing."""
+    kept = (" " if unicodedata.category(one).startswith("C") else one for one in typed[: 4 * LONGEST])
+    return " ".join("".join(kept).split())
+
+
+def query_of_notes(notes: Iterable[Note], mission: str) -> str:
+    """Return the notes of a flight as the query of an address."""
+    return urlencode(
+        [(NOTE, _written(one)) for one in notes if one.mission == mission], safe=":,", quote_via=quote
+    )
+
+
+def notes_of_query(query: str, mission: str) -> tuple[tuple[Note, ...], list[str]]:
+    """Return the notes of an address, and messages about those that are not accepted."""
+    try:
+        fields = parse_qsl(query, keep_blank_values=True, max_num_fields=MOST_FIELDS)
+    except ValueError:  # `experiment_of_query` reports it
+        return (), []
+    found, problems = list[Note](), list[str]()
+    for text in [value for name, value in fields if name == NOTE]:
+        note = _read(text, mission)
+        if note is None:
+            problems.append(
+                f"note = {text[:40]!r}: not accepted; accepted is a time or a stretch of time in seconds "
+                f"with a text of up to {LONGEST} characters, such as 60-75:Look here"
+            )
+        elif len(found) == MOST or len(query_of_notes([*found, note], mission)) > ROOM:
+            problems.append(f"The link has too many notes; the first {len(found)} are shown.")
+            break
+        else:
+            found.append(note)
+    return tuple(found), problems[:MOST_NAMED]
+
+
+def _read(written: str, mission: str) -> Note | None:
+    """Return a note of an address; None if it is not acceptable."""
+    parts = _WRITTEN.fullmatch(written)
+    if parts is None:
+        return None
+    start, end = float(parts[1]), float(parts[2] or parts[1])
+    text = plain_text(parts[3])
+    return Note(start, end, text, mission) if start <= end and 0 < len(text) <= LONGEST else None
+
+
+def _written(note: Note) -> str:
+    times = [f"{time:.1f}".removesuffix(".0") for time in (note.start, note.end)]
+    return f"{'-'.join(dict.fromkeys(times))}:{note.text}"
+
+
+class Notes:
+    """The notes of a page on the flight that it shows.
+
+    Parameters
+    ----------
+    session
+        The session, which keeps them.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    @property
+    def here(self) -> tuple[Note, ...]:
+        """The notes on the flight of the settings, in the order in which they were written."""
+        mission = self._session.experiment.mission
+        return tuple(one for one in self._session.notes if one.mission == mission)
+
+    def write(self, start: float, end: float, typed: str) -> None:
+        """Write a note on a stretch of time [s]; without a text, none."""
+        text, start, end = plain_text(typed)[:LONGEST], round(start, 1), round(end, 1)
+        if text and 0 <= start <= end:
+            note = Note(start, end, text, self._session.experiment.mission)
+            self._take((*self.here, note), f"Note: {_short(text)}")
+
+    def change(self, number: int, typed: str) -> None:
+        """Give a note another text; without a text, delete it."""
+        if not 0 <= number < len(self.here):
+            return
+        before, text = self.here[number], plain_text(typed)[:LONGEST]
+        after = (before._replace(text=text),) if text else ()
+        called = f"Note: {_short(text)}" if text else f"Note deleted: {_short(before.text)}"
+        self._take((*self.here[:number], *after, *self.here[number + 1 :]), called)
+
+    def bring(self, query: str) -> list[str]:
+        """Take the notes of an address or of a state of the history; return what is not accepted."""
+        mission = self._session.experiment.mission
+        found, problems = notes_of_query(query, mission)
+        others = tuple(one for one in self._session.notes if one.mission != mission)
+        self._session.notes = (*others, *found)
+        return problems
+
+    def _take(self, notes: tuple[Note, ...], called: str) -> None:
+        """Have other notes, as one change."""
+        mission = self._session.experiment.mission
+        if notes == self.here:
+            return
+        is_more = len(notes) > len(self.here)
+        if (is_more and len(notes) > MOST) or len(query_of_notes(notes, mission)) > ROOM:
+            self._session.problem = (
+                f"A flight has up to {MOST} notes, of {ROOM} characters together in a link. Delete one first."
+            )
+            return
+        others = tuple(one for one in self._session.notes if one.mission != mission)
+        self._session.notes = (*others, *notes)
+        self._session.record(called, None)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= SHORT else f"{text[: SHORT - 1]}…"
