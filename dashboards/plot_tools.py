@@ -158,10 +158,11 @@ class EventLane:
     def _show_notes(self) -> None:
         """Show the notes on the flight that is shown, as far as they are in it."""
         last = float(self.view.shown["duration"])
-        rows = [[min(one.start, last), min(one.end, last), one.text] for one in self._notes.here]
+        stretches = [(min(one.start, last), min(one.end, last)) for one in self._notes.here]
+        rows = [[*at, one.text] for at, one in zip(stretches, self._notes.here, strict=True)]
         if rows != self.view.notes:
             self.view.notes = rows
-        self._shade([(start, end) for start, end, _text in rows])
+        self._shade(stretches)
 
     def _pressed(self, event: param.parameterized.Event) -> None:
         """Do what was asked for; a hand-made message may contain anything."""

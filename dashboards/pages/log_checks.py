@@ -64,7 +64,7 @@ class LogChecks(ComputedPage):
         panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in self._figures.figures]
         button = pmui.Button(label="Identify noise …", size="small", variant="outlined", margin=(4, 8))
         button.on_click(lambda _event: self._identify())
-        self.words.margin = (2, 8)
+        self.words.param.update(margin=(2, 8))
         self._plots = pn.Column(
             *panes, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW], visible=False
         )

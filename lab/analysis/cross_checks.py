@@ -26,7 +26,7 @@ from lab.base.progress import Progress
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import wrap
 from lab.navigation.filters.error_models import ATT, POS
-from lab.navigation.solution import Fixes
+from lab.sensors.gps import GpsFixes
 
 SETTLING = 30.0
 """Time after the start in which no fixes are withheld [s]: initial errors would dominate."""
@@ -44,7 +44,7 @@ class CrossChecks:
     ----------
     time : (n + 1,) array
         Times of the samples [s].
-    fixes : Fixes
+    fixes : GpsFixes
         The fixes.
     withheld, withheld_sigma : (m,) array
         Horizontal distance of each withheld fix from its prediction, and its σ [m]; NaN and 0 for the
@@ -58,7 +58,7 @@ class CrossChecks:
     """
 
     time: FloatArray
-    fixes: Fixes
+    fixes: GpsFixes
     withheld: FloatArray
     withheld_sigma: FloatArray
     apart: FloatArray
@@ -80,15 +80,15 @@ def cross_checks(run: Repeatable, progress: Progress) -> CrossChecks:
     progress
         Called with a phrase and the fraction done, from 0 to 1.
     """
-    withheld = _withheld(run, progress)
+    withheld, withheld_sigma = _withheld(run, progress)
     progress("smoothing", 0.75)
     nothing, problem = np.full(run.time.shape, np.nan), ""
-    between: tuple[FloatArray, ...] = (nothing,) * 4
+    between = nothing, nothing, nothing, nothing
     try:
         between = _forward_and_smoothed(run)
     except SettingError as error:
         problem = str(error)
-    return CrossChecks(run.time, run.fixes, *withheld, *between, problem)
+    return CrossChecks(run.time, run.fixes, withheld, withheld_sigma, *between, problem)
 
 
 def _withheld(run: Repeatable, progress: Progress) -> tuple[FloatArray, FloatArray]:
@@ -109,7 +109,7 @@ def _withheld(run: Repeatable, progress: Progress) -> tuple[FloatArray, FloatArr
     return size, sigma
 
 
-def _forward_and_smoothed(run: Repeatable) -> tuple[FloatArray, ...]:
+def _forward_and_smoothed(run: Repeatable) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return how far the filter's solution is from the smoothed one, in distance and heading, with σ each."""
     other = run.experiment.copy()
     other.navigator.smoother = not other.navigator.smoother

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from shutil import rmtree
@@ -10,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 from sensor_logs import tables, write
 
-from tests.browser.conftest import show, wait_for
+from tests.browser.conftest import show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -30,9 +31,18 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     (folder / "ref.csv").unlink()
     page = open_page("?mission=blind", drawn=False)
     page.get_by_text("has no reference, so its errors are unknown").wait_for()
+    dimmed = page.get_by_role("tab", name="Errors", exact=True)
+    expect(dimmed).to_have_attribute("title", re.compile("has no reference"))
+    expect(page.get_by_role("button", name="Errors", exact=True)).to_have_attribute(
+        "aria-description", re.compile("has no reference")
+    )
+    expect(page.get_by_role("button", name="Covariance", exact=True)).not_to_have_attribute(
+        "data-nothing", re.compile(".")
+    )
     page.get_by_text("Recorded data:").wait_for()
     expect(page.get_by_text("Temperature", exact=True).first).to_be_hidden()
-    show(page, "Innovations")
+    page.get_by_role("button", name="Open Innovations").click()
+    shown(page, "Innovations")
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
     wait_for(page, f"{source}?.data.time?.length > 20")
     show(page, "Budget")
@@ -40,6 +50,8 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     show(page, "Compare")
     page.get_by_text("There is no reference").wait_for()
     page.get_by_text("Levelled in motion").wait_for()
+    show(page, "Overview")
+    page.get_by_text("Filter and smoother differ by").wait_for()
 
 
 def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(open_page: Open, own_folder: Path) -> None:

@@ -53,6 +53,28 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     expect(page.get_by_text("Sensors in use")).to_be_visible()
 
 
+def test_a_note_of_a_link_is_text_and_is_changed_and_deleted_in_the_lane(
+    open_page: Callable[..., Page],
+) -> None:
+    page = open_page("?note=20-30:%3Cimg%20src%3Dx%3E%20turn", drawn=False)
+    note = page.get_by_role("button", name="<img src=x> turn: 20.0 s to 30.0 s")
+    note.click()
+    field = page.get_by_role("textbox", name="Text of the note")
+    expect(field).to_have_value("<img src=x> turn")
+    expect(page.locator("img[src=x]")).to_have_count(0)
+    wait_for(page, f"{LOCATION} === 20")
+    field.fill("2 h ?")  # which are keys of the page elsewhere
+    field.press("Enter")
+    expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_be_visible()
+    wait_for(page, "location.search.includes('note=20-30:2%20h%20%3F')")
+    shown(page, "Overview")
+    page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s").click()
+    page.get_by_role("button", name="Delete", exact=True).click()
+    expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_have_count(0)
+    page.get_by_role("button", name="Undo").first.click()
+    expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_be_visible()
+
+
 def test_a_link_opens_the_missions_with_all_their_cards(open_page: Callable[..., Page]) -> None:
     page = open_page("?beside=Missions", drawn=False)
     expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
