@@ -53,7 +53,7 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     expect(page.get_by_text("Sensors in use")).to_be_visible()
 
 
-def test_a_note_of_a_link_is_text_and_is_changed_and_deleted_in_the_lane(
+def test_a_note_of_a_link_is_text_to_be_changed_and_deleted(
     open_page: Callable[..., Page],
 ) -> None:
     page = open_page("?note=20-30:%3Cimg%20src%3Dx%3E%20turn", drawn=False)
@@ -67,7 +67,7 @@ def test_a_note_of_a_link_is_text_and_is_changed_and_deleted_in_the_lane(
     field.press("Enter")
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_be_visible()
     wait_for(page, "location.search.includes('note=20-30:2%20h%20%3F')")
-    shown(page, "Overview")
+    shown(page, "Errors")
     page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s").click()
     page.get_by_role("button", name="Delete", exact=True).click()
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_have_count(0)
