@@ -60,7 +60,8 @@ class Microscope(ComputedPage):
         self._html = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[_STYLE])
         return pn.Column(self.words, self._plots, self._html, sizing_mode="stretch_width", margin=0)
 
-    def missing_reason(self, result: Result) -> str:
+    @classmethod
+    def missing_reason(cls, result: Result) -> str:
         """Return why the updates cannot be shown."""
         from lab.analysis.fix_update import reason_without_updates  # noqa: PLC0415 - opening needs none of it
 

@@ -167,6 +167,7 @@ class Overview(ComputedPage):
             self._scene = _Beside3D(self.axis)
             self._scene.dress(self._dark)
             self._scene.draw_again = self.draw_again
+            self._scene.held = self.held
             self._scene.view.param.update(css_classes=["in-3d"], stylesheets=[_IN_3D])
         self.view[_TRACK] = self._seen_track()
         self.draw_again()

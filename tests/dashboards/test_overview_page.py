@@ -15,6 +15,7 @@ from sensor_logs import tables, write
 from walking import Walk, walking
 
 from dashboards import viser_proxy
+from dashboards.pages import view_3d
 from dashboards.pages.overview import OUTAGES, Q_SCALE, Overview
 from dashboards.viser_proxy import registered_views
 from lab.classroom.gallery.faults import FAULTS
@@ -251,7 +252,10 @@ def test_what_has_nothing_to_show_of_a_log_is_dimmed_and_says_what_to_see(
     assert tabs._marks.reasons == {"tab": {}, "button": {}}
 
 
-def test_the_flight_in_three_dimensions_takes_the_place_of_the_track_while_it_is_wanted(walk: Walk) -> None:
+def test_the_flight_in_three_dimensions_takes_the_place_of_the_track_while_it_is_wanted(
+    walk: Walk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(view_3d, "serving_application", viser_proxy.web_application)  # a browser is there
     begin(walk, flight())
     page = overview(walk)
     views = registered_views(viser_proxy.web_application(walk._document))
