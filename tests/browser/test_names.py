@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -99,10 +100,9 @@ INSIDE = f"""(name) => {{
 """Whether the focus is in a part of the page that has a name."""
 
 
-def test_the_first_key_reaches_a_link_past_all_settings(shared_page: Page) -> None:
-    page = shared_page
+def test_the_first_key_reaches_a_link_past_all_settings(open_page: Callable[..., Page]) -> None:
+    page = open_page()  # on a page that was clicked, keys go on from there
     link = page.get_by_role("link", name="Skip to the plots")
-    page.evaluate(f"{FOCUSED}.blur()")
     page.keyboard.press("Tab")
     expect(link).to_be_focused()
     expect(link).to_be_in_viewport(ratio=1)
