@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import chain
 
 import panel as pn
@@ -166,7 +166,11 @@ class PageTabs:
 
     def dim(self, result: Result) -> None:
         """Dim the tabs and parts that have nothing to show of a result; their reasons are their tooltips."""
-        self._reasons = {kind: reason for kind in IN_TABS if (reason := kind.missing_reason(result))}
+        self._reasons = {}
+        for kind in IN_TABS:
+            with suppress(Exception):  # the page says in its place that it fails
+                if reason := kind.missing_reason(result):
+                    self._reasons[kind] = reason
         self._mark()
 
     def _mark(self) -> None:

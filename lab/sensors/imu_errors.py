@@ -135,9 +135,10 @@ class GyroErrors(Settings):
         softbounds=(0, 0.5),
         step=0.001,
         label="White noise",
-        doc="Random noise of each sample, which integrates to a drifting angle: N of IEEE 952. Typical "
-        "MEMS: 0.003 to 0.05 °/s/√Hz. An angle random walk in °/√h is 60 N; a data sheet's one-sided density "
-        "is √2 N. Given as noise_variance it is the variance N² f of a sample at the IMU rate f.",
+        doc="Random noise of each sample, which integrates to a drifting angle: N of IEEE 952, the root of "
+        "the two-sided density. Typical MEMS: 0.003 to 0.05 °/s/√Hz. An angle random walk in °/√h is 60 N; a "
+        "data sheet's one-sided density is √2 N. Given as noise_variance it is the variance N² f of a sample "
+        "at the IMU rate f.",
     )
     bias = _bias(unit="°/s", bounds=(-20, 20), softbounds=(-1, 1), step=0.01)
     bias_sigma = _bias_sigma(0.1, unit="°/s", bounds=(0, 20), softbounds=(0, 1), step=0.01)
@@ -192,9 +193,9 @@ class AccelerometerErrors(Settings):
         softbounds=(0, 500),
         step=1,
         label="White noise",
-        doc="Random noise of each sample, which integrates to a drifting velocity: N of IEEE 952. A data "
-        "sheet's one-sided density is √2 N. Given as noise_variance it is the variance N² f of a sample at "
-        "the IMU rate f.",
+        doc="Random noise of each sample, which integrates to a drifting velocity: N of IEEE 952, the root "
+        "of the two-sided density. A data sheet's one-sided density is √2 N. Given as noise_variance it is "
+        "the variance N² f of a sample at the IMU rate f.",
     )
     bias = _bias(unit="mg", bounds=(-500, 500), softbounds=(-20, 20), step=0.1)
     bias_sigma = _bias_sigma(2.0, unit="mg", bounds=(0, 500), softbounds=(0, 20), step=0.1)

@@ -13,6 +13,7 @@ from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from dashboards.settings_panel import COMMON, SECTIONS
+from dashboards.sigmas import sigma_of
 from lab.experiment.experiment import Experiment
 
 PLOTS = 50_000
@@ -41,7 +42,8 @@ def labels() -> set[str]:
         owner, _, name = path.rpartition(".")
         _title, is_open = SECTIONS[owner]
         if is_open:
-            shown.add(str(experiment.get(owner).param[name].label))
+            declaration = experiment.get(owner).param[name]
+            shown.add(str((sigma_of(declaration) or declaration).label))
     return shown
 
 

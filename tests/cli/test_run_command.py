@@ -44,7 +44,7 @@ def test_a_run_as_json_holds_what_repeats_it(tmp_path: Path) -> None:
 def test_a_run_says_what_is_wrong_with_its_filter_and_what_to_try() -> None:
     arguments = ("run", "los_angeles", "--set", "navigator.p0_scale=0.1", "--set", "navigator.q_scale=0.1")
     text = ask(*arguments).stdout.partition("\n\n")[2]
-    assert re.search(r"Q is about (9\.\d|10|11) × too small\. \(1 more\)", text)
+    assert re.search(r"Q is (9\.\d|10|11) times too small\. \(1 more\)", text)
     assert "P₀ is about" in text
     assert text.count("Try: Multiply") == 2
     verdict = json.loads(ask(*arguments, "--json").stdout)["verdict"]

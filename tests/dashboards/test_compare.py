@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -101,7 +102,7 @@ def test_all_error_models_stand_beside_the_shown_result(walk: Walk) -> None:
         alone = made(navigator__model=name).run()
         assert value(walk, name, 0) == pytest.approx(assess(alone).values[RMS_POSITION], rel=6e-3)
     assert value(walk, "Now", 0) == value(walk, "phi", 0)
-    assert shown.verdict.headline in page(walk)._table.object
+    assert shown.verdict.headline in unescape(page(walk)._table.object)
     choose(walk, "All error models", on=False)
     assert "invariant" not in walk.text()
 

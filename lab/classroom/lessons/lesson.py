@@ -32,6 +32,7 @@ PAGES = (
     "Flight",
     "3-D",
     "Budget",
+    "Microscope",
     "Compare",
     "Live",
 )
