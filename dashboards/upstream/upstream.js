@@ -137,6 +137,11 @@
   const {after_rendered} = ReactComponentView.prototype;
   ReactComponentView.prototype.after_rendered = function(...given) {
     after_rendered.apply(this, given);
-    if (this.container) { name_parts(this); }
+    if (!this.container) return;
+    name_parts(this);
+    if (this.model.class_name === "Page" && !this.renamed) {  // its drawer is made anew when a window gets wide again
+      this.renamed = new MutationObserver(() => name_parts(this));
+      this.renamed.observe(this.container, {childList: true, subtree: true});
+    }
   };
 }

@@ -25,8 +25,8 @@ LOCATION = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
 
 def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(shared_page: Page) -> None:
     page = shared_page
-    page.keyboard.press("2")
-    shown(page, "Flight")
+    page.keyboard.press("2")  # its last part opens, whichever that was
+    expect(page.get_by_role("tab", name="Flight", exact=True)).to_have_attribute("aria-selected", "true")
     page.keyboard.press("3")
     shown(page, "Errors")
     page.get_by_role("button", name="Whole flight", exact=True).click()  # a button has no use for arrows
