@@ -368,9 +368,10 @@ class TextField(Field):
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
+        hint = _placeholder(declaration)
         self._widget = pmui.TextInput(
             label=label_of(declaration),
-            placeholder=(hint := _placeholder(declaration)),
+            placeholder=hint,
             sx=_HINTED if hint else {},
             size="small",
             variant="outlined",

@@ -31,11 +31,26 @@ def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
     tau : (k,) array
         Averaging times [s]; the first is the time from sample to sample.
     """
+    white, flicker, walk = coefficients(sensors, triad, float(tau[0]))
+    t = tau[:, None]
+    return np.asarray(np.sqrt(white**2 / t + (FLOOR * flicker) ** 2 + walk**2 * t / 3))
+
+
+def coefficients(sensors: SensorSuite, triad: str, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return white noise N with that of rounding, flicker B and random walk K of each axis, in SI units.
+
+    Parameters
+    ----------
+    sensors, triad
+        As of `promised`.
+    dt
+        Time from sample to sample [s].
+    """
     errors = sensors.groups()[triad]
     white, flicker, walk = (si(errors, name) for name in ("noise_density", "flicker", "rate_random_walk"))
-    step, t, dt = si(errors, "quantisation"), tau[:, None], float(tau[0])
+    step = si(errors, "quantisation")
     rounded = np.where(white**2 / dt >= (step / 2) ** 2, step**2 * dt / 12, 0.0)
-    return np.asarray(np.sqrt((white**2 + rounded) / t + (FLOOR * flicker) ** 2 + walk**2 * t / 3))
+    return np.sqrt(white**2 + rounded), flicker, walk
 
 
 class AllanFigures:

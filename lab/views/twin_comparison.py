@@ -10,11 +10,11 @@ import numpy as np
 from bokeh.plotting import figure
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.units import TO_SI, si
+from lab.base.parameters.units import TO_SI
 from lab.live.stream_statistics import LEAST_HZ, Spectrum
 from lab.live.twin import CORRELATION, Difference, TwinComparison
 from lab.sensors.suite import SensorSuite
-from lab.views.allan import TITLES, UNITS, AllanFigures
+from lab.views.allan import TITLES, UNITS, AllanFigures, coefficients
 from lab.views.paired_curves import PairedCurves
 
 DENSITIES = {"gyro": "°/s/√Hz", "accelerometer": "µg/√Hz"}
@@ -75,12 +75,9 @@ def promised_density(sensors: SensorSuite, triad: str, frequency: FloatArray) ->
     frequency : (k,) array
         Frequencies [Hz], up to half the rate; at zero, the density of the next one stands.
     """
-    errors, dt = sensors.groups()[triad], 1 / (2 * frequency[-1])
-    white, flicker, walk = (si(errors, name) for name in ("noise_density", "flicker", "rate_random_walk"))
+    white, flicker, walk = coefficients(sensors, triad, 1 / (2 * float(frequency[-1])))
     w = 2 * np.pi * np.maximum(frequency, frequency[1])[:, None]
-    step = si(errors, "quantisation")
-    rounded = np.where(white**2 / dt >= (step / 2) ** 2, step**2 * dt / 12, 0.0)
-    return np.asarray(2 * (white**2 + rounded + flicker**2 / w + (walk / w) ** 2))
+    return np.asarray(2 * (white**2 + flicker**2 / w + (walk / w) ** 2))
 
 
 class TwinFigures:

@@ -60,7 +60,10 @@ def test_a_dropped_log_has_its_verdict_after_three_clicks(
     expect(page.get_by_role("combobox", name="Mission")).to_contain_text("drive.ubx")
     expect(page.get_by_role("button", name=re.compile("^[●○] (?!Judging|No verdict)"))).to_be_visible()
     for log in set(own_missions.iterdir()) - before:  # as it was, for other tests
-        shutil.rmtree(log) if log.is_dir() else log.unlink()
+        if log.is_dir():
+            shutil.rmtree(log)
+        else:
+            log.unlink()
 
 
 def test_two_cards_are_compared_in_four_clicks(shared_page: Page) -> None:
