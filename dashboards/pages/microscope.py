@@ -63,7 +63,7 @@ class Microscope(ComputedPage):
     @classmethod
     def missing_reason(cls, result: Result) -> str:
         """Return why the updates cannot be shown."""
-        from lab.analysis.fix_update import reason_without_updates  # noqa: PLC0415 - opening needs none of it
+        from lab.analysis.fix_update import reason_without_updates  # noqa: PLC0415 - needed with the first result
 
         return reason_without_updates(result)
 
@@ -116,7 +116,7 @@ class Microscope(ComputedPage):
 
     @staticmethod
     def _at(result: Result, time: float) -> int:
-        from lab.analysis.fix_update import fix_at  # noqa: PLC0415 - opening needs none of it
+        from lab.analysis.fix_update import fix_at  # noqa: PLC0415 - needed with the first result
 
         return max(fix_at(result, time), 0)
 
