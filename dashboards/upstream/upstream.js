@@ -139,7 +139,7 @@
     after_rendered.apply(this, given);
     if (!this.container) return;
     name_parts(this);
-    if (this.model.class_name === "Page" && !this.renamed) {  // its drawer is made anew when a window gets wide again
+    if (this.model.class_name === "Page" && !this.renamed) {  // what it draws later has names, too
       this.renamed = new MutationObserver(() => name_parts(this));
       this.renamed.observe(this.container, {childList: true, subtree: true});
     }

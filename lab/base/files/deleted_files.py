@@ -36,13 +36,19 @@ class DeletedFiles:
         Raises
         ------
         OSError
-            If one cannot be moved; what was moved before it is deleted.
+            If one cannot be moved; then all are where they were.
         """
         with contextlib.ExitStack() as holding:
             folder = holding.enter_context(temporary_folder(within))
             kept = [(folder / str(number), place) for number, place in enumerate(places)]
-            for file, place in kept:
-                place.rename(file)
+            try:
+                for file, place in kept:
+                    place.rename(file)
+            except OSError:
+                for file, place in kept:
+                    if file.exists():
+                        file.rename(place)
+                raise
             return cls(name, kept, holding.pop_all())
 
     def restore(self) -> None:
