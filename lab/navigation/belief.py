@@ -52,6 +52,8 @@ FLICKER_PEAK = 1.89
 SHORTEST_MEETING = 10.0
 """Shortest time of that peak [s]: changes within a few fixes average out."""
 
+FAST_RATE = 20.0
+"""Rate of a covariance that is propagated cheaply [Hz]: σ differs by some 0.1 % from that of each sample."""
 HIDDEN = np.sqrt(2)
 """Largest steady-state variance of a bias estimate, divided by the variance of an instability that the noise
 hides.
@@ -344,6 +346,16 @@ def flicker_process(
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
     """Return the second moment (3,) of the turn-on bias."""
     return np.asarray(si(errors, "bias") ** 2 + si(errors, "bias_sigma") ** 2)
+
+
+def fast_rate(sensors: SensorSuite, navigator: NavigatorSettings) -> float:
+    """Return the rate at which a covariance is propagated cheaply, with σ as at each sample [Hz].
+
+    It is 0, each sample, for a smoother, which refuses another. A rate that is set stays.
+    """
+    if navigator.filter_rate or navigator.smoother:
+        return float(navigator.filter_rate)
+    return max(FAST_RATE, float(belief(sensors, navigator).decay.max()))
 
 
 def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:

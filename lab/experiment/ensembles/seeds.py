@@ -36,6 +36,7 @@ from lab.experiment.result import Result
 from lab.experiment.sensor_stages import SensorStages
 from lab.missions import LogMission, MissionError, mission
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.belief import fast_rate
 from lab.navigation.checks import DivergedError
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.run.memory import at_once
@@ -48,8 +49,6 @@ FEW, MANY = 100, 1000
 Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
-FAST_RATE = 20.0
-"""Rate of the covariance in fast ensembles [Hz]: σ differs by some 0.1 %, and P costs a fifth or less."""
 AHEAD = 16
 """Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
 wait in memory until they are added."""
@@ -120,13 +119,9 @@ def run_ensemble(
 
 
 def at_fast_rate(experiment: Experiment) -> Experiment:
-    """Return a copy whose filter propagates its covariance at `FAST_RATE`; a rate that is set stays.
-
-    A smoother needs the covariance at every sample: its experiment stays as it is.
-    """
+    """Return a copy whose filter propagates its covariance at `fast_rate`."""
     fast = experiment.copy()
-    if not fast.navigator.filter_rate and not fast.navigator.smoother:
-        fast.set("navigator.filter_rate", FAST_RATE)
+    fast.navigator.filter_rate = fast_rate(fast.sensors, fast.navigator)
     return fast
 
 
