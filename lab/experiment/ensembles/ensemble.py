@@ -9,7 +9,8 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -22,11 +23,13 @@ from lab.analysis.verdicts.verdict import Verdict
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.base.progress import Progress
+from lab.base.result_files import write_netcdf
 from lab.experiment.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
 from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment.experiment import Experiment
+from lab.experiment.json_form import ensemble_json
 from lab.navigation.belief import belief
 from lab.navigation.checks import DivergedError
 from lab.navigation.settings import NavigatorSettings
@@ -51,6 +54,8 @@ NAMED = 5
 """Most seeds of diverged runs that a sentence names."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
+HORIZONTAL_95 = "95 % quantile of the horizontal position errors"
+OUTAGE_END = "horizontal position error at the ends of the GPS outages, root mean square"
 PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
 """Percentiles of the errors in their σ: those of a matched filter are −1.64, −0.67, 0, 0.67 and 1.64."""
 
@@ -351,6 +356,61 @@ class Ensemble(NotebookCard):
                 "unit": ("quantity", list(UNITS)),
             },
         )
+
+    @property
+    def runs(self) -> xr.Dataset:
+        """The figures of each run: rms and largest errors, NEES, NIS, and the horizontal error."""
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        of_all, of_each = ("seed", "quantity"), "seed"
+        units = ", ".join(dict.fromkeys(UNITS))
+        return xr.Dataset(
+            {
+                "rms": (of_all, self.rms, {"long_name": "root mean square error", "units": units}),
+                "largest": (of_all, self.largest, {"long_name": "largest error", "units": units}),
+                "horizontal_95": (of_each, self.most, {"long_name": HORIZONTAL_95, "units": "m"}),
+                "outage_end": (of_each, self.at_outage_ends, {"long_name": OUTAGE_END, "units": "m"}),
+                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": ""}),
+                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": ""}),
+            },
+            {"seed": list(self.seeds), "quantity": list(QUANTITIES), "unit": ("quantity", list(UNITS))},
+        )
+
+    def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write ``runs``, ``errors`` and ``consistency`` as groups of one netCDF file.
+
+        Parameters
+        ----------
+        path
+            The file, in a folder that exists.
+        overwrite
+            True replaces an existing file.
+
+        Raises
+        ------
+        OSError
+            If the file exists and may not be replaced, or cannot be written.
+        """
+        names = ("runs", "errors", "consistency")
+        title = f"{len(self.seeds)} runs of {self.experiment.mission}"
+        settings = self.experiment.to_toml()
+        write_netcdf(
+            Path(path),
+            lambda: {name: getattr(self, name) for name in names},
+            title,
+            settings,
+            overwrite=overwrite,
+        )
+
+    def to_dict(self, verdict: Verdict | None = None) -> dict[str, Any]:
+        """Return the ensemble as plain data of a fixed form, which ``docs/json.md`` describes.
+
+        Parameters
+        ----------
+        verdict
+            As `with_advice_tried` returns it; by default advice is not tried.
+        """
+        return ensemble_json(self, verdict or self.verdict)
 
     def __repr__(self) -> str:
         table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")

@@ -50,9 +50,15 @@ SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
 FAST_RATE = 20.0
 """Rate of the covariance in fast ensembles [Hz]: σ differs by some 0.1 %, and P costs a fifth or less."""
+ASKED_EVERY = 0.1
+"""Longest time between two questions whether the work is cancelled [s]."""
 AHEAD = 16
 """Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
 wait in memory until they are added."""
+
+
+class StoppedError(ValueError):
+    """Work that was cancelled before any run of it was done."""
 
 
 @OneBlasThread()
@@ -64,6 +70,7 @@ def run_ensemble(
     workers: int | None = None,
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
 ) -> Ensemble:
     """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
@@ -83,9 +90,14 @@ def run_ensemble(
         The user's navigator; it is called from one thread only.
     partial
         Called every two seconds with the ensemble of the runs that are done so far.
+    cancelled
+        Asked ten times a second; once it says so, no further run begins, and the ensemble is that of the runs
+        that have begun.
 
     Raises
     ------
+    StoppedError
+        If it is cancelled before a run has begun.
     ValueError
         If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
         Runs that diverge are left out (`Ensemble.diverged`), unless all do.
@@ -101,6 +113,7 @@ def run_ensemble(
     threads = 1 if algorithm is not None else at_once(memory_of(experiment), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
+    is_cancelled, patience = cancelled or (lambda: False), None if cancelled is None else ASKED_EVERY
     try:
         lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
         if lanes is not None and len(numbers) < MANY and not lanes.is_compiled:
@@ -108,15 +121,35 @@ def run_ensemble(
         runner = _Runner(experiment, numbers, algorithm, lanes)
         left = deque(_blocks(len(numbers), len(numbers) if lanes is None else 0))
         running: dict[Future[list[RunAtFixes | DivergedError]], int] = {}
-        while left or running:
+        while (left or running) and not is_cancelled():
             while left and left[0].start < len(done) + AHEAD * LANES:
                 block = left.popleft()
                 running[pool.submit(runner.run, block)] = block.start
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            for future in wait(running, patience, FIRST_COMPLETED).done:
                 done.add(running.pop(future), future.result())
     finally:
         pool.shutdown(cancel_futures=True)
+    for future, first in running.items():  # of cancelled work: what was begun is done by now
+        if not future.cancelled():
+            done.add(first, future.result())
+    if not len(done):
+        raise StoppedError(f"stopped before the first of {len(numbers):,} runs was done")
     return done.ensemble()
+
+
+def counted(done: int, wanted: int, began: float) -> str:
+    """Return how many runs are done, and if some are not, their rate and the time left.
+
+    Parameters
+    ----------
+    done, wanted
+        Numbers of runs.
+    began
+        When the first began, in the clock of `time.monotonic`.
+    """
+    rate = done / max(time.monotonic() - began, 1e-9)
+    left = f", {rate:.3g} per second, {(wanted - done) / rate:.0f} s left" if done < wanted else ""
+    return f"{done:,} of {wanted:,} runs{left}"
 
 
 def at_fast_rate(experiment: Experiment) -> Experiment:
@@ -258,9 +291,7 @@ class _Done:
     def _report(self) -> None:
         count, wanted, now = len(self), len(self._seeds), time.monotonic()
         if self._progress is not None:
-            rate = count / max(now - self._began, 1e-9)
-            left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
-            self._progress(f"{count:,} of {wanted:,} runs{left}", count / wanted)
+            self._progress(counted(count, wanted, self._began), count / wanted)
         some = 1 < count < wanted and not self._collected.is_empty
         if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now
