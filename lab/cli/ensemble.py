@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,6 +31,13 @@ from lab.cli.options import (
 )
 from lab.cli.run import verdict_text
 from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from threading import Event
+
+    from lab.analysis.verdicts.verdict import Verdict
+    from lab.base.progress import Progress
+    from lab.experiment.ensembles.ensemble import Ensemble
 
 EXAMPLES = """\b
 Examples:
@@ -90,7 +97,7 @@ def ensemble(
             raise typer.Exit(STOPPED) from error
         seconds = time.monotonic() - began
         done = len(found.seeds) + len(found.diverged)
-        verdict = found.with_advice_tried(progress) if done == seeds else found.verdict
+        verdict = _verdict(found, progress, pressed) if done == seeds else found.verdict
         facts = found.to_dict(verdict)
     facts |= {"wanted": seeds, "seconds": seconds, "out": None if out is None else str(out)}
     if as_json:
@@ -105,6 +112,20 @@ def ensemble(
     if done < seeds:
         print(f"ins-lab: stopped after {done:,} of {seeds:,} runs", file=sys.stderr)
         raise typer.Exit(STOPPED)
+
+
+def _verdict(found: Ensemble, progress: Progress, pressed: Event) -> Verdict:
+    """Return the verdict with its advice tried; as it is, if Ctrl-C ends the trials."""
+
+    def tell(step: str, fraction: float) -> None:
+        if pressed.is_set():
+            raise KeyboardInterrupt
+        progress(step, fraction)
+
+    try:
+        return found.with_advice_tried(tell)
+    except KeyboardInterrupt:
+        return found.verdict
 
 
 def _heading(facts: Mapping[str, Any], done: int) -> str:

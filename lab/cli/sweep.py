@@ -108,11 +108,12 @@ def sweep(
     check_out(out, force, (".nc", ".csv"), "a netCDF file or a table", "--out")
     texts = _by_path(over)
     missions = [single_mission(name) for name in parts_of("mission", texts.get("mission", ""))]
-    _check_conflicts(mission, missions, card, assignments or [], texts)
     if mission is None and not missions:
         raise CommandError("MISSION: is missing; accepted is a mission, or --over mission=NAME,...")
+    first = missions[0] if mission is None else single_mission(mission)
+    _check_conflicts(first, missions, card, assignments or [], texts)
     has_cards = "card" in texts
-    chosen = experiment(mission or missions[0], config, card, assignments, seed, assumed or has_cards)
+    chosen = experiment(first, config, card, assignments, seed, assumed or has_cards)
     settings: dict[str, Sequence[Any]] = dict.fromkeys(texts, missions)
     for path, text in texts.items():
         if path != "mission":
@@ -171,9 +172,7 @@ def _by_path(over: Sequence[str]) -> dict[str, str]:
         if path in found:
             raise CommandError(f"--over {path}: is there twice; accepted is one list of its values")
         if path == "seed":
-            raise CommandError(
-                "--over seed: every sweep runs over seeds; --seeds is their number, --seed the first"
-            )
+            raise CommandError("--over seed: every sweep runs over seeds; --seeds N is their number")
         found[path] = values
     return found
 
@@ -230,8 +229,9 @@ def values_of(chosen: Experiment, path: str, text: str) -> list[Any]:
     declaration = chosen.declaration(path)
     if ":" in text and isinstance(declaration, param.Number | AxisQuantity | QuantityOrNone):
         return range_of(path, text)
+    parts = parts_of(path, text)
     try:
-        return [value_of(declaration, part) for part in parts_of(path, text)]
+        return [value_of(declaration, part) for part in parts]
     except ValueError as error:
         raise SettingError(f"--over {path}: {error}") from error
 
@@ -270,19 +270,19 @@ def range_of(path: str, text: str) -> list[float]:
     if kind and min(ends) <= 0:
         raise CommandError(f"{wrong}: equal ratios need LOW and HIGH above 0; LOW:HIGH:N has equal distances")
     values = np.geomspace(*ends, count) if kind else np.linspace(*ends, count)
-    # Twelve digits: 0.3 instead of 0.30000000000000004, so that other sweeps have the same values.
-    return [ends[0], *(float(f"{value:.12g}") for value in values[1:-1]), ends[1]]
+    # Fourteen digits: 0.3 instead of 0.30000000000000004, so that other sweeps have the same values.
+    return [ends[0], *(float(f"{value:.14g}") for value in values[1:-1]), ends[1]]
 
 
 def _check_conflicts(
-    mission: str | None,
+    mission: str,
     missions: Sequence[str],
     card: str | None,
     assignments: Sequence[str],
     swept: Mapping[str, str],
 ) -> None:
     """Raise `CommandError` if something is given once and swept as well."""
-    if mission is not None and missions and mission not in missions:
+    if missions and mission not in missions:
         raise CommandError(f"{mission}: --over mission does not name it; leave it out, or add it there")
     if card is not None and "card" in swept:
         raise CommandError("--card: --over card names the cards; accepted is one of the two")

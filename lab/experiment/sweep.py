@@ -141,7 +141,7 @@ class Sweep(NotebookCard):
         """Return plots over the first setting; a second setting makes a curve for each of its values.
 
         The line is the root mean square over the seeds, and the band holds 90 % of the runs. The dashed line
-        is σ of the filter.
+        is σ of the filter. Over cards, missions and other texts, marks stand in place of the lines.
 
         Parameters
         ----------

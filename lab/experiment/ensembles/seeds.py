@@ -206,6 +206,8 @@ def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[in
 
     Raises
     ------
+    SettingError
+        If the setting does not accept one.
     ValueError
         If there is none, or one is no whole number.
     """
@@ -218,6 +220,8 @@ def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[in
         raise ValueError(f"seeds: {seeds!r} contains what is no whole number; {accepted}") from error
     if not numbers:
         raise ValueError(f"seeds: {seeds!r} contains no run; {accepted}")
+    for end in (min(numbers), max(numbers)):
+        experiment.copy().set("seed", end)
     return numbers
 
 

@@ -102,7 +102,7 @@ def sweep(
     """
     swept = read(experiment, settings)
     if fast and "navigator.filter_rate" in settings:
-        raise SettingError("navigator.filter_rate: is swept; accepted without `fast`, which sets it")
+        raise SettingError("navigator.filter_rate: is swept; accepted without fast, which sets it")
     points = [at_fast_rate(one) if fast else one for one in combinations(experiment, swept, fixed)]
     numbers = seeds_of(experiment, points, seeds)
     hashes = {name: mission(name).content_hash for name in {point.mission for point in points}}
@@ -170,13 +170,11 @@ def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[
         raise SettingError(
             'sweep: no setting named; accepted is, for instance, {"sensors.gyro.noise_density": [0.01, 0.1]}'
         )
+    values = {path: accepted(experiment, path, given) for path, given in settings.items()}
     for form in experiment.OTHER_FORMS:
-        if form in settings and (other := experiment.derived(form).setting) in settings:
+        if form in values and (other := experiment.derived(form).setting) in values:
             raise SettingError(f"{form} and {other} are two forms of one setting; accepted is one of them")
-    return [
-        Swept(path, dim_of(path, settings), accepted(experiment, path, given))
-        for path, given in settings.items()
-    ]
+    return [Swept(path, dim_of(path, values), taken) for path, taken in values.items()]
 
 
 def accepted(experiment: Experiment, path: str, given: Sequence[Any]) -> list[Any]:
