@@ -68,7 +68,7 @@ def sweep(
     mission: Annotated[
         str | None,
         typer.Argument(
-            metavar="[MISSION]",
+            metavar="MISSION",
             help="Name of a mission, its .toml file, a flight csv, or the folder of a log; not needed with "
             "--over mission=NAME,...",
             show_default=False,

@@ -13,7 +13,6 @@ from lab.base.files.atomic_file import atomic_file
 from lab.base.notebook_card import NotebookCard
 from lab.base.registry import find
 from lab.base.result_files import csv_blocks, refuse_existing, write_netcdf
-from lab.experiment import json_form
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +71,8 @@ class Sweep(NotebookCard):
 
         The form is described in ``docs/json.md``.
         """
-        return json_form.sweep_json(self)
+        form: dict[str, Any] = find("sweep", "json")(self)
+        return form
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the dataset as netCDF; `xarray.open_dataset` reads it.

@@ -118,7 +118,7 @@ def marks(
 
 def _band(runs: xr.DataArray) -> tuple[FloatArray, FloatArray]:
     """Return the edges of the band of the runs; NaN where there is no run."""
-    known = np.isfinite(runs).any("seed")
+    known = runs.notnull().any("seed")
     low, high = (runs.where(known, 0.0).quantile(edge, "seed").where(known).values for edge in BAND)
     return low, high
 

@@ -23,13 +23,13 @@ from lab.analysis.verdicts.verdict import Verdict
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.base.progress import Progress
+from lab.base.registry import find
 from lab.base.result_files import write_netcdf
 from lab.experiment.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
 from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
 from lab.experiment.experiment import Experiment
-from lab.experiment.json_form import ensemble_json
 from lab.navigation.belief import belief
 from lab.navigation.checks import DivergedError
 from lab.navigation.settings import NavigatorSettings
@@ -410,7 +410,8 @@ class Ensemble(NotebookCard):
         verdict
             As `with_advice_tried` returns it; by default advice is not tried.
         """
-        return ensemble_json(self, verdict or self.verdict)
+        form: dict[str, Any] = find("ensemble", "json")(self, verdict or self.verdict)
+        return form
 
     def __repr__(self) -> str:
         table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")
