@@ -47,9 +47,20 @@ Examples:
   ins-lab ensemble montreal --set navigator.q_scale=0.1 --json > runs.json
 The rms is that of all runs and whole flights; 95 % of the runs have a smaller one than "95 %". The other
 columns are of the errors after the fixes: rms, σ according to the filter, and the part of the errors inside
-1 and 3 σ, which is 68.3 % and 99.7 % if the filter is right. Ctrl-C shows the runs that are done."""
+1 and 3 σ, which is 68.3 % and 99.7 % if the filter is right; with outages of GPS, rms and σ at their ends
+follow. Ctrl-C shows the runs that are done."""
 
-_TITLES = ("quantity", "unit", "rms", "95 %", "after fixes", "σ", "in 1 σ [%]", "in 3 σ [%]")
+_COLUMNS = {
+    "rms": "rms",
+    "95 %": "p95",
+    "after fixes": "fixes_rms",
+    "σ": "fixes_sigma",
+    "in 1 σ [%]": "inside_1_sigma",
+    "in 3 σ [%]": "inside_3_sigma",
+    "outage end": "outage_end",
+    "σ there": "outage_end_sigma",
+}
+"""Columns of the table of errors, and their fields; the last two only with outages."""
 
 
 def ensemble(
@@ -141,16 +152,20 @@ def _errors(facts: Mapping[str, Any]) -> str:
     if facts["errors"] is None:
         lines.append("The errors are unknown.")
     else:
+        columns = {
+            title: name
+            for title, name in _COLUMNS.items()
+            if not name.startswith("outage") or facts["horizontal"]["outage_end"] is not None
+        }
         rows = [
             (
                 row["quantity"],
                 row["unit"],
-                *(shown(row[name]) for name in ("rms", "p95", "fixes_rms", "fixes_sigma")),
-                *(shown(row[name], ".1f") for name in ("inside_1_sigma", "inside_3_sigma")),
+                *(shown(row[name], ".1f" if "%]" in title else ".3f") for title, name in columns.items()),
             )
             for row in facts["errors"]
         ]
-        lines += [table(_TITLES, rows, right=set(range(2, len(_TITLES)))), ""]
+        lines += [table(("quantity", "unit", *columns), rows, right=set(range(2, 2 + len(columns)))), ""]
         lines += _horizontal(facts["horizontal"])
     lines += [f"{name.upper()}: {beside(facts[name])}" for name in ("nees", "nis") if facts[name] is not None]
     return "\n".join(lines)

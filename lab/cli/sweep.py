@@ -133,7 +133,7 @@ def sweep(
                 count,
                 progress,
                 workers,
-                fast,
+                fast=fast,
                 fixed=_fixed(chosen, assignments or []) if has_cards else {},
                 cancelled=pressed.is_set,
             )

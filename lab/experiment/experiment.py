@@ -103,7 +103,7 @@ class Experiment(Runnable):
             some runs are impossible, their values are NaN, and `Sweep.refused` has the reasons.
         """
         with find("experiment", "progress")(progress) as tell:
-            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers, fast)
+            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers, fast=fast)
         return found
 
     def __repr__(self) -> str:

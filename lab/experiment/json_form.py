@@ -108,8 +108,8 @@ def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
         "errors": _errors(ensemble) if known else None,
         "horizontal": {
             "p95": _known_mean(ensemble.most),
-            "outage_end": np.sqrt(_known_mean(ensemble.at_outage_ends**2)),
-            "outage_end_p95": np.quantile(ensemble.at_outage_ends, 0.95),
+            "outage_end": np.sqrt(_known_mean(ensemble.horizontal_at_outage_ends**2)),
+            "outage_end_p95": np.quantile(ensemble.horizontal_at_outage_ends, 0.95),
         }
         if known
         else None,
@@ -128,6 +128,9 @@ def _errors(ensemble: Ensemble) -> list[Mapping[Any, Any]]:
     table["p95"] = np.quantile(ensemble.rms, 0.95, axis=0)
     table["fixes_rms"] = np.sqrt(np.diagonal(sums.mean_of_all("product")))
     table["fixes_sigma"] = np.sqrt(sums.mean_of_all("variance"))
+    table["outage_end"], table["outage_end_sigma"] = np.sqrt(
+        np.mean(ensemble.at_outage_ends.astype(np.float64) ** 2, axis=0)
+    )
     return _rows(table)
 
 

@@ -36,9 +36,9 @@ def test_it_shows_errors_consistency_and_the_verdict(tmp_path: Path) -> None:
     assert "per second" in lines[0]
     heading = next(line.split() for line in lines if line.startswith("attitude heading"))
     assert heading[2:4] == ["°", f"{ensemble.coverage['rms'].iloc[8]:.3f}"]
-    assert (
-        f"ends of the GPS outages: {np.sqrt(np.mean(ensemble.at_outage_ends**2)):.3f} m rms" in answer.stdout
-    )
+    ends = np.sqrt(np.mean(ensemble.at_outage_ends.astype(float) ** 2, axis=0))
+    assert heading[-2:] == [f"{ends[0, 8]:.3f}", f"{ends[1, 8]:.3f}"]
+    assert f"ends of the GPS outages: {np.hypot(*ends[0, :2]):.3f} m rms" in answer.stdout
     assert f"NEES: {ensemble.at_fixes.mean_of_all('nees'):.2f} / 15" in lines
     assert f"NIS: {ensemble.at_fixes.mean_of_all('nis'):.2f} / 6" in lines
     assert f"Verdict (3 runs, errors and innovations): {ensemble.verdict.headline}" in answer.stdout

@@ -70,9 +70,16 @@ def test_horizontal_figures_are_those_of_the_runs(model: str) -> None:
         result = experiment.copy().update({"seed": many.seeds[row]}).run()
         horizontal = np.hypot(*result.errors.position.values[:, :2].T)
         ends = [int(np.flatnonzero(result.time < end - 0.01)[-1]) for end in (40.0, 80.0)]
-        assert many.at_outage_ends[row] == pytest.approx(np.sqrt(np.mean(horizontal[ends] ** 2)), rel=1e-6)
+        at_ends = many.horizontal_at_outage_ends[row]
+        assert at_ends == pytest.approx(np.sqrt(np.mean(horizontal[ends] ** 2)), rel=1e-6)
+        for place, group in enumerate((result.errors, result.sigma)):
+            nine = np.hstack([group[name].values[ends] for name in ("position", "velocity", "attitude")])
+            of_run = many.at_outage_ends[row, place]
+            np.testing.assert_allclose(of_run, np.sqrt(np.mean(nine**2, axis=0)), rtol=1e-6)
         assert many.most[row] == pytest.approx(np.quantile(horizontal, 0.95), rel=0.02)
-    assert np.isnan(run_ensemble(experiment.copy().update({"sensors.gps.outages": []}), 1).at_outage_ends[0])
+    assert np.isnan(
+        run_ensemble(experiment.copy().update({"sensors.gps.outages": []}), 1).at_outage_ends
+    ).all()
 
 
 def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:

@@ -169,7 +169,9 @@ def test_the_document_describes_the_fields_of_an_ensemble() -> None:
     assert found["errors"][0]["fixes_sigma"] == pytest.approx(
         float(np.sqrt((east.sigma**2).mean())), rel=1e-9
     )
-    assert found["horizontal"]["outage_end"] == pytest.approx(np.sqrt(np.mean(ensemble.at_outage_ends**2)))
+    ends = [row["outage_end"] for row in found["errors"]]
+    assert ends == pytest.approx(list(np.sqrt(np.mean(ensemble.at_outage_ends[:, 0] ** 2, axis=0))))
+    assert found["horizontal"]["outage_end"] == pytest.approx(np.hypot(*ends[:2]))
     assert found["verdict"]["headline"] == ensemble.verdict.headline
 
 

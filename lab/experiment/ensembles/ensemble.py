@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis import consistency, feedforward
 from lab.analysis.verdicts import linear_verdict, state_advice, trial
@@ -55,7 +56,7 @@ NAMED = 5
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
 HORIZONTAL_95 = "95 % quantile of the horizontal position errors"
-OUTAGE_END = "horizontal position error at the ends of the GPS outages, root mean square"
+OUTAGE_END = "error at the ends of the GPS outages, root mean square"
 PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
 """Percentiles of the errors in their σ: those of a matched filter are −1.64, −0.67, 0, 0.67 and 1.64."""
 
@@ -90,9 +91,11 @@ class Ensemble(NotebookCard):
         Degrees of freedom of `between`.
     rms, largest : (runs, 9) arrays
         Root mean square and largest size of the errors over each whole flight, of ten samples a second.
-    most, at_outage_ends : (runs,) arrays
-        95 % quantile of the horizontal error of each run, and its root mean square over the ends of the GPS
-        outages [m]; NaN if unknown, or without an outage.
+    most : (runs,) array
+        95 % quantile of the horizontal error of each run [m]; NaN if unknown.
+    at_outage_ends : (runs, 2, 9) array
+        Root mean square of the errors of each run, and of their σ, over the ends of the GPS outages; NaN if
+        unknown, or without an outage.
     mean_nees, mean_nis : (runs,) arrays
         NEES and NIS of each run, averaged over its fixes; NaN if unknown.
     seconds : (runs,) array
@@ -121,7 +124,7 @@ class Ensemble(NotebookCard):
     rms: FloatArray
     largest: FloatArray
     most: FloatArray
-    at_outage_ends: FloatArray
+    at_outage_ends: NDArray[Any]
     mean_nees: FloatArray
     mean_nis: FloatArray
     seconds: FloatArray
@@ -149,6 +152,12 @@ class Ensemble(NotebookCard):
             f"{len(seeds)} of {len(seeds) + len(self.seeds)} runs diverged, and are left out of all figures: "
             f"seed{'' if len(seeds) == 1 else 's'} {named}{more}."
         )
+
+    @property
+    def horizontal_at_outage_ends(self) -> FloatArray:
+        """Horizontal position error of each run at the ends of the GPS outages, rms (runs,) [m]."""
+        east, north = self.at_outage_ends[:, 0, :2].T.astype(np.float64)
+        return np.asarray(np.hypot(east, north))
 
     @property
     def time(self) -> FloatArray:
@@ -369,7 +378,7 @@ class Ensemble(NotebookCard):
                 "rms": (of_all, self.rms, {"long_name": "root mean square error", "units": units}),
                 "largest": (of_all, self.largest, {"long_name": "largest error", "units": units}),
                 "horizontal_95": (of_each, self.most, {"long_name": HORIZONTAL_95, "units": "m"}),
-                "outage_end": (of_each, self.at_outage_ends, {"long_name": OUTAGE_END, "units": "m"}),
+                "outage_end": (of_all, self.at_outage_ends[:, 0], {"long_name": OUTAGE_END, "units": units}),
                 "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": ""}),
                 "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": ""}),
             },

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, most_of, rms_at_ends
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -374,24 +374,24 @@ def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArr
     ), sigma
 
 
-def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, float]:
-    """Return rms and largest size (9,) of the errors known along the path, and figures of the horizontal one.
+def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, NDArray[Any]]:
+    """Return figures of the errors known along the path, and at the ends of outages.
 
-    These are `most` and `at_outage_ends` of `RunAtFixes`.
+    These are `rms`, `largest`, `most` and `at_outage_ends` of `RunAtFixes`.
     """
     wide = len(QUANTITIES)
-    if result.missing_reason("errors"):
-        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, np.nan
     gps, time = result.experiment.sensors.gps, result.time
+    at_ends = rms_at_ends(*_errors(result, outage_ends(time, gps.outages, result.epoch)))
+    if result.missing_reason("errors"):
+        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, at_ends
     along = _errors_at(result, path_of(time, float(gps.period)))
-    ends = outage_ends(time, gps.outages, result.epoch)
     known = np.isfinite(along)
     count = known.sum(axis=0)
     square = np.sum(along**2, axis=0, where=known)
     rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
     largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
-    figures = horizontal_figures(np.hypot(*along[:, :2].T), np.hypot(*_errors_at(result, ends)[:, :2].T))
-    return np.asarray(rms), np.where(count > 0, largest, np.nan), *figures
+    most = most_of(np.hypot(*along[:, :2].T))
+    return np.asarray(rms), np.where(count > 0, largest, np.nan), most, at_ends
 
 
 def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:

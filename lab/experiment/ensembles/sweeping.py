@@ -78,8 +78,8 @@ def sweep(
     seeds: int | Sequence[int],
     progress: Progress | None,
     workers: int | None,
-    fast: bool = False,
     *,
+    fast: bool = False,
     fixed: Mapping[str, Any] = MappingProxyType({}),
     cancelled: Callable[[], bool] | None = None,
 ) -> Sweep:
