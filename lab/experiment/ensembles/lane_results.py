@@ -19,7 +19,7 @@ from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.base.arrays import FloatArray
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, most_of, rms_at_ends
+from lab.experiment.ensembles.run_at_fixes import WITHOUT_ENDS, ChannelSums, RunAtFixes, most_of, rms_at_ends
 from lab.experiment.sensor_stages import SampledFlight
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation.belief import (
@@ -185,6 +185,8 @@ class LaneResults:
     def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
         """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
         at = self._of_outage_ends
+        if not at.size:
+            return WITHOUT_ENDS
         q_nb = solution.q_nb[at]
         error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._true_ends)
         sigma = sigma_of_quantities(

@@ -47,6 +47,10 @@ class ChannelSums(Sum):
         return cls(Squares(squares.total, known.sum(axis=0).astype(np.float64)), sums, lagged)
 
 
+WITHOUT_ENDS = np.full((2, 9), np.nan, dtype=np.float32)
+"""What `rms_at_ends` returns of a flight without outages."""
+
+
 def most_of(horizontal: FloatArray) -> float:
     """Return the 95 % quantile of a horizontal error (n,); NaN if it is unknown."""
     known = horizontal[np.isfinite(horizontal)]
