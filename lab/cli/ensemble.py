@@ -141,8 +141,9 @@ def _verdict(found: Ensemble, progress: Progress, pressed: Event) -> Verdict:
 
 def _heading(facts: Mapping[str, Any], done: int) -> str:
     """Return how many runs there are, and what is remarkable about them."""
-    rate = done / max(facts["seconds"], 1e-9)
-    lines = [f"{facts['mission']}: {done:,} runs in {facts['seconds']:.1f} s, {rate:.3g} per second"]
+    rate, wanted = done / max(facts["seconds"], 1e-9), facts["wanted"]
+    runs = f"{done:,} runs" if done == wanted else f"{done:,} of {wanted:,} runs"
+    lines = [f"{facts['mission']}: {runs} in {facts['seconds']:.1f} s, {rate:.3g} per second"]
     return "\n".join((*lines, *filter(None, [facts["remark"]])))
 
 

@@ -113,7 +113,9 @@ def sweep(
     first = missions[0] if mission is None else single_mission(mission)
     _check_conflicts(first, missions, card, assignments or [], texts)
     has_cards = "card" in texts
-    chosen = experiment(first, config, card, assignments, seed, assumed or has_cards)
+    chosen = base = experiment(first, config, card, assignments, seed, assumed or has_cards)
+    if has_cards:  # as of `ins-lab run`: the file first, then the card, then --set
+        base = experiment(first, config, None, None, chosen.seed)
     settings: dict[str, Sequence[Any]] = dict.fromkeys(texts, missions)
     for path, text in texts.items():
         if path != "mission":
@@ -128,7 +130,7 @@ def sweep(
     with working(chosen.mission) as progress, interrupted() as pressed:
         try:
             found = sweeping.sweep(
-                chosen,
+                base,
                 settings,
                 count,
                 progress,

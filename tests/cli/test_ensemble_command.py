@@ -86,7 +86,7 @@ def test_ctrl_c_shows_the_runs_that_are_done(as_json: bool, tmp_path: Path) -> N
         facts = json.loads(answer.stdout)
         assert (facts["wanted"], facts["runs"], facts["seeds"]) == (100_000, done, [[5, 4 + done]])
     else:
-        assert answer.stdout.startswith(f"los_angeles: {done} runs in ")
+        assert answer.stdout.startswith(f"los_angeles: {done} of 100,000 runs in ")
         assert "Verdict (" in answer.stdout
 
 

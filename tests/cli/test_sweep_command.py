@@ -109,6 +109,20 @@ def test_a_swept_card_is_that_of_ins_lab_run() -> None:
         assert alone["settings"]["navigator"]["alignment"] == 10
 
 
+def test_a_given_p0_does_not_keep_a_card_from_bringing_its_filter(tmp_path: Path) -> None:
+    """As with ins-lab run, --set comes after the card, which leaves a filter with a given P0 as it is."""
+    P0 = [1.0] * 3 + [0.1] * 3 + [1e-4] * 3 + [1e-6] * 3 + [1e-4] * 3 + [1e-6] * 6
+    same = ("--set", f"navigator.p0={P0}", "--seed", "3", *SLOW)
+    out = tmp_path / "cards.nc"
+    over = ("--over", "card=STIM300", "--seeds", "1", "--out", str(out))
+    swept = json.loads(ask("sweep", "los_angeles", *over, *same, "--json").stdout)
+    alone = json.loads(ask("run", "los_angeles", "--card", "STIM300", *same, "--json").stdout)
+    assert alone["settings"]["navigator"]["states"] == 21
+    assert swept["points"][0]["nees"]["mean"] == pytest.approx(alone["nees"]["mean"], rel=1e-9)
+    with xr.open_dataset(out) as found:
+        assert Experiment.from_toml(found.attrs["settings"]).navigator.p0 == tuple(P0)
+
+
 def test_its_table_has_a_row_for_each_combination_and_both_files_all_runs(tmp_path: Path) -> None:
     sweep = (
         "sweep", "--over", "mission=los_angeles,montreal", "--over", "navigator.q_scale=0.1:10:log:2",

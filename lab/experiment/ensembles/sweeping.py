@@ -147,10 +147,13 @@ def sweep(
         [[found.get((index, seed), missing).values for seed in numbers] for index in range(len(points))]
     )
     missions = ", ".join(dict.fromkeys(point.mission for point in points))
+    base = experiment.copy()
+    for path, value in fixed.items():
+        base.set(path, value)
     return Sweep(
         missions,
         tuple(one.path for one in swept),
-        dataset(experiment, missions, swept, numbers, values),
+        dataset(base, missions, swept, numbers, values),
         tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items() if count),
         refusals[STOPPED],
     )
