@@ -142,9 +142,9 @@ def _verdict(found: Ensemble, progress: Progress, pressed: Event) -> Verdict:
 def _heading(facts: Mapping[str, Any], done: int) -> str:
     """Return how many runs there are, and what is remarkable about them."""
     rate, wanted = done / max(facts["seconds"], 1e-9), facts["wanted"]
-    runs = f"{done:,} runs" if done == wanted else f"{done:,} of {wanted:,} runs"
+    runs = f"{done:,} run{'' if done == 1 else 's'}" if done == wanted else f"{done:,} of {wanted:,} runs"
     lines = [f"{facts['mission']}: {runs} in {facts['seconds']:.1f} s, {rate:.3g} per second"]
-    return "\n".join((*lines, *filter(None, [facts["remark"]])))
+    return "\n".join((*lines, *(f"- {remark}" for remark in facts["remarks"])))
 
 
 def _errors(facts: Mapping[str, Any]) -> str:

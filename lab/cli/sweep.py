@@ -35,6 +35,7 @@ from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
     from lab.experiment.experiment import Experiment
+    from lab.sensors.cards import Card as SensorCard
 
 EXAMPLES = """\b
 Examples:
@@ -146,13 +147,15 @@ def sweep(
     facts = found.to_dict() | {
         "wanted": runs,
         "done": done,
+        "remarks": _remarks(settings.get("card", ())) or list(filter(None, [chosen.sensors.card_remark()])),
         "seconds": time.monotonic() - began,
         "out": None if out is None else str(out),
     }
     if as_json:
         print_json(facts)
     else:
-        print("\n\n".join(filter(None, (_points(facts), "\n".join(f"- {one}" for one in found.refused)))))
+        notes = "\n".join(f"- {one}" for one in (*found.refused, *facts["remarks"]))
+        print("\n\n".join(filter(None, (_points(facts), notes))))
     if out is not None:
         write = found.to_netcdf if out.suffix.lower() == ".nc" else found.to_csv
         try:
@@ -293,12 +296,20 @@ def _check_conflicts(
             raise CommandError(f"--set {path}: --over names its values; accepted is one of the two")
 
 
-def _cards(text: str, assumed: bool) -> list[Any]:
+def _cards(text: str, assumed: bool) -> list[SensorCard]:
     """Return the named cards; ``all`` stands for all of the catalogue."""
     from lab.sensors.cards import card, cards  # noqa: PLC0415 - rarely needed
 
     names = parts_of("card", text)
     return [card(name, assumed=assumed) for name in (cards() if names == ["all"] else names)]
+
+
+def _remarks(cards: Sequence[SensorCard]) -> list[str]:
+    """Return what each card assumes and lacks: with a short sheet, a sensor looks better than it is."""
+    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - help does not need it
+
+    found = {card.name: SensorSuite().update(card.settings()).card_remark() for card in cards}
+    return [f"{name}: {remark}" for name, remark in found.items() if remark]
 
 
 def _fixed(chosen: Experiment, assignments: Sequence[str]) -> dict[str, Any]:

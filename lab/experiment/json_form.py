@@ -17,7 +17,7 @@ from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import is_changed
 from lab.base.parameters.toml_file import parse_toml
 from lab.base.plain_data import plain
-from lab.missions import mission
+from lab.missions import LogMission, mission
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,14 +89,16 @@ def json_of(result: Result, budget: bool, identification: Identification | None)
 def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
     """Return an ensemble as plain data; see `Ensemble.to_dict`."""
     experiment = ensemble.experiment
-    known = np.isfinite(ensemble.rms).any()
+    flight, known = mission(experiment.mission), np.isfinite(ensemble.rms).any()
+    is_log = isinstance(flight, LogMission)
+    remarks = ensemble.remark, experiment.sensors.card_remark(), *experiment.notes
     found: dict[str, Any] = {
         "schema": ENSEMBLE,
         "schema_version": ENSEMBLE_VERSION,
         "mission": experiment.mission,
-        "recording": mission(experiment.mission).content_hash,
+        "recording": flight.content_hash,
         "runs": len(ensemble.seeds),
-        "seeds": None if experiment.hidden else _ranges(ensemble.seeds),
+        "seeds": None if experiment.hidden or is_log else _ranges(ensemble.seeds),
         "diverged": [
             {"seed": None if experiment.hidden else seed, "reason": reason}
             for seed, reason in ensemble.diverged.items()
@@ -115,7 +117,7 @@ def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
         else None,
         "nees": _mean(float(ensemble.at_fixes.mean_of_all("nees")), ensemble.degrees),
         "nis": _mean(float(ensemble.at_fixes.mean_of_all("nis")), ensemble.nis_degrees),
-        "remark": ensemble.remark,
+        "remarks": [remark for remark in remarks if remark],
         "verdict": _verdict(verdict),
     }
     form: dict[str, Any] = plain(found)

@@ -61,6 +61,12 @@ def test_json_is_that_of_the_ensemble_with_what_the_command_adds() -> None:
     assert found["changed"]["navigator.filter_rate"] == 20.0
 
 
+def test_what_a_card_assumes_is_said() -> None:
+    answer = ask(*FEW, "--seeds", "1", "--card", "BMI270")
+    assert answer.stdout.startswith("los_angeles: 1 run in ")
+    assert "- Assumed as typical of the grade" in answer.stdout
+
+
 def test_an_algorithm_of_ones_own_is_run_with_many_seeds(tmp_path: Path) -> None:
     from document_files import algorithm
 

@@ -18,6 +18,7 @@ from stopping import cannot_stop, stopped
 from lab import Experiment
 from lab.cli.app import CommandError
 from lab.cli.sweep import parts_of, range_of, values_of
+from lab.sensors.cards import card
 
 SLOW = ("--set", "trajectory.imu_rate=50")
 NUMBERS = st.floats(1e-6, 1e6)
@@ -97,9 +98,9 @@ def test_a_swept_card_is_that_of_ins_lab_run() -> None:
     swept = json.loads(
         ask("sweep", "los_angeles", "--over", "card=BMI270,STIM300", "--seeds", "1", *same).stdout
     )
-    for card, point in zip(("BMI270", "STIM300"), swept["points"], strict=True):
-        alone = json.loads(ask("run", "los_angeles", "--card", card, *same).stdout)
-        assert point["values"] == {"card": card}
+    for name, point in zip(("BMI270", "STIM300"), swept["points"], strict=True):
+        alone = json.loads(ask("run", "los_angeles", "--card", name, *same).stdout)
+        assert point["values"] == {"card": name}
         rms = [row["rms"] for row in alone["summary"]]
         assert point["position"]["rms"] == pytest.approx(math.hypot(*rms[:3]), rel=1e-9)
         assert point["velocity"]["rms"] == pytest.approx(math.hypot(*rms[3:6]), rel=1e-9)
@@ -150,6 +151,18 @@ def test_its_table_has_a_row_for_each_combination_and_both_files_all_runs(tmp_pa
     assert list(table.columns[:3]) == ["mission", "q_scale", "seed"]
     assert np.allclose(table["nees"], nees, rtol=1e-11)
     refused(ask(*sweep, "--out", str(tmp_path / "sweep.csv")), "exists already", "--force")
+
+
+def test_what_cards_assume_and_lack_is_said() -> None:
+    answer = ask("sweep", "los_angeles", "--over", "card=BMI270,STIM300", "--seeds", "1", *SLOW)
+    loaded = Experiment()
+    card("BMI270").load(loaded)
+    # The sheet of the other one is complete.
+    assert answer.stdout.splitlines()[-1] == f"- BMI270: {loaded.sensors.card_remark()}"
+    assert "- STIM300" not in answer.stdout
+    same = ("--card", "BMI270", "--over", "navigator.q_scale=1", "--seeds", "1")
+    one = json.loads(ask("sweep", "los_angeles", *same, *SLOW, "--json").stdout)
+    assert one["remarks"] == [loaded.sensors.card_remark()]
 
 
 def test_runs_without_a_result_are_shown_with_the_reason() -> None:

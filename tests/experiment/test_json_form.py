@@ -161,7 +161,11 @@ def test_the_document_describes_the_fields_of_an_ensemble() -> None:
     experiment.set("sensors.gps.outages", [(40.0, 60.0)])
     ensemble = run_ensemble(experiment, [4, 5, 9])
     found = strict(json.dumps(ensemble.to_dict(), allow_nan=False))
-    are_described("An ensemble", found, {"diverged[].seed", "diverged[].reason", "wanted", "seconds", "out"})
+    are_described(
+        "An ensemble",
+        found,
+        {"diverged[].seed", "diverged[].reason", "remarks[]", "wanted", "seconds", "out"},
+    )
     assert found["seeds"] == [[4, 5], [9, 9]]
     assert [row["rms"] for row in found["errors"]] == list(ensemble.coverage["rms"])
     east = ensemble.errors.sel(quantity="position east")
@@ -178,7 +182,7 @@ def test_the_document_describes_the_fields_of_an_ensemble() -> None:
 def test_the_document_describes_the_fields_of_a_sweep() -> None:
     swept = simulated().sweep({"navigator.q_scale": [0.1, 1.0], "navigator.model": ["phi", "nonlinear"]}, 2)
     found = strict(json.dumps(swept.to_dict(), allow_nan=False))
-    are_described("A sweep", found, {"refused[]", "wanted", "done", "seconds", "out"})
+    are_described("A sweep", found, {"refused[]", "wanted", "done", "remarks[]", "seconds", "out"})
     last = found["points"][-1]
     assert last["values"] == {"navigator.q_scale": 1.0, "navigator.model": "nonlinear"}
     there = swept.dataset.sel(q_scale=1.0, model="nonlinear")
