@@ -20,7 +20,8 @@ def register(kind: str, name: str, function: str) -> None:
     Parameters
     ----------
     kind
-        What the function does: ``"card"``, ``"plot"``, ``"result"``, ``"experiment"`` or ``"source"``.
+        What the function does: ``"card"``, ``"plot"``, ``"result"``, ``"sweep"``, ``"ensemble"``,
+        ``"experiment"`` or ``"source"``.
     name
         Name of the card, the plot, the method or the kind of addresses.
     function

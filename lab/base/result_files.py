@@ -32,7 +32,7 @@ def write_netcdf(
     *,
     overwrite: bool,
 ) -> None:
-    """Write datasets as groups of one netCDF file.
+    """Write datasets as groups of one netCDF file; one without a name is the file's own.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def write_netcdf(
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in datasets().items()})
-    tree.attrs = {"title": title, "settings": settings}
+    tree.attrs |= {"title": title, "settings": settings}
     with temporary_folder(path.parent) as folder:
         whole = folder / path.name
         try:

@@ -30,6 +30,14 @@ COMMANDS |= {
         "lab.cli.compare:compare",
         "Compare error models on the same flights: errors, consistency, time, verdict.",
     ),
+    "ensemble": (
+        "lab.cli.ensemble:ensemble",
+        "Navigate a mission with many seeds; show the errors, and whether the filter states them correctly.",
+    ),
+    "sweep": (
+        "lab.cli.sweep:sweep",
+        "Navigate with values of settings, sensor cards or missions and many seeds; show the errors of each.",
+    ),
     "budget": (
         "lab.cli.budget:error_budget",
         "Show the contribution of each source of error to the errors of a mission's solution.",

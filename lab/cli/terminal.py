@@ -18,6 +18,9 @@ from typing import Any, ClassVar, Self, TextIO, cast
 PATIENCE = 0.5
 """Time after which unfinished work shows its progress [s]."""
 
+STRIDE = 0.1
+"""Part of the work after which a step that counts is shown again where there is no terminal."""
+
 ERASE = "\r\x1b[K"
 """What a terminal obeys by erasing the line."""
 
@@ -33,6 +36,7 @@ _SPELLED = {
     "₀": "0",
 }
 
+_NUMBER = re.compile(r"\d[\d.,e+]*")
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 """Control characters except tabs and ends of lines, and marks that change the direction of writing."""
 
@@ -157,7 +161,7 @@ class ProgressLine:
     """Reports on standard error the progress of work that takes longer than `PATIENCE`.
 
     In a terminal, one line shows the current step and the seconds, and disappears when the work is done.
-    Elsewhere, each step is one line.
+    Elsewhere, each step is one line; one that differs in its numbers alone is shown every `STRIDE`.
 
     Parameters
     ----------
@@ -170,7 +174,7 @@ class ProgressLine:
     def __init__(self, task: str, stream: TextIO | None = None) -> None:
         self._task = task
         self._step = ""
-        self._fraction = 0.0
+        self._fraction = self._written = 0.0
         given = stream or sys.stderr
         self._stream = given.stream if isinstance(given, VisibleText) else given
         self._alive = self._stream.isatty()
@@ -194,7 +198,8 @@ class ProgressLine:
     def __call__(self, step: str, fraction: float) -> None:
         """Report the current step and the fraction of the whole that is done."""
         with self._lock:
-            new = step != self._step
+            counts = fraction >= self._written + STRIDE and step != self._step
+            new = counts or _NUMBER.sub("", step) != _NUMBER.sub("", self._step)
             self._step, self._fraction = step, fraction
             if self._shown and fraction < 1 and (new or self._alive):
                 self._write()
@@ -211,6 +216,7 @@ class ProgressLine:
 
     def _write(self) -> None:
         line = visible(f"{self._task}: {self._step} ..." if self._step else f"{self._task} ...")
+        self._written = self._fraction
         seconds = time.monotonic() - self._begin
         self._stream.write(
             f"{ERASE}{line} {self._fraction:.0%}, {seconds:.0f} s" if self._alive else f"{line}\n"

@@ -64,6 +64,7 @@ class Experiment(Runnable):
         progress: Progress | None = None,
         *,
         workers: int | None = None,
+        fast: bool = False,
     ) -> Sweep:
         """Run all combinations of values of settings over seeds, on all processors.
 
@@ -74,7 +75,10 @@ class Experiment(Runnable):
         ----------
         settings
             The values of each setting by its dotted path, such as
-            ``{"sensors.gyro.noise_density": [0.01, 0.03, 0.1]}``, in the unit of the setting.
+            ``{"sensors.gyro.noise_density": [0.01, 0.03, 0.1]}``, in the unit of the setting. ``"card"``
+            takes cards, or their names: each brings its sensors and a filter that suits them, as `Card.load`
+            does, in place of those of the experiment; other swept settings override it. ``"mission"`` takes
+            names.
         seeds
             Number of runs of each combination, from the seed of the experiment on, or the seed of each; a
             sensor log has one.
@@ -84,11 +88,14 @@ class Experiment(Runnable):
         workers
             Number of threads; by default one for each processor. There are fewer if so many runs at once do
             not fit into the memory.
+        fast
+            True propagates the covariance of the filter at 20 Hz, where no rate is set and no smoother needs
+            it at every sample: σ differs by some 0.1 %.
 
         Raises
         ------
         SettingError
-            If there is no such setting, or it does not accept a value.
+            If there is no such setting or card, or it does not accept a value, or `fast` would override it.
         MissionError
             If the mission cannot be found or read.
         ValueError
@@ -96,7 +103,7 @@ class Experiment(Runnable):
             some runs are impossible, their values are NaN, and `Sweep.refused` has the reasons.
         """
         with find("experiment", "progress")(progress) as tell:
-            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers)
+            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers, fast=fast)
         return found
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""JSON form: a result as plain data of a fixed form, which ``docs/json.md`` describes field by field.
+"""JSON form: results, ensembles and sweeps as plain data of fixed forms; ``docs/json.md`` has each field.
 
 A version only ever gains fields. One that changes or loses a field gets the next number.
 """
@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
+from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import is_changed
+from lab.base.parameters.toml_file import parse_toml
 from lab.base.plain_data import plain
+from lab.missions import LogMission, mission
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,11 +25,19 @@ if TYPE_CHECKING:
 
     from lab.analysis.identification.identification import Identification
     from lab.analysis.verdicts.finding import Change, Finding, Suggestion, Verdict
+    from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
+    from lab.experiment.sweep import Sweep
     from lab.run.experiment_settings import ExperimentSettings
 
 SCHEMA, VERSION = "ins-lab result", 1
-"""Name and number of the form."""
+"""Name and number of the form of a result."""
+ENSEMBLE, ENSEMBLE_VERSION = "ins-lab ensemble", 1
+"""Name and number of the form of an ensemble."""
+SWEEP, SWEEP_VERSION = "ins-lab sweep", 1
+"""Name and number of the form of a sweep."""
+VECTORS = {"position": "position", "velocity": "velocity", "heading": "attitude heading"}
+"""Errors of a point of a sweep, and the quantities of each; of a vector, the components together."""
 PACKAGES = ("ins-lab", "numpy", "scipy", "numba")
 """Packages whose versions decide the figures of a run."""
 COLUMNS = {
@@ -73,6 +84,131 @@ def json_of(result: Result, budget: bool, identification: Identification | None)
     }
     form: dict[str, Any] = plain(found)
     return form
+
+
+def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
+    """Return an ensemble as plain data; see `Ensemble.to_dict`."""
+    experiment = ensemble.experiment
+    flight, known = mission(experiment.mission), np.isfinite(ensemble.rms).any()
+    is_log = isinstance(flight, LogMission)
+    remarks = ensemble.remark, experiment.sensors.card_remark(), *experiment.notes
+    found: dict[str, Any] = {
+        "schema": ENSEMBLE,
+        "schema_version": ENSEMBLE_VERSION,
+        "mission": experiment.mission,
+        "recording": flight.content_hash,
+        "runs": len(ensemble.seeds),
+        "seeds": None if experiment.hidden or is_log else _ranges(ensemble.seeds),
+        "diverged": [
+            {"seed": None if experiment.hidden else seed, "reason": reason}
+            for seed, reason in ensemble.diverged.items()
+        ],
+        "algorithm": ensemble.algorithm or None,
+        "versions": {name: version(name) for name in PACKAGES},
+        "settings": experiment.shared(),
+        "changed": changed_settings(experiment),
+        "errors": _errors(ensemble) if known else None,
+        "horizontal": {
+            "p95": _known_mean(ensemble.most),
+            "outage_end": np.sqrt(_known_mean(ensemble.horizontal_at_outage_ends**2)),
+            "outage_end_p95": np.quantile(ensemble.horizontal_at_outage_ends, 0.95),
+        }
+        if known
+        else None,
+        "nees": _mean(float(ensemble.at_fixes.mean_of_all("nees")), ensemble.degrees),
+        "nis": _mean(float(ensemble.at_fixes.mean_of_all("nis")), ensemble.nis_degrees),
+        "remarks": [remark for remark in remarks if remark],
+        "verdict": _verdict(verdict),
+    }
+    form: dict[str, Any] = plain(found)
+    return form
+
+
+def _errors(ensemble: Ensemble) -> list[Mapping[Any, Any]]:
+    """Return a row for each error of an ensemble."""
+    table, sums = ensemble.coverage.copy(), ensemble.at_fixes
+    table["p95"] = np.quantile(ensemble.rms, 0.95, axis=0)
+    table["fixes_rms"] = np.sqrt(np.diagonal(sums.mean_of_all("product")))
+    table["fixes_sigma"] = np.sqrt(sums.mean_of_all("variance"))
+    table["outage_end"], table["outage_end_sigma"] = np.sqrt(
+        np.mean(ensemble.at_outage_ends.astype(np.float64) ** 2, axis=0)
+    )
+    return _rows(table)
+
+
+def _ranges(seeds: Sequence[int]) -> list[list[int]]:
+    """Return the first and the last of each unbroken range of seeds."""
+    found: list[list[int]] = []
+    for seed in seeds:
+        if found and seed == found[-1][1] + 1:
+            found[-1][1] = seed
+        else:
+            found.append([seed, seed])
+    return found
+
+
+def sweep_json(sweep: Sweep) -> dict[str, Any]:
+    """Return a sweep as plain data; see `Sweep.to_dict`."""
+    data, dims = sweep.dataset, sweep.dims
+    swept = [
+        {
+            "setting": data[dim].attrs["setting"],
+            "label": data[dim].attrs["long_name"],
+            "unit": data[dim].attrs["units"],
+            "values": data[dim].values,
+        }
+        for dim in dims
+    ]
+    found: dict[str, Any] = {
+        "schema": SWEEP,
+        "schema_version": SWEEP_VERSION,
+        "mission": sweep.mission,
+        "versions": {name: version(name) for name in PACKAGES},
+        "settings": parse_toml(data.attrs["settings"]),
+        "seeds": data["seed"].values,
+        "swept": swept,
+        "points": [
+            _point(data.isel(dict(zip(dims, at, strict=True))), dims)
+            for at in np.ndindex(*(data.sizes[dim] for dim in dims))
+        ],
+        "refused": sweep.refused,
+    }
+    form: dict[str, Any] = plain(found)
+    return form
+
+
+def _point(there: xr.Dataset, dims: Sequence[str]) -> dict[str, Any]:
+    """Return the means over the seeds of a sweep at one combination of values."""
+    errors = {}
+    for name, quantity in VECTORS.items():
+        parts = [one for one in there["quantity"].values if quantity in (one, one.split()[0])]
+        chosen = there.sel(quantity=parts)
+        rms, sigma = (
+            np.sqrt(_known_mean(np.sum(chosen[one].values ** 2, axis=-1))) for one in ("rms", "sigma")
+        )
+        errors[name] = {"unit": chosen["unit"].values[0], "rms": rms, "sigma": sigma}
+    tests = {
+        name: _mean(_known_mean(there[name].values), _known_mean(there[f"{name}_degrees"].values))
+        for name in ("nees", "nis")
+    }
+    return {
+        "values": {there[dim].attrs["setting"]: there[dim].item() for dim in dims},
+        "runs": np.isfinite(there["nis_degrees"].values).sum(),
+        **errors,
+        "horizontal_95": _known_mean(there["horizontal_95"].values),
+        **tests,
+    }
+
+
+def _known_mean(values: FloatArray) -> float:
+    """Return the mean of what is known; NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _mean(mean: float, expected: float) -> dict[str, float] | None:
+    """Return a mean of NEES or NIS beside its expected value; None if it is unknown."""
+    return {"mean": mean, "expected": expected} if np.isfinite(mean) and expected else None
 
 
 def changed_settings(experiment: ExperimentSettings) -> dict[str, Any]:

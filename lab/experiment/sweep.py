@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
+from lab.base.files.atomic_file import atomic_file
 from lab.base.notebook_card import NotebookCard
 from lab.base.registry import find
+from lab.base.result_files import csv_blocks, refuse_existing, write_netcdf
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 
@@ -20,7 +26,7 @@ class Sweep(NotebookCard):
     Attributes
     ----------
     mission : str
-        Name of the mission of the experiment.
+        Name of the mission of the experiment; of several, separated by commas.
     settings : tuple of str
         Dotted paths of the swept settings, in the order of the first dimensions of the dataset.
     dataset : xarray.Dataset
@@ -31,7 +37,9 @@ class Sweep(NotebookCard):
         ``horizontal_95``, which 95 % of the horizontal position errors do not exceed.
         What is unknown is NaN.
     refused : tuple of str
-        The reasons why runs are missing, each with the number of such runs; their values are NaN.
+        The reasons why runs have no values, each with the number of such runs; their values are NaN.
+    missing : int
+        Number of runs that were not done, because the sweep was stopped; `refused` says so too.
     """
 
     CARD: ClassVar[str] = "sweep"
@@ -40,6 +48,7 @@ class Sweep(NotebookCard):
     settings: tuple[str, ...]
     dataset: xr.Dataset
     refused: tuple[str, ...] = ()
+    missing: int = 0
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -57,11 +66,82 @@ class Sweep(NotebookCard):
         """
         return replace(self, dataset=self.dataset.sel(values))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the sweep as plain data, as ``ins-lab sweep --json`` prints it: means over the seeds.
+
+        The form is described in ``docs/json.md``.
+        """
+        form: dict[str, Any] = find("sweep", "json")(self)
+        return form
+
+    def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the dataset as netCDF; `xarray.open_dataset` reads it.
+
+        Parameters
+        ----------
+        path
+            The file, in a folder that exists.
+        overwrite
+            True replaces an existing file.
+
+        Raises
+        ------
+        OSError
+            If the file exists and may not be replaced, or cannot be written.
+        """
+        write_netcdf(
+            Path(path),
+            lambda: {"": self.dataset},
+            f"Sweep of {self.mission}",
+            self.dataset.attrs["settings"],
+            overwrite=overwrite,
+        )
+
+    def to_csv(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write a csv file with a row for each run and units in the column names; what is unknown is empty.
+
+        Parameters
+        ----------
+        path
+            The file, in a folder that exists.
+        overwrite
+            True replaces an existing file.
+
+        Raises
+        ------
+        OSError
+            If the file exists and may not be replaced, or cannot be written.
+        """
+        refuse_existing([Path(path)], overwrite)
+        with atomic_file(Path(path)) as file:
+            file.writelines(block.encode() for block in csv_blocks(self._table()))
+
+    def _table(self) -> pd.DataFrame:
+        """Return a table with a row for each run."""
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        data, axes = self.dataset, (*self.dims, "seed")
+        shape = [data.sizes[dim] for dim in axes]
+        columns = {}
+        for name, values in data.data_vars.items():
+            if "quantity" not in values.dims:
+                columns[_titled(str(name), values.attrs["units"])] = values.values.reshape(-1)
+                continue
+            for quantity in values["quantity"].values:
+                one = values.sel(quantity=quantity)
+                columns[_titled(f"{name} {quantity}", str(one["unit"].values))] = one.values.reshape(-1)
+        places = np.indices(shape).reshape(len(shape), -1)
+        keys = {
+            _titled(dim, data[dim].attrs.get("units", "")): data[dim].values[at]
+            for dim, at in zip(axes, places, strict=True)
+        }
+        return pd.DataFrame(keys | columns).set_index(next(iter(keys)))
+
     def plot(self, quantities: Sequence[str] | None = None) -> Any:
         """Return plots over the first setting; a second setting makes a curve for each of its values.
 
         The line is the root mean square over the seeds, and the band holds 90 % of the runs. The dashed line
-        is σ of the filter.
+        is σ of the filter. Over cards, missions and other texts, marks stand in place of the lines.
 
         Parameters
         ----------
@@ -80,3 +160,8 @@ class Sweep(NotebookCard):
         sizes = " × ".join(f"{self.dataset.sizes[name]} {name}" for name in (*self.dims, "seed"))
         missing = f", {len(self.refused)} reasons for missing runs" if self.refused else ""
         return f"<Sweep of {self.mission}: {sizes}{missing}; .dataset has the errors, .plot() draws them>"
+
+
+def _titled(name: str, unit: str) -> str:
+    """Return the title of a column."""
+    return f"{name} [{unit}]" if unit else name

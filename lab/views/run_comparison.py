@@ -169,7 +169,7 @@ def assess_seeds(runs: Ensemble, wanted: int) -> Assessment:
     each = {
         RMS_POSITION: np.hypot(rms[:, 0], rms[:, 1]),
         MOST_POSITION: runs.most,
-        OUTAGE_END: runs.at_outage_ends,
+        OUTAGE_END: runs.horizontal_at_outage_ends,
         RMS_HEIGHT: rms[:, 2],
         RMS_VELOCITY: np.linalg.norm(rms[:, 3:6], axis=1),
         RMS_LEVEL: np.hypot(rms[:, 6], rms[:, 7]),

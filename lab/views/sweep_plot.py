@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 ROWS = 30
 """Largest number of combinations in the table; the dataset has all."""
+LEVEL = 5
+"""Most texts that stand level below an axis; more are turned."""
+BESIDE = 0.5
+"""Part of the distance between two texts on an axis that the marks at one text take."""
 _LEFT = 'style="text-align:left"'
 DEFAULT = ("position", "velocity", "attitude heading")
 """The quantities that are drawn unless others are chosen."""
@@ -49,11 +53,15 @@ def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
     first, *second = swept
     axis, ticks = abscissa(data[first])
     layers: list[hv.Element] = []
-    for place, value in enumerate(data[second[0]].values if second else [None]):
+    values = data[second[0]].values if second else [None]
+    drawn = marks if is_text(data[first]) else curves
+    for place, value in enumerate(values):
         at = {} if value is None else {second[0]: value}
         label = "" if value is None else f"{value} {data[second[0]].attrs['units']}".rstrip()
-        layers += curves(
-            one, one.runs.sel(at), one.expected.sel(at), axis, COLOURS[place % len(COLOURS)], label
+        # Marks of several values at one text stand side by side.
+        aside = BESIDE * (place - (len(values) - 1) / 2) / len(values) if drawn is marks else 0.0
+        layers += drawn(
+            one, one.runs.sel(at), one.expected.sel(at), axis + aside, COLOURS[place % len(COLOURS)], label
         )
     about = data[first].attrs
     return hv.Overlay(layers).opts(
@@ -70,6 +78,7 @@ def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
         legend_opts={"padding": 0, "margin": 0, "spacing": 8, "border_line_alpha": 0},
         fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
         **({"xticks": ticks} if ticks else {}),
+        **({"xrotation": 45} if len(ticks) > LEVEL else {}),
     )
 
 
@@ -78,20 +87,46 @@ def curves(
 ) -> list[hv.Element]:
     """Draw the band, the mean over the seeds, and what the filter expects."""
     x, y = hv.Dimension("setting"), hv.Dimension(one.title, unit=one.unit or None)
-    low, high = (runs.quantile(edge, "seed").values for edge in BAND)
-    # Errors are averaged as squares; NEES and NIS are squares.
-    squared = bool(one.unit)
-    mean = (runs**2).mean("seed") ** 0.5 if squared else runs.mean("seed")
-    assumed = (expected**2).mean("seed") ** 0.5 if squared else expected.mean("seed")
+    low, high = _band(runs)
+    mean, assumed = _means(one, runs), _means(one, expected)
     drawn = [
         hv.Area((axis, low, high), x, [y, f"{one.title} high"]).opts(color=colour, alpha=0.15, line_alpha=0),
-        hv.Curve((axis, assumed.values), x, y).opts(
-            color=colour if squared else TRUTH, line_dash="dashed", line_width=1.4
+        hv.Curve((axis, assumed), x, y).opts(
+            color=colour if one.unit else TRUTH, line_dash="dashed", line_width=1.4
         ),
-        hv.Curve((axis, mean.values), x, y, label=label).opts(color=colour, line_width=2),
-        hv.Scatter((axis, mean.values), x, y).opts(color=colour, size=5),
+        hv.Curve((axis, mean), x, y, label=label).opts(color=colour, line_width=2),
+        hv.Scatter((axis, mean), x, y).opts(color=colour, size=5),
     ]
     return drawn if axis.size > 1 else drawn[3:]
+
+
+def marks(
+    one: Panel, runs: xr.DataArray, expected: xr.DataArray, axis: FloatArray, colour: str, label: str
+) -> list[hv.Element]:
+    """Draw the same over values that are texts, between which there is nothing: no line joins them."""
+    x, y = hv.Dimension("setting"), hv.Dimension(one.title, unit=one.unit or None)
+    low, high = _band(runs)
+    assumed = hv.Scatter((axis, _means(one, expected)), x, y)
+    return [
+        hv.Segments((axis, low, axis, high), [x, y, "setting too", f"{one.title} high"]).opts(
+            color=colour, alpha=0.3, line_width=6
+        ),
+        assumed.opts(color=colour if one.unit else TRUTH, marker="dash", size=14),
+        hv.Scatter((axis, _means(one, runs)), x, y, label=label).opts(color=colour, size=7),
+    ]
+
+
+def _band(runs: xr.DataArray) -> tuple[FloatArray, FloatArray]:
+    """Return the edges of the band of the runs; NaN where there is no run."""
+    known = runs.notnull().any("seed")
+    low, high = (runs.where(known, 0.0).quantile(edge, "seed").where(known).values for edge in BAND)
+    return low, high
+
+
+def _means(one: Panel, values: xr.DataArray) -> FloatArray:
+    """Return means over the seeds: errors are averaged as squares; NEES and NIS are squares."""
+    mean = (values**2).mean("seed") ** 0.5 if one.unit else values.mean("seed")
+    return np.asarray(mean.values)
 
 
 def sweep_html(sweep: Sweep) -> str:

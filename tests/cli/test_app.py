@@ -27,6 +27,8 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
     [
         "missions",
         "run",
+        "ensemble",
+        "sweep",
         "fly",
         "cards",
         "allan",
@@ -56,7 +58,7 @@ def test_the_version_is_the_one_installed() -> None:
             ["sail"],
             [
                 "no command 'sail'",
-                "missions, run, report, compare, budget, identify, fly",
+                "missions, run, report, compare, ensemble, sweep, budget, identify, fly",
                 "cards",
                 "allan",
                 "serve",

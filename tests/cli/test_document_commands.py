@@ -23,6 +23,8 @@ from dashboards.command_line import app
 
 WRITES = {
     "run": {"--out", "--export"},
+    "ensemble": {"--out"},
+    "sweep": {"--out"},
     "export": {"--to"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
@@ -45,6 +47,8 @@ ADDED = {
     "budget": ["--set", "trajectory.imu_rate=50"],
     "compare": ["--set", "trajectory.imu_rate=50"],
     "compare --seeds": ["--seeds", "2"],
+    "ensemble": ["--set", "trajectory.imu_rate=50", "--seeds", "2"],
+    "sweep": ["--set", "trajectory.imu_rate=50", "--seeds", "1"],
     "live watch": ["--seconds", "1"],
     "live navigate": ["--seconds", "15"],
     "delete": ["--yes"],  # nobody is here to be asked

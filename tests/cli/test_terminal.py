@@ -116,3 +116,18 @@ def test_slow_work_tells_each_step_once_where_there_is_no_terminal(monkeypatch: 
         progress("flying", 0.25)
         progress("flying", 0.5)
     assert log.getvalue() == "montreal ...\nmontreal: flying ...\n"
+
+
+def test_where_there_is_no_terminal_a_count_is_shown_at_each_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lab.cli.terminal.PATIENCE", 0)
+    log = _Screen()
+    monkeypatch.setattr(log, "isatty", lambda: False)
+    with ProgressLine("montreal", log) as progress:
+        assert log.written.wait(10)
+        for done in range(1, 1001):
+            progress(f"{done:,} of 1,000 runs, {1000 / done:.3g} per second", done / 1000)
+        progress("trying the advice", 0.1)
+    shown = log.getvalue().splitlines()
+    assert shown[1] == "montreal: 1 of 1,000 runs, 1e+03 per second ..."
+    assert shown[-1] == "montreal: trying the advice ..."
+    assert len(shown) == 3 + 9

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy import stats
 
 import lab.experiment.ensembles.seeds as seeds_module
 from lab.analysis.verdicts.innovation_evidence import LAGS
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles.ensemble import QUANTITIES, Collected, Ensemble
-from lab.experiment.ensembles.seeds import _keep, run_ensemble
+from lab.experiment.ensembles.seeds import StoppedError, _keep, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
+from lab.experiment.variants import compile_lanes
 from lab.navigation.checks import DivergedError, diverged
 
 SEEDS = 40
@@ -66,9 +70,16 @@ def test_horizontal_figures_are_those_of_the_runs(model: str) -> None:
         result = experiment.copy().update({"seed": many.seeds[row]}).run()
         horizontal = np.hypot(*result.errors.position.values[:, :2].T)
         ends = [int(np.flatnonzero(result.time < end - 0.01)[-1]) for end in (40.0, 80.0)]
-        assert many.at_outage_ends[row] == pytest.approx(np.sqrt(np.mean(horizontal[ends] ** 2)), rel=1e-6)
+        at_ends = many.horizontal_at_outage_ends[row]
+        assert at_ends == pytest.approx(np.sqrt(np.mean(horizontal[ends] ** 2)), rel=1e-6)
+        for place, group in enumerate((result.errors, result.sigma)):
+            nine = np.hstack([group[name].values[ends] for name in ("position", "velocity", "attitude")])
+            of_run = many.at_outage_ends[row, place]
+            np.testing.assert_allclose(of_run, np.sqrt(np.mean(nine**2, axis=0)), rtol=1e-6)
         assert many.most[row] == pytest.approx(np.quantile(horizontal, 0.95), rel=0.02)
-    assert np.isnan(run_ensemble(experiment.copy().update({"sensors.gps.outages": []}), 1).at_outage_ends[0])
+    assert np.isnan(
+        run_ensemble(experiment.copy().update({"sensors.gps.outages": []}), 1).at_outage_ends
+    ).all()
 
 
 def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:
@@ -197,6 +208,51 @@ def test_who_is_told_of_the_progress_may_end_the_work() -> None:
     with pytest.raises(InterruptedError):
         run_ensemble(Experiment(mission="los_angeles"), 50, enough)
     assert told == [0.02]
+
+
+@pytest.mark.parametrize(("wanted", "abreast"), [(60, False), (150, True)])
+def test_a_cancelled_ensemble_is_that_of_the_runs_that_were_begun(wanted: int, abreast: bool) -> None:
+    experiment = Experiment(mission="los_angeles").update({"trajectory.imu_rate": 20.0})
+    if abreast:  # whoever runs more than a hundred abreast has the filter compiled
+        compile_lanes()
+    told: list[str] = []
+    some = run_ensemble(
+        experiment,
+        wanted,
+        lambda words, _done: told.append(words),
+        workers=2,
+        cancelled=lambda: len(told) > 3,
+    )
+    count = len(some.seeds)
+    assert 3 < count < wanted
+    assert some.seeds == tuple(range(1, 1 + count))
+    whole = run_ensemble(experiment, wanted)
+    assert np.array_equal(some.rms, whole.rms[:count])
+    assert np.array_equal(some.mean_nis, whole.mean_nis[:count])
+    with pytest.raises(StoppedError, match=f"before the first of {wanted} runs"):
+        run_ensemble(experiment, wanted, cancelled=lambda: True)
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ensemble")]
+
+
+def test_its_file_has_the_figures_of_each_run_and_of_each_fix(many: Ensemble, tmp_path: Path) -> None:
+    many.to_netcdf(tmp_path / "many.nc")
+    with xr.open_datatree(tmp_path / "many.nc") as found:
+        assert np.array_equal(found["runs"].seed, many.seeds)
+        heading = found["runs"].rms.sel(quantity="attitude heading")
+        assert np.array_equal(heading, many.rms[:, QUANTITIES.index("attitude heading")])
+        assert str(heading.unit.values) == "°"
+        assert np.array_equal(found["consistency"].anees, many.consistency.anees)
+        assert np.array_equal(found["errors"].sigma, many.errors.sigma)
+        assert found.attrs["title"] == f"{SEEDS} runs of los_angeles"
+        assert Experiment.from_toml(found.attrs["settings"]).seed == 5
+    with pytest.raises(FileExistsError, match="exists already"):
+        many.to_netcdf(tmp_path / "many.nc")
+
+
+@pytest.mark.parametrize("seeds", [[-1], range(2**32 - 1, 2**32 + 1)])
+def test_seeds_that_no_experiment_accepts_are_refused_before_the_work(seeds: Sequence[int]) -> None:
+    with pytest.raises(SettingError, match="accepted is a whole number from 0 to 4294967295"):
+        run_ensemble(Experiment(), seeds)
 
 
 @pytest.mark.parametrize("seeds", [0, -3, ()])

@@ -15,10 +15,11 @@ from sensor_logs import tables, write
 from lab.analysis.consistency import chi_square_interval
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 
-FREE = {"versions", "settings", "changed", "missing", "identification.changes"}
+FREE = {"versions", "settings", "changed", "missing", "identification.changes", "points[].values"}
 """Objects whose keys are names of other things."""
 VALUES = re.compile(r"(verdict\.\w+\[\]\.changes\[\]\.value|verdict\.suggestions\[\]\.changes\[\]).*")
 MAY_LACK = {"identification.at_bounds[]", "gaps.filled[][]", "gaps.breaks[][]", "out", "export", "report"}
@@ -35,6 +36,26 @@ def paths(value: Any, path: str = "") -> Iterator[str]:
             yield from paths(one, f"{path}[]")
     else:
         yield VALUES.sub(r"\1", path)
+
+
+def fields_of(title: str) -> list[str]:
+    """Return the fields that the document describes for a run, an ensemble or a sweep."""
+    parts = re.split(
+        r"^##? (Runs as JSON|An ensemble|A sweep)$", (ROOT / "docs/json.md").read_text("utf-8"), flags=re.M
+    )
+    found = re.findall(r"^\| `([\w.\[\]]+)` \|", parts[parts.index(title) + 1], re.M)
+    assert len(found) == len(set(found))
+    return found
+
+
+def are_described(title: str, data: dict[str, Any], may_lack: set[str]) -> None:
+    """Check that the document describes all fields of data, and no field that is not there."""
+    described, written = fields_of(title), set(paths(data))
+    assert {path for path in written if path not in described and not path.startswith("verdict.")} == set()
+    missing = [
+        one for one in described if not any(re.match(rf"{re.escape(one)}(\W|$)", path) for path in written)
+    ]
+    assert set(missing) == may_lack
 
 
 def simulated(**navigator: float) -> Experiment:
@@ -70,8 +91,7 @@ def strict(text: str) -> Any:
 def test_the_document_describes_exactly_the_fields_that_are_written(
     data: dict[str, Any], log: Result
 ) -> None:
-    described = re.findall(r"^\| `([\w.\[\]]+)` \|", (ROOT / "docs/json.md").read_text("utf-8"), re.M)
-    assert len(described) == len(set(described))
+    described = fields_of("Runs as JSON")
     written = {*paths(data), *paths(log.to_dict()), *paths(simulated().run().to_dict())}
     assert written - set(described) == set()
     unwritten = {
@@ -134,3 +154,39 @@ def test_a_run_of_the_gallery_names_neither_its_fault_nor_its_seed() -> None:
     assert fault.title not in text
     assert "4711" not in text
     assert strict(text)["seed"] is None
+
+
+def test_the_document_describes_the_fields_of_an_ensemble() -> None:
+    experiment = simulated()
+    experiment.set("sensors.gps.outages", [(40.0, 60.0)])
+    ensemble = run_ensemble(experiment, [4, 5, 9])
+    found = strict(json.dumps(ensemble.to_dict(), allow_nan=False))
+    are_described(
+        "An ensemble",
+        found,
+        {"diverged[].seed", "diverged[].reason", "remarks[]", "wanted", "seconds", "out"},
+    )
+    assert found["seeds"] == [[4, 5], [9, 9]]
+    assert [row["rms"] for row in found["errors"]] == list(ensemble.coverage["rms"])
+    east = ensemble.errors.sel(quantity="position east")
+    assert found["errors"][0]["fixes_rms"] == pytest.approx(float(np.sqrt((east.rms**2).mean())), rel=1e-9)
+    assert found["errors"][0]["fixes_sigma"] == pytest.approx(
+        float(np.sqrt((east.sigma**2).mean())), rel=1e-9
+    )
+    ends = [row["outage_end"] for row in found["errors"]]
+    assert ends == pytest.approx(list(np.sqrt(np.mean(ensemble.at_outage_ends[:, 0] ** 2, axis=0))))
+    assert found["horizontal"]["outage_end"] == pytest.approx(np.hypot(*ends[:2]))
+    assert found["verdict"]["headline"] == ensemble.verdict.headline
+
+
+def test_the_document_describes_the_fields_of_a_sweep() -> None:
+    swept = simulated().sweep({"navigator.q_scale": [0.1, 1.0], "navigator.model": ["phi", "nonlinear"]}, 2)
+    found = strict(json.dumps(swept.to_dict(), allow_nan=False))
+    are_described("A sweep", found, {"refused[]", "wanted", "done", "remarks[]", "seconds", "out"})
+    last = found["points"][-1]
+    assert last["values"] == {"navigator.q_scale": 1.0, "navigator.model": "nonlinear"}
+    there = swept.dataset.sel(q_scale=1.0, model="nonlinear")
+    vector = (there.rms.sel(quantity=["position east", "position north", "position up"]) ** 2).sum("quantity")
+    assert last["position"]["rms"] == pytest.approx(float(np.sqrt(vector.mean())), rel=1e-12)
+    assert last["nees"] == {"mean": pytest.approx(float(there.nees.mean())), "expected": 15}
+    assert Experiment().update(found["settings"]).to_dict() == simulated().to_dict()

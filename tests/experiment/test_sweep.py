@@ -7,15 +7,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import holoviews as hv
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from sensor_logs import tables, write
 
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles import sweeping
-from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.ensembles.seeds import FAST_RATE, StoppedError, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
+from lab.missions import MissionError
+from lab.sensors.cards import card
 
 DENSITIES = [0.3, 0.02]
 SEEDS = 3
@@ -109,6 +114,13 @@ def test_nothing_is_computed_twice_and_an_interrupted_sweep_goes_on(
         ({"sensors.gps.period": [1, 1.0]}, "in the list twice"),
         ({"seed": [1, 2]}, "give their number or a list as `seeds`"),
         ({1: [0.1]}, "1 is no name of a setting"),
+        ({"card": ["STIM301"]}, "there is no card 'STIM301'. Did you mean STIM300"),
+        ({"card": ["STIM300", "stim300"]}, "card: 'STIM300' is in the list twice"),
+        ({"card": [3]}, "3 is no card; accepted is a card, or its name"),
+        (
+            {"sensors.gyro.noise_density": [0.1], "sensors.gyro.noise_variance": [0.1]},
+            "are two forms of one setting; accepted is one of them",
+        ),
     ],
 )
 def test_an_error_names_the_setting_its_unit_and_its_bounds(settings: dict[Any, Any], words: str) -> None:
@@ -181,3 +193,104 @@ def test_the_plot_shows_the_mean_of_the_runs_with_their_band(swept: Sweep) -> No
         swept.plot(["speed"])
     with pytest.raises(ValueError, match="0 settings vary"):
         swept.sel(r_scale=1.0, noise_density=0.3).plot()
+
+
+def test_a_swept_card_is_the_card_loaded_and_other_settings_override_it() -> None:
+    experiment = small()
+    experiment.sensors.gyro.noise_density = 7.0  # the card replaces it
+    # The card is loaded first, although it comes last here.
+    swept = experiment.sweep({"navigator.alignment": [10.0, 12.0], "card": ["BMI270", card("STIM300")]}, 1)
+    assert swept.dims == ("alignment", "card")
+    assert swept.dataset.card.values.tolist() == ["BMI270", "STIM300"]
+    assert swept.dataset.card.attrs == {"units": "", "long_name": "Card", "setting": "card"}
+    alone = small()
+    card("STIM300").load(alone)
+    alone.navigator.alignment = 12.0
+    there = swept.dataset.sel(card="STIM300", alignment=12.0, seed=4)
+    assert np.allclose(there.rms, alone.run().summary["rms"], rtol=1e-12)
+    assert float(there.nees_degrees) == 36
+
+
+def test_missions_are_swept_like_settings() -> None:
+    swept = small().sweep({"mission": ["montreal", "los_angeles"], "navigator.r_scale": [1.0, 0.1]}, 1)
+    assert swept.mission == swept.dataset.attrs["mission"] == "montreal, los_angeles"
+    other = small()
+    other.update({"mission": "montreal", "navigator": {"r_scale": 0.1}})
+    there = swept.dataset.sel(mission="montreal", r_scale=0.1, seed=4)
+    assert np.allclose(there.rms, other.run().summary["rms"], rtol=1e-12)
+    assert "montreal, los_angeles" in str(swept._repr_html_())
+    with pytest.raises(MissionError, match="Did you mean montreal"):
+        small().sweep({"mission": ["los_angeles", "montrael"]}, 1)
+
+
+def test_a_fast_sweep_is_one_with_the_fast_rate() -> None:
+    values = {"navigator.q_scale": [1.0, 0.1]}
+    experiment = small()
+    experiment.trajectory.imu_rate = 50
+    fast = experiment.sweep(values, 1, fast=True).dataset
+    experiment.navigator.filter_rate = FAST_RATE
+    assert fast.equals(experiment.sweep(values, 1).dataset)
+    experiment.navigator.filter_rate = 0.0
+    assert not fast.equals(experiment.sweep(values, 1).dataset)
+    smoothed = {"navigator.smoother": [True]}
+    assert experiment.sweep(smoothed, 1, fast=True).dataset.equals(experiment.sweep(smoothed, 1).dataset)
+    with pytest.raises(SettingError, match=r"navigator\.filter_rate: is swept; accepted without fast"):
+        experiment.sweep({"navigator.filter_rate": [10.0, 20.0]}, 1, fast=True)
+
+
+def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Path) -> None:
+    sweeping.KEPT.clear()
+    done: list[float] = []
+
+    def tell(_words: str, fraction: float) -> None:
+        done.append(fraction)
+
+    values = {"card": ["BMI270", "STIM300"], "navigator.q_scale": [1.0, 0.1]}
+    whole = small().sweep(values, 3)
+    sweeping.KEPT.clear()
+    some = sweeping.sweep(small(), values, 3, tell, 1, cancelled=lambda: bool(done))
+    known = np.isfinite(some.dataset.nis).values
+    assert 0 < known.sum() < known.size == 12
+    assert some.missing == 12 - known.sum()
+    assert some.refused == (f"{some.missing} of 12 runs: not done, because the sweep was stopped",)
+    assert np.array_equal(some.dataset.rms.values[known], whole.dataset.rms.values[known])
+    assert np.isnan(some.dataset.rms.values[~known]).all()
+    # What is missing disturbs neither plot nor card nor file.
+    assert len(some.plot()) == 5
+    assert "the sweep was stopped" in str(some._repr_html_())
+    some.to_csv(tmp_path / "some.csv")
+    table = pd.read_csv(tmp_path / "some.csv")
+    assert table["nis"].isna().sum() == some.missing
+    with pytest.raises(StoppedError, match="before the first of 12 runs"):
+        sweeping.sweep(small(), values, 3, None, 1, cancelled=lambda: True)
+
+
+def test_files_of_a_sweep_hold_every_run_with_units(swept: Sweep, tmp_path: Path) -> None:
+    swept.to_netcdf(tmp_path / "sweep.nc")
+    with xr.open_dataset(tmp_path / "sweep.nc") as found:
+        assert found.drop_attrs().equals(swept.dataset.drop_attrs())
+        assert found.noise_density.attrs["units"] == "°/s/√Hz"
+        assert found.rms.attrs["units"] == "m, m/s, °"
+        assert Experiment.from_toml(found.attrs["settings"]).to_dict() == small().to_dict()
+    swept.to_csv(tmp_path / "sweep.csv")
+    table = pd.read_csv(tmp_path / "sweep.csv")
+    assert table.shape == (2 * 2 * SEEDS, 3 + 3 * 9 + 5)
+    row = table[(table["noise_density [°/s/√Hz]"] == 0.02) & (table["r_scale"] == 0.1) & (table["seed"] == 6)]
+    there = swept.dataset.sel(noise_density=0.02, r_scale=0.1, seed=6)
+    heading = float(there.rms.sel(quantity="attitude heading"))
+    assert float(row["rms attitude heading [°]"].iloc[0]) == pytest.approx(heading, rel=1e-11)
+    assert float(row["horizontal_95 [m]"].iloc[0]) == pytest.approx(float(there.horizontal_95), rel=1e-11)
+    for again, name in ((swept.to_netcdf, "sweep.nc"), (swept.to_csv, "sweep.csv")):
+        with pytest.raises(FileExistsError, match="exists already"):
+            again(tmp_path / name)
+
+
+def test_no_line_joins_cards_in_the_plot() -> None:
+    swept = small().sweep({"card": ["STIM300", "BMI270"], "navigator.q_scale": [1.0, 0.1]}, 2)
+    for one in swept.plot():
+        assert not one.traverse(lambda element: element, [hv.Curve, hv.Area])
+        assert len(one.traverse(lambda element: element, [hv.Segments])) == 2
+    position = next(iter(swept.plot(["position"])))
+    first = position.traverse(lambda element: element, [hv.Scatter])[1]
+    rms = (swept.dataset.rms.sel(q_scale=0.1)[..., :3] ** 2).sum("quantity").mean("seed") ** 0.5
+    assert np.allclose(first.dimension_values(1), rms)

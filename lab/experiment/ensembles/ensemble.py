@@ -9,9 +9,11 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis import consistency, feedforward
 from lab.analysis.verdicts import linear_verdict, state_advice, trial
@@ -22,6 +24,8 @@ from lab.analysis.verdicts.verdict import Verdict
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.base.progress import Progress
+from lab.base.registry import find
+from lab.base.result_files import write_netcdf
 from lab.experiment.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
@@ -51,6 +55,8 @@ NAMED = 5
 """Most seeds of diverged runs that a sentence names."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
+HORIZONTAL_95 = "95 % quantile of the horizontal position errors"
+OUTAGE_END = "error at the ends of the GPS outages, root mean square"
 PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
 """Percentiles of the errors in their σ: those of a matched filter are −1.64, −0.67, 0, 0.67 and 1.64."""
 
@@ -85,9 +91,11 @@ class Ensemble(NotebookCard):
         Degrees of freedom of `between`.
     rms, largest : (runs, 9) arrays
         Root mean square and largest size of the errors over each whole flight, of ten samples a second.
-    most, at_outage_ends : (runs,) arrays
-        95 % quantile of the horizontal error of each run, and its root mean square over the ends of the GPS
-        outages [m]; NaN if unknown, or without an outage.
+    most : (runs,) array
+        95 % quantile of the horizontal error of each run [m]; NaN if unknown.
+    at_outage_ends : (runs, 2, 9) array
+        Root mean square of the errors of each run, and of their σ, over the ends of the GPS outages; NaN if
+        unknown, or without an outage.
     mean_nees, mean_nis : (runs,) arrays
         NEES and NIS of each run, averaged over its fixes; NaN if unknown.
     seconds : (runs,) array
@@ -116,7 +124,7 @@ class Ensemble(NotebookCard):
     rms: FloatArray
     largest: FloatArray
     most: FloatArray
-    at_outage_ends: FloatArray
+    at_outage_ends: NDArray[Any]
     mean_nees: FloatArray
     mean_nis: FloatArray
     seconds: FloatArray
@@ -144,6 +152,12 @@ class Ensemble(NotebookCard):
             f"{len(seeds)} of {len(seeds) + len(self.seeds)} runs diverged, and are left out of all figures: "
             f"seed{'' if len(seeds) == 1 else 's'} {named}{more}."
         )
+
+    @property
+    def horizontal_at_outage_ends(self) -> FloatArray:
+        """Horizontal position error of each run at the ends of the GPS outages, rms (runs,) [m]."""
+        east, north = self.at_outage_ends[:, 0, :2].T.astype(np.float64)
+        return np.asarray(np.hypot(east, north))
 
     @property
     def time(self) -> FloatArray:
@@ -351,6 +365,62 @@ class Ensemble(NotebookCard):
                 "unit": ("quantity", list(UNITS)),
             },
         )
+
+    @property
+    def runs(self) -> xr.Dataset:
+        """The figures of each run: rms and largest errors, NEES, NIS, and the horizontal error."""
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        of_all, of_each = ("seed", "quantity"), "seed"
+        units = ", ".join(dict.fromkeys(UNITS))
+        return xr.Dataset(
+            {
+                "rms": (of_all, self.rms, {"long_name": "root mean square error", "units": units}),
+                "largest": (of_all, self.largest, {"long_name": "largest error", "units": units}),
+                "horizontal_95": (of_each, self.most, {"long_name": HORIZONTAL_95, "units": "m"}),
+                "outage_end": (of_all, self.at_outage_ends[:, 0], {"long_name": OUTAGE_END, "units": units}),
+                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": ""}),
+                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": ""}),
+            },
+            {"seed": list(self.seeds), "quantity": list(QUANTITIES), "unit": ("quantity", list(UNITS))},
+        )
+
+    def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write ``runs``, ``errors`` and ``consistency`` as groups of one netCDF file.
+
+        Parameters
+        ----------
+        path
+            The file, in a folder that exists.
+        overwrite
+            True replaces an existing file.
+
+        Raises
+        ------
+        OSError
+            If the file exists and may not be replaced, or cannot be written.
+        """
+        names = ("runs", "errors", "consistency")
+        title = f"{len(self.seeds)} runs of {self.experiment.mission}"
+        settings = self.experiment.to_toml()
+        write_netcdf(
+            Path(path),
+            lambda: {name: getattr(self, name) for name in names},
+            title,
+            settings,
+            overwrite=overwrite,
+        )
+
+    def to_dict(self, verdict: Verdict | None = None) -> dict[str, Any]:
+        """Return the ensemble as plain data of a fixed form, which ``docs/json.md`` describes.
+
+        Parameters
+        ----------
+        verdict
+            As `with_advice_tried` returns it; by default advice is not tried.
+        """
+        form: dict[str, Any] = find("ensemble", "json")(self, verdict or self.verdict)
+        return form
 
     def __repr__(self) -> str:
         table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")

@@ -5,12 +5,13 @@ The samples that are stored are those of all runs: a second apart, at the fixes,
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
+from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
@@ -18,8 +19,9 @@ from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.base.arrays import FloatArray
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
+from lab.experiment.ensembles.run_at_fixes import WITHOUT_ENDS, ChannelSums, RunAtFixes, most_of, rms_at_ends
 from lab.experiment.sensor_stages import SampledFlight
+from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation.belief import (
     assumed_latency,
     bias_processes,
@@ -98,13 +100,14 @@ class LaneResults:
         seconds = whole_seconds(time)
         self._before = np.maximum(seconds - 1, 1)
         ends = np.array([0, min(1, time.size - 1), time.size - 1])
-        self.stored = np.unique(np.concatenate((ends, fixed - 1, fixed, seconds, self._before)))
+        self._outage_ends = outage_ends(time, sensors.gps.outages)
+        stored = ends, fixed - 1, fixed, seconds, self._before, self._outage_ends
+        self.stored = np.unique(np.concatenate(stored))
         self._width = fix_causes.window_width(time)
         self._grid = path_of(time, float(self._sensors.gps.period))
         first = np.maximum(fixed - 1 - self._width, 0)
-        self._outage_ends = outage_ends(time, sensors.gps.outages)
-        self.path = np.unique(np.concatenate((self._grid, self.stored, first, self._outage_ends)))
-        self._of_outage_ends = np.searchsorted(self.path, self._outage_ends)
+        self.path = np.unique(np.concatenate((self._grid, self.stored, first)))
+        self._of_outage_ends = np.searchsorted(self.stored, self._outage_ends)
         self._true_ends = self._truth.taken(self._outage_ends)
         self._of_grid = np.searchsorted(self.path, self._grid)
         self._of_before = np.searchsorted(self.stored, self._before)
@@ -145,9 +148,6 @@ class LaneResults:
         found = self._figures(one, solution, navigated.motion)
         used = solution.fix_sample >= 0
         P, nu, S = _used(solution, used)
-        ended = navigated.motion[self._of_outage_ends]
-        at_ends = errors_of(ended[:, :3], ended[:, 3:6], ended[:, 6:], self._true_ends)
-        most, at_outage_ends = horizontal_figures(found.horizontal, np.hypot(*at_ends[:, :2].T))
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
@@ -161,8 +161,8 @@ class LaneResults:
             sigma=found.sigma,
             rms=found.rms,
             largest=found.largest,
-            most=most,
-            at_outage_ends=at_outage_ends,
+            most=most_of(found.horizontal),
+            at_outage_ends=self._at_outage_ends(solution),
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
             innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
@@ -181,6 +181,18 @@ class LaneResults:
         return fix_figures.fix_figures(
             solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
         )
+
+    def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
+        """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
+        at = self._of_outage_ends
+        if not at.size:
+            return WITHOUT_ENDS
+        q_nb = solution.q_nb[at]
+        error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._true_ends)
+        sigma = sigma_of_quantities(
+            euler_from_quaternion(q_nb), solution.variance[at], solution.covariance[at], self._model.blocks
+        )
+        return rms_at_ends(error, sigma[:, : error.shape[1]])
 
     def _in_stored(self, solution: Solution) -> Solution:
         """Return a solution whose fixes tell their places among the stored samples."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.feedforward import FreeRun
 from lab.analysis.verdicts.evidence import Evidence
@@ -46,13 +47,26 @@ class ChannelSums(Sum):
         return cls(Squares(squares.total, known.sum(axis=0).astype(np.float64)), sums, lagged)
 
 
-def horizontal_figures(along: FloatArray, at_ends: FloatArray) -> tuple[float, float]:
-    """Return the 95 % quantile of a horizontal error (n,), and the rms (m,) of it at the ends of outages."""
-    known, known_ends = along[np.isfinite(along)], at_ends[np.isfinite(at_ends)]
-    return (
-        float(np.quantile(known, 0.95)) if known.size else float("nan"),
-        float(np.sqrt(np.mean(known_ends**2))) if known_ends.size else float("nan"),
-    )
+WITHOUT_ENDS = np.full((2, 9), np.nan, dtype=np.float32)
+"""What `rms_at_ends` returns of a flight without outages."""
+
+
+def most_of(horizontal: FloatArray) -> float:
+    """Return the 95 % quantile of a horizontal error (n,); NaN if it is unknown."""
+    known = horizontal[np.isfinite(horizontal)]
+    return float(np.quantile(known, 0.95)) if known.size else float("nan")
+
+
+def rms_at_ends(error: FloatArray, sigma: FloatArray) -> NDArray[Any]:
+    """Return the root mean square (2, 9) of errors (k, 9), and of σ of the filter; NaN if unknown.
+
+    It is in single precision, because it is kept of each of many runs.
+    """
+    both = np.stack((error, sigma))
+    known = np.isfinite(both)
+    count, square = known.sum(axis=1), np.sum(both**2, axis=1, where=known)
+    mean = np.divide(square, count, out=np.full(count.shape, np.nan), where=count > 0)
+    return np.asarray(np.sqrt(mean), dtype=np.float32)
 
 
 class RunAtFixes(NamedTuple):
@@ -70,9 +84,11 @@ class RunAtFixes(NamedTuple):
         Errors after the fixes, and their σ, in the order of `ensemble.QUANTITIES` and in `ensemble.UNITS`.
     rms, largest : (9,) arrays
         Root mean square and largest size of the errors along the flight.
-    most, at_outage_ends : float
-        95 % quantile of the horizontal error along the flight, and its root mean square over the ends of the
-        GPS outages [m]; NaN if unknown, or without an outage.
+    most : float
+        95 % quantile of the horizontal error along the flight [m]; NaN if unknown.
+    at_outage_ends : (2, 9) array
+        Root mean square of the errors, and of their σ, over the ends of the GPS outages; NaN if unknown, or
+        without an outage.
     innovations : ChannelSums
         Sums of the innovations.
     span : tuple of float
@@ -98,7 +114,7 @@ class RunAtFixes(NamedTuple):
     rms: FloatArray
     largest: FloatArray
     most: float
-    at_outage_ends: float
+    at_outage_ends: NDArray[Any]
     degrees: int
     nis_degrees: int
     innovations: ChannelSums

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Collected, Ensemble
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, most_of, rms_at_ends
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -49,9 +49,15 @@ FEW, MANY = 100, 1000
 Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
+ASKED_EVERY = 0.1
+"""Longest time between two questions whether the work is cancelled [s]."""
 AHEAD = 16
 """Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
 wait in memory until they are added."""
+
+
+class StoppedError(ValueError):
+    """Work that was cancelled before any run of it was done."""
 
 
 @OneBlasThread()
@@ -63,6 +69,7 @@ def run_ensemble(
     workers: int | None = None,
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
 ) -> Ensemble:
     """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
@@ -82,9 +89,14 @@ def run_ensemble(
         The user's navigator; it is called from one thread only.
     partial
         Called every two seconds with the ensemble of the runs that are done so far.
+    cancelled
+        Asked ten times a second; once it says so, no further run begins, and the ensemble is that of the runs
+        that have begun.
 
     Raises
     ------
+    StoppedError
+        If it is cancelled before a run has begun.
     ValueError
         If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
         Runs that diverge are left out (`Ensemble.diverged`), unless all do.
@@ -100,6 +112,7 @@ def run_ensemble(
     threads = 1 if algorithm is not None else at_once(memory_of(experiment), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
+    is_cancelled, patience = cancelled or (lambda: False), None if cancelled is None else ASKED_EVERY
     try:
         lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
         if lanes is not None and len(numbers) < MANY and not lanes.is_compiled:
@@ -107,15 +120,35 @@ def run_ensemble(
         runner = _Runner(experiment, numbers, algorithm, lanes)
         left = deque(_blocks(len(numbers), len(numbers) if lanes is None else 0))
         running: dict[Future[list[RunAtFixes | DivergedError]], int] = {}
-        while left or running:
+        while (left or running) and not is_cancelled():
             while left and left[0].start < len(done) + AHEAD * LANES:
                 block = left.popleft()
                 running[pool.submit(runner.run, block)] = block.start
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            for future in wait(running, patience, FIRST_COMPLETED).done:
                 done.add(running.pop(future), future.result())
     finally:
         pool.shutdown(cancel_futures=True)
+    for future, first in running.items():  # of cancelled work: what was begun is done by now
+        if not future.cancelled():
+            done.add(first, future.result())
+    if not len(done):
+        raise StoppedError(f"stopped before the first of {len(numbers):,} runs was done")
     return done.ensemble()
+
+
+def counted(done: int, wanted: int, began: float) -> str:
+    """Return how many runs are done, and if some are not, their rate and the time left.
+
+    Parameters
+    ----------
+    done, wanted
+        Numbers of runs.
+    began
+        When the first began, in the clock of `time.monotonic`.
+    """
+    rate = done / max(time.monotonic() - began, 1e-9)
+    left = f", {rate:.3g} per second, {(wanted - done) / rate:.0f} s left" if done < wanted else ""
+    return f"{done:,} of {wanted:,} runs{left}"
 
 
 def at_fast_rate(experiment: Experiment) -> Experiment:
@@ -168,6 +201,8 @@ def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[in
 
     Raises
     ------
+    SettingError
+        If the setting does not accept one.
     ValueError
         If there is none, or one is no whole number.
     """
@@ -180,6 +215,8 @@ def seed_numbers(experiment: Experiment, seeds: int | Sequence[int]) -> tuple[in
         raise ValueError(f"seeds: {seeds!r} contains what is no whole number; {accepted}") from error
     if not numbers:
         raise ValueError(f"seeds: {seeds!r} contains no run; {accepted}")
+    for end in (min(numbers), max(numbers)):
+        experiment.copy().set("seed", end)
     return numbers
 
 
@@ -253,9 +290,7 @@ class _Done:
     def _report(self) -> None:
         count, wanted, now = len(self), len(self._seeds), time.monotonic()
         if self._progress is not None:
-            rate = count / max(now - self._began, 1e-9)
-            left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
-            self._progress(f"{count:,} of {wanted:,} runs{left}", count / wanted)
+            self._progress(counted(count, wanted, self._began), count / wanted)
         some = 1 < count < wanted and not self._collected.is_empty
         if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now
@@ -334,24 +369,24 @@ def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArr
     ), sigma
 
 
-def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, float]:
-    """Return rms and largest size (9,) of the errors known along the path, and figures of the horizontal one.
+def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, NDArray[Any]]:
+    """Return figures of the errors known along the path, and at the ends of outages.
 
-    These are `most` and `at_outage_ends` of `RunAtFixes`.
+    These are `rms`, `largest`, `most` and `at_outage_ends` of `RunAtFixes`.
     """
     wide = len(QUANTITIES)
-    if result.missing_reason("errors"):
-        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, np.nan
     gps, time = result.experiment.sensors.gps, result.time
+    at_ends = rms_at_ends(*_errors(result, outage_ends(time, gps.outages, result.epoch)))
+    if result.missing_reason("errors"):
+        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, at_ends
     along = _errors_at(result, path_of(time, float(gps.period)))
-    ends = outage_ends(time, gps.outages, result.epoch)
     known = np.isfinite(along)
     count = known.sum(axis=0)
     square = np.sum(along**2, axis=0, where=known)
     rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
     largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
-    figures = horizontal_figures(np.hypot(*along[:, :2].T), np.hypot(*_errors_at(result, ends)[:, :2].T))
-    return np.asarray(rms), np.where(count > 0, largest, np.nan), *figures
+    most = most_of(np.hypot(*along[:, :2].T))
+    return np.asarray(rms), np.where(count > 0, largest, np.nan), most, at_ends
 
 
 def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:

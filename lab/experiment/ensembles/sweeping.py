@@ -6,12 +6,14 @@ sweep that was ended goes on where it stopped.
 
 from __future__ import annotations
 
+import os
 import time
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import product
 from numbers import Real
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,13 +24,22 @@ from lab.base.cache import StageCache, digest
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import value_text
 from lab.base.progress import Progress
-from lab.experiment.ensembles.ensemble import QUANTITIES, UNITS
-from lab.experiment.ensembles.seeds import memory_of, seed_numbers, thread_count
+from lab.experiment.ensembles.ensemble import HORIZONTAL_95, QUANTITIES, UNITS
+from lab.experiment.ensembles.seeds import (
+    ASKED_EVERY,
+    StoppedError,
+    at_fast_rate,
+    counted,
+    memory_of,
+    seed_numbers,
+    thread_count,
+)
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.run.memory import at_once
+from lab.sensors.cards import Card, card
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,6 +50,10 @@ KEPT = StageCache(limit=4 * 2**20)
 WIDE = len(QUANTITIES)
 REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
+CARD = "card"
+"""What is swept like a setting, although it sets many: the card of the sensors."""
+STOPPED = "not done, because the sweep was stopped"
+"""Why runs are missing of a sweep that was cancelled."""
 
 
 class Swept(NamedTuple):
@@ -63,10 +78,32 @@ def sweep(
     seeds: int | Sequence[int],
     progress: Progress | None,
     workers: int | None,
+    *,
+    fast: bool = False,
+    fixed: Mapping[str, Any] = MappingProxyType({}),
+    cancelled: Callable[[], bool] | None = None,
 ) -> Sweep:
-    """Run all combinations of values with all seeds; see `Experiment.sweep`."""
+    """Run all combinations of values with all seeds; see `Experiment.sweep`.
+
+    Parameters
+    ----------
+    experiment, settings, seeds, progress, workers, fast
+        As of `Experiment.sweep`.
+    fixed
+        Values of settings that override those of a swept card.
+    cancelled
+        Asked ten times a second; once it says so, no further run begins, and the values of runs that have not
+        begun are NaN.
+
+    Raises
+    ------
+    StoppedError
+        If it is cancelled before a run has begun.
+    """
     swept = read(experiment, settings)
-    points = list(combinations(experiment, swept))
+    if fast and "navigator.filter_rate" in settings:
+        raise SettingError("navigator.filter_rate: is swept; accepted without fast, which sets it")
+    points = [at_fast_rate(one) if fast else one for one in combinations(experiment, swept, fixed)]
     numbers = seeds_of(experiment, points, seeds)
     hashes = {name: mission(name).content_hash for name in {point.mission for point in points}}
     keys = [
@@ -81,26 +118,44 @@ def sweep(
     found: dict[tuple[int, int], Numbers] = {}
     threads = at_once(max(map(memory_of, points)), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
-    reported = time.monotonic()
+    left, running = deque(tasks), dict[Future[Numbers], tuple[int, int]]()
+    is_cancelled = cancelled or (lambda: False)
+    began = reported = time.monotonic()
     try:
-        running = {pool.submit(one, *task): task for task in tasks}
-        for future in as_completed(running):
-            found[running.pop(future)] = future.result()
-            now = time.monotonic()
-            if progress is not None and (now > reported + REPORT_EVERY or not running):
+        while (left or running) and not is_cancelled():
+            while left and len(running) < 2 * threads:
+                task = left.popleft()
+                running[pool.submit(one, *task)] = task
+            for future in wait(running, ASKED_EVERY, FIRST_COMPLETED).done:
+                found[running.pop(future)] = future.result()
+            now, is_last = time.monotonic(), not (left or running)
+            if progress is not None and found and (now > reported + REPORT_EVERY or is_last):
                 reported = now
-                progress(f"{len(found)} of {len(tasks)} runs", len(found) / len(tasks))
+                progress(counted(len(found), len(tasks), began), len(found) / len(tasks))
     finally:
         pool.shutdown(cancel_futures=True)
+    # Of cancelled work: what was begun is done by now.
+    found |= {task: future.result() for future, task in running.items() if not future.cancelled()}
+    if not found:
+        raise StoppedError(f"stopped before the first of {len(tasks):,} runs was done")
     refusals = Counter(one.refusal for one in found.values() if one.refusal)
-    if refusals.total() == len(tasks):
+    if refusals.total() == len(found):
         raise ValueError(f"No run of the sweep is possible: {refusals.most_common(1)[0][0]}")
-    values = np.array([[found[index, seed].values for seed in numbers] for index in range(len(points))])
+    refusals[STOPPED] = len(tasks) - len(found)
+    missing = Numbers(np.full(3 * WIDE + 5, np.nan), STOPPED)
+    values = np.array(
+        [[found.get((index, seed), missing).values for seed in numbers] for index in range(len(points))]
+    )
+    missions = ", ".join(dict.fromkeys(point.mission for point in points))
+    base = experiment.copy()
+    for path, value in fixed.items():
+        base.set(path, value)
     return Sweep(
-        experiment.mission,
+        missions,
         tuple(one.path for one in swept),
-        dataset(experiment, swept, numbers, values),
-        tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items()),
+        dataset(base, missions, swept, numbers, values),
+        tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items() if count),
+        refusals[STOPPED],
     )
 
 
@@ -110,31 +165,65 @@ def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[
     Raises
     ------
     SettingError
-        If there is no such setting, or a value is not accepted, missing or given twice.
+        If there is no such setting or card, or a value is not accepted, missing or given twice.
+    MissionError
+        If there is no such mission.
     """
     if not isinstance(settings, Mapping) or not settings:
         raise SettingError(
             'sweep: no setting named; accepted is, for instance, {"sensors.gyro.noise_density": [0.01, 0.1]}'
         )
-    swept = []
-    for path, given in settings.items():
-        if not isinstance(path, str):
-            raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
-        if path == "seed":
-            raise SettingError("seed: every sweep runs over seeds; give their number or a list as `seeds`")
-        if isinstance(given, str) or not hasattr(given, "__iter__"):
-            raise SettingError(f"{path}: {given!r} is one value; accepted is a list of values")
-        values = [value.tolist() if isinstance(value, np.ndarray | np.generic) else value for value in given]
-        if not values:
-            raise SettingError(f"{path}: there is no value in the list")
-        twice = [value for at, value in enumerate(values) if value in values[:at]]
-        if twice:
-            raise SettingError(f"{path}: {twice[0]!r} is in the list twice")
-        trial = experiment.copy()
-        for value in values:
-            trial.set(path, value)
-        swept.append(Swept(path, dim_of(path, settings), values))
-    return swept
+    values = {path: accepted(experiment, path, given) for path, given in settings.items()}
+    for form in experiment.OTHER_FORMS:
+        if form in values and (other := experiment.derived(form).setting) in values:
+            raise SettingError(f"{form} and {other} are two forms of one setting; accepted is one of them")
+    return [Swept(path, dim_of(path, values), taken) for path, taken in values.items()]
+
+
+def accepted(experiment: Experiment, path: str, given: Sequence[Any]) -> list[Any]:
+    """Return the values of a setting after a check of each, or the named cards; errors as of `read`."""
+    if not isinstance(path, str):
+        raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
+    if path == "seed":
+        raise SettingError("seed: every sweep runs over seeds; give their number or a list as `seeds`")
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        raise SettingError(f"{path}: {given!r} is one value; accepted is a list of values")
+    values = [value.tolist() if isinstance(value, np.ndarray | np.generic) else value for value in given]
+    if not values:
+        raise SettingError(f"{path}: there is no value in the list")
+    if path == CARD:
+        values = [_card(value) for value in values]
+    names = _named(values)
+    twice = [name for at, name in enumerate(names) if name in names[:at]]
+    if twice:
+        raise SettingError(f"{path}: {twice[0]!r} is in the list twice")
+    trial = experiment.copy()
+    for value in values:
+        _set(trial, path, value)
+        if path == "mission":
+            mission(value)
+    return values
+
+
+def _card(value: Any) -> Card:
+    if isinstance(value, Card):
+        return value
+    if not isinstance(value, str | os.PathLike):
+        raise SettingError(f"card: {value!r} is no card; accepted is a card, or its name or .toml file")
+    return card(value)
+
+
+def _named(values: list[Any]) -> list[Any]:
+    """Return values with the names of cards in their place."""
+    return [value.name if isinstance(value, Card) else value for value in values]
+
+
+def _set(point: Experiment, path: str, value: Any) -> None:
+    """Give an experiment a value of a setting, or the sensors of a card with a filter that suits them."""
+    if path == CARD:
+        value.load(point)
+    else:
+        point.set(path, value)
 
 
 def dim_of(path: str, paths: Mapping[str, object]) -> str:
@@ -145,14 +234,21 @@ def dim_of(path: str, paths: Mapping[str, object]) -> str:
     return "_".join(own)
 
 
-def combinations(experiment: Experiment, swept: list[Swept]) -> Iterator[Experiment]:
-    """Iterate over the experiments of all combinations of values, the last setting fastest."""
+def combinations(
+    experiment: Experiment, swept: list[Swept], fixed: Mapping[str, Any]
+) -> Iterator[Experiment]:
+    """Iterate over the experiments of all combinations of values, the last setting fastest.
+
+    Settings override the card, whatever their order; those that are `fixed` are set at every point.
+    """
     for values in product(*(one.values for one in swept)):
         point = experiment.copy()
         pairs = [(one.path, value) for one, value in zip(swept, values, strict=True)]
-        # The other form of a setting depends on further settings.
-        for path, value in sorted(pairs, key=lambda pair: pair[0] in point.OTHER_FORMS):
-            point.set(path, value)
+        # A card sets many settings. The other form of a setting depends on further settings.
+        for path, value in sorted(
+            [*fixed.items(), *pairs], key=lambda pair: (pair[0] != CARD, pair[0] in point.OTHER_FORMS)
+        ):
+            _set(point, path, value)
         yield point
 
 
@@ -228,7 +324,7 @@ def average(values: FloatArray) -> float:
 
 
 def dataset(
-    experiment: Experiment, swept: list[Swept], seeds: tuple[int, ...], values: FloatArray
+    experiment: Experiment, missions: str, swept: list[Swept], seeds: tuple[int, ...], values: FloatArray
 ) -> xr.Dataset:
     """Return the numbers (points, seeds, k) of all runs with their dimensions and units."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
@@ -240,7 +336,7 @@ def dataset(
         name: (
             (*dims, "seed", "quantity"),
             shaped[..., at * WIDE : (at + 1) * WIDE],
-            {"long_name": words},
+            {"long_name": words, "units": ", ".join(dict.fromkeys(UNITS))},
         )
         for at, (name, words) in enumerate(errors)
     }
@@ -248,7 +344,7 @@ def dataset(
         words = "expected value" if name.endswith("degrees") else "mean over the fixes"
         about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": ""}
         variables[name] = ((*dims, "seed"), shaped[..., at], about)
-    about = {"long_name": "95 % quantile of the horizontal position errors", "units": "m"}
+    about = {"long_name": HORIZONTAL_95, "units": "m"}
     variables["horizontal_95"] = ((*dims, "seed"), shaped[..., -1], about)
     coords: dict[str, Any] = {one.dim: coordinate(experiment, one) for one in swept}
     coords |= {
@@ -256,11 +352,14 @@ def dataset(
         "quantity": list(QUANTITIES),
         "unit": ("quantity", list(UNITS)),
     }
-    return xr.Dataset(variables, coords, {"mission": experiment.mission})
+    return xr.Dataset(variables, coords, {"mission": missions, "settings": experiment.to_toml()})
 
 
 def coordinate(experiment: Experiment, swept: Swept) -> tuple[str, list[Any], dict[str, str]]:
     """Return the values of a setting as a coordinate: numbers, or texts if any value is no number."""
+    if swept.path == CARD:
+        about = {"units": "", "long_name": "Card", "setting": CARD}
+        return swept.dim, _named(swept.values), about
     declaration = experiment.declaration(swept.path)
     plain = all(isinstance(value, Real) and not isinstance(value, bool) for value in swept.values)
     texts = [value_text(declaration, value) for value in swept.values]
