@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from lab.base.files.bounds import LATITUDES, LONGITUDES
 from lab.base.files.mission_error import MissionError
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.fixes import UNKNOWN, UtcClock, number
-from lab.data.files.track import Track, pressure_copies, refuse_units
+from lab.data.files.track import Track, pressure_copies
 from lab.data.files.xml_elements import has_root, read_elements
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames import ecef
 
 NAME = "GPX"
@@ -53,8 +53,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read, is too large or no XML, declares a document type, or has too few points
         with time and position.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     points = _Points(path)
     broken = read_elements(path, NAME, points)
     return points.track(broken).flight()
@@ -118,7 +117,7 @@ class _Points:
             speed=values["speed"],
             course=values["course"],
             lines=lines[kept],
-            columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            columns=units_of_the_format(_UNITS),
             rows_read=len(segments),
             dropped=tuple(dropped),
             remarks=self._remarks(values["ele"], broken),
