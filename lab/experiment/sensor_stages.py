@@ -14,6 +14,7 @@ from typing import TypeVar
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.base.histories import LONG
+from lab.base.parameters.units import si
 from lab.experiment.result import Runnable
 from lab.missions import Mission
 from lab.motion.kinematics.ideal_imu import IdealImu
@@ -21,7 +22,7 @@ from lab.motion.recordings.recording import Recording
 from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.navigation.aiding import most_aids
 from lab.navigation.belief import (
-    belief,
+    assumed_lever_arm,
     chosen_blocks,
 )
 from lab.navigation.filters import blocks
@@ -103,7 +104,7 @@ class SensorStages:
             states=blocks.count(chosen_blocks(navigator, self.sensors)),
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.engine == "filterpy",
-            arm=bool(belief(self.sensors, navigator).lever_arm.any()),
+            arm=bool(assumed_lever_arm(navigator, si(self.sensors.gps, "lever_arm")).any()),
             aids=most_aids(self.sensors, navigator, samples / rate),
         )
 
