@@ -26,10 +26,10 @@ from lab.navigation.belief import (
     chosen_blocks,
 )
 from lab.navigation.filters import blocks
-from lab.navigation.filters.own_states import declared_states
+from lab.navigation.filters.user_states import declared_states
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_VECTOR
-from lab.run.further_truth import simulated_own_errors
+from lab.run.further_truth import simulated_user_errors
 from lab.run.memory import bytes_per_run, check_memory, large_blocks_given_back
 from lab.sensors import gps, imu
 from lab.sensors.readings import Readings, measure
@@ -171,7 +171,7 @@ class SensorStages:
         if not self.sensors.own_errors:
             return measured
         triad = 3 * isinstance(errors, imu.AccelerometerErrors)
-        more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
+        more = simulated_user_errors(self.experiment, ideal)[:, triad : triad + 3]
         return measured._replace(increments=measured.increments + more * ideal.dt)
 
     def fix_truth(self, flight: SampledFlight) -> tuple[Truth, Truth | None]:
