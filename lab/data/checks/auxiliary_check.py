@@ -145,7 +145,7 @@ def _check_airspeeds(log: SensorLog, airspeed: Series, column: str, _: str) -> N
 
 def _check_headings(log: SensorLog, headings: Headings, column: str, _: str) -> None:
     """Compare the changes of the headings with the turns about the axis called down, over legs of seconds."""
-    change, change_of_radians, turn = _turns(log, headings)
+    change, change_of_radians, turn = _turns_between_headings(log, headings)
     if (
         turn.size < limits.LOG.heading_legs
         or (np.abs(turn - np.median(turn)) > limits.LOG.turn).sum() < limits.LOG.turns
@@ -175,7 +175,7 @@ CHECKS: dict[str, Callable[[SensorLog, Any, str, str], None]] = {
 """The comparisons, by what `lab.base.aid_table` calls them: log, readings, column, and sensor in words."""
 
 
-def _turns(log: SensorLog, headings: Headings) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _turns_between_headings(log: SensorLog, headings: Headings) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the changes of the headings over legs, those if they are radians, and the turns by the gyro."""
     inside = np.flatnonzero((headings.time >= log.time[0]) & (headings.time <= log.time[-1]))
     if inside.size < 2:

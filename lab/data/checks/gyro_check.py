@@ -77,7 +77,7 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
     if (
         reversed_ < limits.LOG.explained_course
         and right > limits.LOG.unexplained_course
-        and _fits(matches, GYROS_REVERSED)
+        and _fits_as_well(matches, GYROS_REVERSED)
     ):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
@@ -150,7 +150,7 @@ def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> fl
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
-def _fits(matches: WindowMatches, axes: ImuAxes) -> bool:
+def _fits_as_well(matches: WindowMatches, axes: ImuAxes) -> bool:
     """Return whether the velocities, where they change enough, do not contradict other axes."""
     as_it_is, other = _misfits(matches), _misfits(matches, axes)
     return bool(other.sum() <= limits.LOG.worse_fit * as_it_is.sum())
