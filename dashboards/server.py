@@ -113,12 +113,12 @@ def _offer(algorithms: Sequence[str], lessons: Path | None, homework: Path | Non
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
     from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
-    from lab.missions.library import sweep_own_folder  # noqa: PLC0415
+    from lab.missions.library import sweep_user_folder  # noqa: PLC0415
 
     use_algorithms(algorithms)
     use_lessons(lessons)
     use_homework(homework)
-    sweep_own_folder()
+    sweep_user_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # read here once, so that no page reads it again
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from lab.motion.frames import earth, rotation
     from lab.motion.truth.trajectory import Trajectory
     from lab.navigation.algorithm import Algorithm, Estimate
-    from lab.navigation.filters.own_states import declare_states
+    from lab.navigation.filters.user_states import declare_states
     from lab.run.run import ResultError
     from lab.sensors.cards import card, cards
     from lab.views import plots
@@ -103,7 +103,7 @@ _HOMES = {
     "cards": "lab.sensors.cards",
     "check": "lab.classroom.exercises.exercise",
     "compare": "lab.experiment.ensembles.comparison",
-    "declare_states": "lab.navigation.filters.own_states",
+    "declare_states": "lab.navigation.filters.user_states",
     "export_track": "lab.views.export",
     "mission": "lab.missions",
     "run_ensemble": "lab.experiment.ensembles.seeds",

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 
 import numpy as np
 
 UNIX = 1.7e9
 """Start of the mission, since 1970 [s]."""
+FLU = np.array((1, -1, -1))
+"""Signs of vectors in axes forward, left, up."""
+MPH = 0.44704
+"""[m/s]."""
 
 
 def table(path, header, rows, separator=",", encoding="utf-8", comma=False, before=""):
@@ -45,3 +50,27 @@ def phone(vectors):
 
 def motion(gnss):
     return np.hypot(gnss[:, 4], gnss[:, 5]), np.degrees(np.arctan2(gnss[:, 5], gnss[:, 4])) % 360
+
+
+def track(made):
+    """Return the fixes as columns: time, latitude, longitude, height, speed, course."""
+    _, gnss = made
+    return np.column_stack((gnss[:, :4], *motion(gnss)))
+
+
+def moment(seconds, form):
+    """Return a time of the mission as text, in UTC."""
+    return datetime.fromtimestamp(UNIX + seconds, UTC).strftime(form)
+
+
+def is_track(flight, made, height=1e-3, place=1e-7):
+    """Check a flight against the fixes it was written from, once a second."""
+    points = track(made)
+    at = np.interp(flight.time - flight.time[0], points[:, 0] - points[0, 0], np.arange(len(points)))
+    for values, column, tolerance in (
+        (np.degrees(flight.latitude), 1, place), (np.degrees(flight.longitude), 2, place),
+        (flight.height, 3, height),
+    ):  # fmt: skip
+        np.testing.assert_allclose(
+            values, np.interp(at, np.arange(len(points)), points[:, column]), atol=tolerance
+        )

@@ -70,8 +70,12 @@ def _by_root(v: FloatArray, P: FloatArray) -> FloatArray:
     root = np.linalg.cholesky(P)
     if (np.diagonal(root, axis1=1, axis2=2) < SINGULAR).any():
         raise np.linalg.LinAlgError
-    white = np.linalg.solve(root, v[..., None])[..., 0]
-    return np.asarray(np.einsum("mi,mi->m", white, white))
+    # Forward substitution in all epochs at once; `np.linalg.solve` does not know that a root is triangular.
+    columns, white = root.T.copy(), v.T.copy()
+    for k in range(white.shape[0]):
+        white[k] /= columns[k, k]
+        white[k + 1 :] -= columns[k, k + 1 :] * white[k]
+    return np.asarray(np.einsum("im,im->m", white, white))
 
 
 def _by_pseudoinverse(v: FloatArray, P: FloatArray) -> FloatArray:

@@ -40,7 +40,7 @@ OLD_NAMES = {
     "lab.navigation.error_models": "lab.navigation.filters.error_models",
     "lab.navigation.further_columns": "lab.navigation.filters.further_columns",
     "lab.navigation.kalman": "lab.navigation.filters.kalman",
-    "lab.navigation.own_states": "lab.navigation.filters.own_states",
+    "lab.navigation.own_states": "lab.navigation.filters.user_states",
     "lab.navigation.propagation": "lab.navigation.kernels.propagation",
     "lab.navigation.rest_alignment": "lab.navigation.alignment.rest_alignment",
     "lab.navigation.smoother": "lab.navigation.filters.smoother",

@@ -53,9 +53,9 @@ def delete(
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
 ) -> None:
     """Delete a mission of your own and its recording; missions that ship cannot be deleted."""
-    from lab.missions.library import own_place  # noqa: PLC0415 - rarely needed
+    from lab.missions.library import user_place  # noqa: PLC0415 - rarely needed
 
-    place = own_place(mission)
+    place = user_place(mission)
     if not yes:
         if not sys.stdin.isatty():
             raise CommandError(

@@ -14,6 +14,7 @@ from typing import TypeVar
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.base.histories import LONG
+from lab.base.parameters.units import si
 from lab.experiment.result import Runnable
 from lab.missions import Mission
 from lab.motion.kinematics.ideal_imu import IdealImu
@@ -21,14 +22,14 @@ from lab.motion.recordings.recording import Recording
 from lab.motion.truth.trajectory import Trajectory, Truth
 from lab.navigation.aiding import most_aids
 from lab.navigation.belief import (
-    belief,
+    assumed_lever_arm,
     chosen_blocks,
 )
 from lab.navigation.filters import blocks
-from lab.navigation.filters.own_states import declared_states
+from lab.navigation.filters.user_states import declared_states
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_VECTOR
-from lab.run.further_truth import simulated_own_errors
+from lab.run.further_truth import simulated_user_errors
 from lab.run.memory import bytes_per_run, check_memory, large_blocks_given_back
 from lab.sensors import gps, imu
 from lab.sensors.readings import Readings, measure
@@ -103,7 +104,7 @@ class SensorStages:
             states=blocks.count(chosen_blocks(navigator, self.sensors)),
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.engine == "filterpy",
-            arm=bool(belief(self.sensors, navigator).lever_arm.any()),
+            arm=bool(assumed_lever_arm(navigator, si(self.sensors.gps, "lever_arm")).any()),
             aids=most_aids(self.sensors, navigator, samples / rate),
         )
 
@@ -170,7 +171,7 @@ class SensorStages:
         if not self.sensors.own_errors:
             return measured
         triad = 3 * isinstance(errors, imu.AccelerometerErrors)
-        more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
+        more = simulated_user_errors(self.experiment, ideal)[:, triad : triad + 3]
         return measured._replace(increments=measured.increments + more * ideal.dt)
 
     def fix_truth(self, flight: SampledFlight) -> tuple[Truth, Truth | None]:

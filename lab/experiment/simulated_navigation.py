@@ -20,10 +20,10 @@ from lab.navigation.checks import (
     check_engine,
     check_finite,
     check_mechanization,
-    check_own_states,
     check_place,
     check_r,
     check_smoother,
+    check_user_states,
     diverged,
 )
 from lab.navigation.filters import smoother, unscented
@@ -78,7 +78,7 @@ def navigate_simulated(
     navigator, sensors = experiment.navigator, experiment.sensors
     check_mechanization(navigator)
     check_engine(navigator)
-    check_own_states(navigator)
+    check_user_states(navigator)
     check_r(assumed.R)
     schedule = schedule_of(navigator, dt, imu.dtheta.shape[0])
     check_smoother(navigator, schedule)

@@ -31,7 +31,7 @@ from lab.navigation.belief import (
     belief,
     chosen_blocks,
 )
-from lab.navigation.filters.own_states import declared_states
+from lab.navigation.filters.user_states import declared_states
 from lab.navigation.model_choice import is_ready
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
@@ -155,7 +155,7 @@ class Stages(SensorStages):
         """
         increments = Imu(truth.time, dtheta, dvelocity)
         if self.algorithm is not None:
-            return timed(lambda: self.own_solution(increments, fixes, start))
+            return timed(lambda: self.user_solution(increments, fixes, start))
         names = chosen_blocks(self.navigator, self.sensors)
         own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
         parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
@@ -186,7 +186,7 @@ class Stages(SensorStages):
         """Return what the filter assumes."""
         return belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
 
-    def own_solution(self, increments: Imu, fixes: gps.GpsFixes, begin: Start) -> tuple[Solution, Aids]:
+    def user_solution(self, increments: Imu, fixes: gps.GpsFixes, begin: Start) -> tuple[Solution, Aids]:
         """Navigate with the user's algorithm, which gets no measurements besides GPS."""
         assert self.algorithm is not None
         seen = Fixes(fixes.time, fixes.position, fixes.velocity_n)

@@ -320,7 +320,7 @@ class AttitudeOnly:
         anchor = self._anchor
         if anchor is None or not self.rest:
             anchor = self._new_anchor(mean, now - length, anchor)
-        variance = np.maximum(self.assumed.noise[:6], self._spread(end)) / length
+        variance = np.maximum(self.assumed.noise[:6], self._noise_densities(end)) / length
         variance += self.assumed.noise[6:] * length / 3  # of the mean of a random walk
         why = self._moves(anchor, mean, variance)
         if why:
@@ -344,7 +344,7 @@ class AttitudeOnly:
             self._anchor = self._now()
             self._sums[:] = 0.0
 
-    def _spread(self, end: int) -> FloatArray:
+    def _noise_densities(self, end: int) -> FloatArray:
         """Return the densities (6,) of the noise that the last second shows, if larger than assumed."""
         start = max(self.samples.number("time", self._time(end) - SPAN - 1e-9), self.samples.first)
         dt = np.diff(self.samples.rows("time", start, end + 1))[:, None]

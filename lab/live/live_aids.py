@@ -168,7 +168,7 @@ class LiveAids:
         innovation, sigma = (f"{aid.shown_scale * value:{form}}{unit}" for value in last)
         return f"{sensor}: the last innovation{of} is {innovation} with σ = {sigma}{after}."
 
-    def take_fields(self, time: FloatArray, magnetic: FloatArray) -> None:
+    def append_fields(self, time: FloatArray, magnetic: FloatArray) -> None:
         """Append fields, one in each period of the sensor: their errors are those of the vehicle's iron.
 
         Parameters
@@ -191,7 +191,7 @@ class LiveAids:
             self.readings["field"], found.time[rows], field=field / np.linalg.norm(field, axis=1)[:, None]
         )
 
-    def take_heights(self, time: FloatArray, height: FloatArray) -> None:
+    def append_heights(self, time: FloatArray, height: FloatArray) -> None:
         """Append heights by pressure (n,) [m] at times (n,) in increasing order [s]."""
         _append(self.readings["height"], time, value=height)
 

@@ -148,15 +148,15 @@ class ReadingIntake:
         if readings.size:
             self._early = np.concatenate((self._early, readings))[-EARLY_READINGS:]
 
-    def take_rows(self, rows: NDArray[np.void], stream: Stream, aids: LiveAids) -> None:
+    def append_rows(self, rows: NDArray[np.void], stream: Stream, aids: LiveAids) -> None:
         """Append the heights by pressure and the magnetic fields of rows of the IMU that arrived."""
         self._rows = np.concatenate((self._rows, rows[usable_imu(rows)]))
         if np.isnan(stream.epoch):
             return
-        aids.take_fields(self._rows["time"] - stream.epoch, self._rows["magnetic"])
+        aids.append_fields(self._rows["time"] - stream.epoch, self._rows["magnetic"])
         time, height = self.heights.accept(self._rows)
         self._rows = self._rows[:0]
-        aids.take_heights(time - stream.epoch, height)
+        aids.append_heights(time - stream.epoch, height)
 
     def accept(self, stream: Stream, aids: LiveAids) -> None:
         """Append the headings and speeds that arrived, and tell the filter how far to return for them."""

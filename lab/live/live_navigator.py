@@ -168,7 +168,7 @@ class LiveNavigator:
                 return False
             self._taken = newest
         with self._lock:
-            self._take_rows()
+            self._append_rows()
             if fixes is not None and fixes.size:
                 self._fix_intake.accept(self._stream, fixes)
             self._reading_intake.accept(self._stream, self._aids)
@@ -178,7 +178,7 @@ class LiveNavigator:
     def finish(self) -> None:
         """Process what waits for later samples: there will be none."""
         with self._lock:
-            self._take_rows()
+            self._append_rows()
             for part in self._intake.finish():
                 self._accept(part)
             self._reading_intake.accept(self._stream, self._aids)
@@ -216,7 +216,7 @@ class LiveNavigator:
             The reason, as the beginning of a sentence.
         """
         with self._lock:
-            self._take_rows()
+            self._append_rows()
             self._advance()
             self._intake.restart()
             self._why_again = why
@@ -279,14 +279,14 @@ class LiveNavigator:
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history
 
-    def _take_rows(self) -> None:
+    def _append_rows(self) -> None:
         """Repair and append the rows that arrived since the last time."""
         if self._rows:
             rows = self._rows[0] if len(self._rows) == 1 else np.concatenate(self._rows)
             self._rows = []
             for part in self._intake.accept(rows):
                 self._accept(part)
-            self._reading_intake.take_rows(rows, self._stream, self._aids)
+            self._reading_intake.append_rows(rows, self._stream, self._aids)
 
     def _accept(self, part: Increments) -> None:
         """Append increments; those after a break begin a new stream."""

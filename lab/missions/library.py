@@ -162,7 +162,7 @@ def add_log(
     return mission(where / name)
 
 
-def sweep_own_folder() -> list[str]:
+def sweep_user_folder() -> list[str]:
     """Remove what killed processes left in the user's own folder a day ago or earlier; return the names."""
     return sweep(own_folder(), named_by_others)
 
@@ -178,13 +178,13 @@ def free_name(text: str) -> str:
     return name
 
 
-def own_names() -> frozenset[str]:
+def user_names() -> frozenset[str]:
     """Return the user's own missions, which may be changed, including those that cannot be listed."""
-    own = _own_folder_unless_shipped()
+    own = _user_folder_unless_shipped()
     return frozenset(name for name, place in places().items() if place.parent == own)
 
 
-def own_place(name: str) -> Path:
+def user_place(name: str) -> Path:
     """Return the place of one of the user's own missions: its TOML file, or the folder of its log.
 
     Raises
@@ -194,9 +194,9 @@ def own_place(name: str) -> Path:
     """
     found = places()
     if name not in found:
-        own = names_in_words(sorted(own_names())) or "there is none yet"
+        own = names_in_words(sorted(user_names())) or "there is none yet"
         raise MissionError(f"there is no mission {name!r}. Accepted are your own: {own}")
-    if found[name].parent != _own_folder_unless_shipped():
+    if found[name].parent != _user_folder_unless_shipped():
         raise MissionError(f"mission {name}: ships with the lab and cannot be changed; accepted are your own")
     return found[name]
 
@@ -209,7 +209,7 @@ def rename_mission(name: str, new: str) -> Mission:
     MissionError
         If it is not the user's own, the new name is not accepted or taken, or the folder cannot be written.
     """
-    path, new = own_place(name), accepted_name(new)
+    path, new = user_place(name), accepted_name(new)
     target = path.parent / (new if path.is_dir() else f"{new}.toml")
     if target != path:
         with file_errors_reported(path.parent), folder_lock(path.parent):
@@ -237,7 +237,7 @@ def describe_mission(
     MissionError
         If it is not the user's own, a text is not acceptable, or the file cannot be read or written.
     """
-    path = own_place(name)
+    path = user_place(name)
     toml = path / DESCRIPTION_FILE if path.is_dir() else path
     new = {
         "title": None if title is None else _title(name, title),
@@ -266,7 +266,7 @@ def take_mission_away(name: str) -> DeletedFiles:
     MissionError
         If it is not the user's own, or a file cannot be deleted.
     """
-    path = own_place(name)
+    path = user_place(name)
     with file_errors_reported(path.parent), folder_lock(path.parent):
         deleted = DeletedFiles.taken(f"mission {name}", path.parent, _files_of(path))
         if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
@@ -296,7 +296,7 @@ def _files_of(path: Path) -> list[Path]:
     return [one for one in dict.fromkeys(found) if one.exists() or one.is_symlink()]
 
 
-def _own_folder_unless_shipped() -> Path | None:
+def _user_folder_unless_shipped() -> Path | None:
     """Return the folder with the missions that may be changed; None if it is that of those that ship."""
     own = own_folder()
     return None if own.resolve() == shipped_folder().resolve() else own

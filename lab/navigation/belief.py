@@ -15,8 +15,8 @@ from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
-from lab.navigation.filters.own_states import declared_states
 from lab.navigation.filters.schedule import Schedule
+from lab.navigation.filters.user_states import declared_states
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors

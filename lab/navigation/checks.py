@@ -62,7 +62,7 @@ def check_engine(settings: NavigatorSettings) -> None:
         )
 
 
-def check_own_states(settings: NavigatorSettings) -> None:
+def check_user_states(settings: NavigatorSettings) -> None:
     """Raise `SettingError` if a navigator cannot have the states that a user declared."""
     if settings.model == "nonlinear" and settings.own_states:
         raise SettingError(

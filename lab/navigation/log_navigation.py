@@ -40,10 +40,10 @@ from lab.navigation.belief import (
 from lab.navigation.checks import (
     check_finite,
     check_mechanization,
-    check_own_states,
     check_place,
     check_r,
     check_smoother,
+    check_user_states,
 )
 from lab.navigation.filters import smoother, unscented
 from lab.navigation.filters.further_columns import with_blocks
@@ -156,7 +156,7 @@ def navigate_log(
     _check(navigator)
     readings = readings_of(log, sensors)
     sensors, remarks = fitted_only(sensors, readings, log)
-    check_own_states(navigator)
+    check_user_states(navigator)
     assumed = belief(sensors, navigator)
     assumed = assumed._replace(lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm))
     check_r(assumed.R)

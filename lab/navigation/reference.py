@@ -36,8 +36,8 @@ from lab.navigation.filters.error_models import (
     ErrorModel,
 )
 from lab.navigation.filters.filter import initial_covariance
-from lab.navigation.filters.own_states import of_blocks
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule
+from lab.navigation.filters.user_states import of_blocks
 from lab.navigation.kernels import own_room
 from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.reference_aids import (
@@ -372,8 +372,8 @@ def _antenna(
             row, column = ("xyz".index(axis) for axis in pair)
             H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * rate[column]
     as_biases(state, H, names)
-    own = blocks.own_states(names)
-    seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _own_values(state, names)
+    own = blocks.user_states(names)
+    seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _user_values(state, names)
     if blocks.GYRO_G in names:
         seen = seen + H[:, blocks.states_of(names, blocks.GYRO_G)] @ _get(state, strapdown.GYRO_G)
     if LEVER_ARM in names:
@@ -394,9 +394,9 @@ def _bias_taken(state: FloatArray) -> FloatArray:
     return _gyro_bias(state) / (1 + _get(state, strapdown.GYRO_SCALE))
 
 
-def _own_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
+def _user_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Return the estimates (k,) of the states that a user declared."""
-    own = blocks.own_states(names)
+    own = blocks.user_states(names)
     return state[list(blocks.places(names))[own.start - GYRO_BIAS.start :]]
 
 
@@ -421,7 +421,7 @@ def _without_own(
         true = corrects @ (measured / dt - bias)
         E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
         state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
-        measured = measured - np.linalg.solve(corrects, E @ _own_values(state, names)) * dt
+        measured = measured - np.linalg.solve(corrects, E @ _user_values(state, names)) * dt
     return (measured[0], measured[1], measured[2]), (measured[3], measured[4], measured[5])
 
 

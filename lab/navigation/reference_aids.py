@@ -96,7 +96,7 @@ def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
         force = _three(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
         felt = (1 + _three(state, strapdown.GYRO_SCALE)) * force
         H[:, blocks.states_of(names, blocks.GYRO_G)] = H[:, GYRO_BIAS] * felt
-    own = blocks.own_states(names)
+    own = blocks.user_states(names)
     size = own.stop - own.start
     effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)
     # They are taken off behind the scale factors, the biases before them.

@@ -331,7 +331,7 @@ def bias_taken(state: FloatArray, bias: int, scale: int) -> Vector:
 def without_own_errors(
     state: FloatArray, dtheta: Vector, dvelocity: Vector, dt: float
 ) -> tuple[Vector, Vector]:
-    """Return increments without the errors that a user declared: none here; see `own_states`."""
+    """Return increments without the errors that a user declared: none here; see `user_states`."""
     return dtheta, dvelocity
 
 

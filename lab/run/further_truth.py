@@ -11,7 +11,7 @@ from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.kinematics.ideal_imu import IdealImu
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.filters import blocks
-from lab.navigation.filters.own_states import OwnStates, declared_states, of_blocks
+from lab.navigation.filters.user_states import UserStates, declared_states, of_blocks
 from lab.run.experiment_settings import ExperimentSettings
 from lab.sensors import airspeed, gps, imu, processes
 from lab.sensors.draws import unit_draws
@@ -46,7 +46,7 @@ def further_truth(experiment: ExperimentSettings, names: tuple[str, ...], time: 
             columns += list(bias_drift(experiment, blocks.DRIFTS.index(name), time).T)
         elif name in blocks.OWN:
             (own,) = of_blocks((name,))
-            columns += list(own_errors(experiment, own, time).T)
+            columns += list(user_errors(experiment, own, time).T)
         elif name == blocks.GPS_DRIFT:
             columns += list(_drift(experiment, time).T)
         elif name == blocks.WIND:
@@ -109,7 +109,7 @@ def felt_by_gyros(experiment: ExperimentSettings, dvelocity: FloatArray, dt: flo
     return np.asarray(dvelocity / dt * si(errors, "g_sensitivity") @ shown.T)
 
 
-def own_errors(experiment: ExperimentSettings, own: OwnStates, time: FloatArray) -> FloatArray:
+def user_errors(experiment: ExperimentSettings, own: UserStates, time: FloatArray) -> FloatArray:
     """Return the true values (n, k) of states that a user declared; zero if they are not simulated.
 
     Parameters
@@ -134,7 +134,7 @@ def own_errors(experiment: ExperimentSettings, own: OwnStates, time: FloatArray)
     return np.asarray(errors + own.drift_sigma * drift[samples])
 
 
-def simulated_own_errors(experiment: ExperimentSettings, ideal: IdealImu) -> FloatArray:
+def simulated_user_errors(experiment: ExperimentSettings, ideal: IdealImu) -> FloatArray:
     """Return what gyros and accelerometers read too much (n, 6) by the errors that a user declared.
 
     Parameters
@@ -147,7 +147,7 @@ def simulated_own_errors(experiment: ExperimentSettings, ideal: IdealImu) -> Flo
     total = np.zeros((ideal.dtheta.shape[0], 6))
     for own in declared_states(experiment.sensors.own_errors, "sensors.own_errors"):
         E = own.effects(ideal.dtheta / ideal.dt, ideal.dvelocity / ideal.dt)
-        total += np.einsum("nik,nk->ni", E, own_errors(experiment, own, ideal.time[1:]))
+        total += np.einsum("nik,nk->ni", E, user_errors(experiment, own, ideal.time[1:]))
     return total
 
 
@@ -181,7 +181,7 @@ def errors_of_states(
     if blocks.GYRO_G in names:
         total[:, :3] += felt_by_gyros(experiment, ideal.dvelocity, ideal.dt)
     for one in own:
-        total += np.einsum("nik,nk->ni", one.effects(rates, forces), own_errors(experiment, one, time))
+        total += np.einsum("nik,nk->ni", one.effects(rates, forces), user_errors(experiment, one, time))
     return total
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from lab.base.compiling.fingerprint import _names, fingerprint
 from lab.navigation import strapdown
-from lab.navigation.filters import observation, own_states
+from lab.navigation.filters import observation, user_states
 from lab.navigation.kernels import driver, generation
 
 TEXT = '''
@@ -103,7 +103,7 @@ def test_names_and_attributes_are_those_that_dis_tells() -> None:
     scope: dict[str, Any] = {}
     exec(long, scope)
     functions = [scope["long"]]
-    for home in (driver, generation, observation, own_states, strapdown):
+    for home in (driver, generation, observation, strapdown, user_states):
         plain = (getattr(value, "py_func", value) for value in vars(home).values())
         functions += [one for one in plain if isinstance(one, FunctionType)]
     assert len(functions) > 100

@@ -34,9 +34,9 @@ from lab.missions.library import (
     delete_mission,
     describe_mission,
     free_name,
-    own_names,
     rename_mission,
     take_mission_away,
+    user_names,
 )
 from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name, without_archive
@@ -87,7 +87,7 @@ def test_a_mission_is_added_as_given(own):
     np.testing.assert_allclose(found.recording.latitude, flight.latitude, atol=1e-13)
     assert files(own) == ["round trip.csv.gz", "round trip.toml"]
     assert '"""Round\n' in (own / "round trip.toml").read_text(encoding="utf-8")  # a line is a line
-    assert own_names() == {"round trip"}
+    assert user_names() == {"round trip"}
 
 
 def test_a_name_taken_is_refused_and_replaced_only_if_asked(own):
@@ -356,7 +356,7 @@ def test_one_with_the_name_of_a_shipped_one_is_reached(own):
     own.mkdir()
     for ending in (".toml", ".csv.gz"):
         (own / f"montreal{ending}").write_bytes((shipped_folder() / f"montreal{ending}").read_bytes())
-    assert "user:montreal" in own_names()
+    assert "user:montreal" in user_names()
     assert rename_mission("user:montreal", "mine").name == "mine"
     delete_mission("mine")
     assert files(own) == []
@@ -401,7 +401,7 @@ def test_a_broken_mission_is_deleted_and_nothing_it_points_to(own, outside, reco
     add_mission(circle(), "two", title="x")
     (own / "notes.txt").write_text("mine")
     (own / "odd.toml").write_text(f'title = "odd"\nrecording = "{recording}"\n')
-    assert "odd" in own_names()
+    assert "odd" in user_names()
     delete_mission("odd")
     assert files(own) == ["notes.txt", "two.csv.gz", "two.toml"]
     assert outside.read_text() == "precious"
@@ -461,7 +461,7 @@ def test_an_own_folder_that_is_the_shipped_one_is_safe(monkeypatch, tmp_path):
         if not named.exists():
             named.symlink_to(shipped_folder())
         monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(named))
-        assert own_names() == set()
+        assert user_names() == set()
 
 
 def test_logs_are_renamed_described_and_deleted(own, outside):

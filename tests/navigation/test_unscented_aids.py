@@ -17,7 +17,7 @@ from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
 from lab.navigation import aids, strapdown, wander
 from lab.navigation.aids import Aids
-from lab.navigation.checks import check_own_states
+from lab.navigation.checks import check_user_states
 from lab.navigation.filters import blocks
 from lab.navigation.filters.blocks import in_order
 from lab.navigation.filters.north_slaved import north_axes, north_variance
@@ -200,6 +200,6 @@ def test_small_errors_are_the_linear_filters() -> None:
 
 
 def test_states_of_a_user_are_refused() -> None:
-    check_own_states(NavigatorSettings(model="phi", own_states="mine"))
+    check_user_states(NavigatorSettings(model="phi", own_states="mine"))
     with pytest.raises(SettingError, match=r"navigator.own_states: .*the models phi, psi, invariant"):
-        check_own_states(NavigatorSettings(model="nonlinear", own_states="mine"))
+        check_user_states(NavigatorSettings(model="nonlinear", own_states="mine"))

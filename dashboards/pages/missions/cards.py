@@ -16,7 +16,7 @@ from panel.custom import JSComponent
 
 from lab.base.cache import StageCache
 from lab.missions import Mission, MissionError, broken_missions, missions
-from lab.missions.library import own_names
+from lab.missions.library import user_names
 from lab.views.thumbnail import picture
 
 _HERE = Path(__file__).parent
@@ -100,7 +100,7 @@ def all_cards(editable: bool) -> list[dict[str, Any]]:
     editable
         Whether the user's own missions can be changed.
     """
-    found, broken, own = missions(), broken_missions(), own_names() if editable else frozenset()
+    found, broken, own = missions(), broken_missions(), user_names() if editable else frozenset()
     cards = [
         _card(
             name,

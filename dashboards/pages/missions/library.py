@@ -19,7 +19,7 @@ from dashboards.visitors import may_edit
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.missions import MissionError, describe_mission, missions, rename_mission
-from lab.missions.library import own_place
+from lab.missions.library import user_place
 
 FIELD: dict[str, Any] = {
     "size": "small",
@@ -181,7 +181,7 @@ class Library:
 
     def _open_deleting(self, name: str) -> None:
         try:
-            place = own_place(name)
+            place = user_place(name)
         except MissionError as error:
             self._say(str(error))
             return

@@ -39,6 +39,7 @@ from lab.analysis.verdicts.run_means import (
 from lab.analysis.verdicts.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
+from lab.base.blas_threads import OneBlasThread
 from lab.navigation.aids import NAMES, NO_AIDS
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_SCALE, POS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
@@ -185,6 +186,7 @@ class Evidence(Sum):
         )
 
 
+@OneBlasThread()
 def evidence(
     solution: Solution,
     belief: Belief,

@@ -16,7 +16,6 @@ from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.base.arrays import FloatArray
-from lab.base.blas_threads import OneBlasThread
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
@@ -72,7 +71,6 @@ class FixErrors(Sum):
     span: Kept
 
 
-@OneBlasThread()
 def fix_errors(
     belief: Belief,
     fixes: Fixes,

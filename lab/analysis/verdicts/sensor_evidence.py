@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
@@ -304,20 +305,21 @@ def _taken(values: FloatArray, part: slice) -> FloatArray:
 
 
 def _means(values: Callable[[slice], FloatArray], count: int, width: int) -> FloatArray:
-    """Return the means over `count` windows of values, which are computed in blocks of samples."""
+    """Return the means over `count` windows of values, which are computed in blocks of samples.
+
+    Constant ones are not summed.
+    """
     means, at_once = [], max(AT_ONCE // width, 1)
     for first in range(0, count, at_once):
         last = min(first + at_once, count)
         part = values(slice(first * width, last * width))
-        means.append(_mean(part.reshape(last - first, width, *part.shape[1:])))
+        if part.strides[0] == 0:
+            means.append(np.asarray(part[::width], dtype=np.float64))
+            continue
+        # Ten times faster than the mean of an array (windows, width, 3), whose inner loop has three rounds.
+        starts = np.arange(0, part.shape[0], width)
+        means.append(np.add.reduceat(part, starts, axis=0, dtype=np.float64) / width)
     return np.concatenate(means)
-
-
-def _mean(windows: FloatArray) -> FloatArray:
-    """Return the means (count, …) of values (count, width, …); constant ones are not summed."""
-    if windows.strides[0] == windows.strides[1] == 0:
-        return np.asarray(windows[:, 0], dtype=np.float64)
-    return np.asarray(windows.mean(axis=1, dtype=np.float64))
 
 
 class _Sums(NamedTuple):
@@ -395,14 +397,15 @@ def _lag(moved: Callable[[], FloatArray], added: FloatArray, fall: FloatArray, d
     lag = _fitted(fall, added)
     if lag < SHORT:
         return np.stack((fall, np.zeros(windows)), axis=-1)
-
-    from scipy.signal import lfilter  # noqa: PLC0415 - takes long to import, and few sensors lag so much
-
     values = moved()
 
     def effect(lag: float) -> FloatArray:
         forget = float(np.exp(-dt / lag))
-        slow = lfilter([1 - forget], [1, -forget], values, zi=values[:1] * forget)[0]
+        recursion = np.stack((np.ones(values.size), np.full(values.size, -forget)))
+        driven = np.multiply(values, 1 - forget, dtype=np.float64)
+        driven[0] = values[0]
+        # `scipy.signal.lfilter` does the same, and takes longer to import than a run.
+        slow = solve_banded((1, 0), recursion, driven, check_finite=False)
         return np.asarray((slow - values).reshape(windows, -1).mean(axis=1) / lag)
 
     for _ in range(3):

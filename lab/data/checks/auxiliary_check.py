@@ -18,69 +18,11 @@ from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR, STANDARD_GRAVITY
+from lab.data.checks import limits
 from lab.data.log.auxiliary_data import Headings, Series
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import vehicle_of
 from lab.motion.frames.rotation import wrap
-
-_MAX_APART = 3.0
-"""Longest time between two readings between which those at a fix are interpolated [s]: the longest usual
-period of a barometer or an odometer is 1 s."""
-_MIN_FIXES = 20
-"""Fewest fixes that are compared: 2 s to 20 s of usual receivers, far more than one outlier."""
-_NEAR = 1.15
-"""Factor within which a ratio is that of a unit: more than the scale error of wheels (5 %) or of pressure
-heights in cold or hot air (10 %)."""
-_CLOSE = 1.04
-"""Factor within which a ratio is that of one unit alone: km/h and feet per second are 1.1 apart."""
-_MIN_CLIMB = 30.0
-"""Range of the GPS heights from which those of a barometer are compared [m]: several σ of the vertical noise
-of consumer receivers, some metres."""
-_SLOW = 600.0
-"""Length of the pieces whose mean heights are left out [s]: over hours, the weather and the geoid change
-heights by tens of metres."""
-_HEIGHT_PERCENTILES = (5.0, 95.0)
-"""Percentiles of the GPS heights between which their range counts: single wild fixes lie outside."""
-_MIN_CORRELATION = 0.95
-"""Smallest correlation at which two columns show the same motion: ratios of their sizes are then good to
-5 %."""
-_MIN_SPEED = 3.0
-"""Speed from which an odometer is compared [m/s]: noise of the velocities, 0.1 to 0.3 m/s, is a tenth of
-it."""
-_MIN_AGREEING = 0.8
-"""Share of the fixes whose ratio has to be within `_NEAR` of their median."""
-_LEG = 4.0
-"""Shortest length of the legs over which turns are compared [s]: a car turns by 90° in it."""
-_MAX_LEG = 10.0
-"""Longest length of such a leg [s]: a longer one is a gap of the headings."""
-_MAX_TURN = np.radians(120.0)
-"""Largest turn of a leg that is compared [rad]: of 180°, the side cannot be told."""
-_MIN_TURN, _MIN_TURNS, _MIN_LEGS = np.radians(10.0), 4, 10
-"""Smallest turn beside the usual one that counts [rad], the fewest of these, and the fewest legs: a turn by
-10° is five σ of the usual heading sensor, and one faulty heading spoils two legs."""
-_MIN_GAIN = 3.0
-"""How much smaller the residuals have to be with another unit or sign. The rate about the axis called down is
-that of the heading times the cosine of the bank: the right sign is always the better one, and a wrong one is
-found up to a bank of 60°."""
-_MAX_RESIDUAL = np.radians(10.0)
-"""Largest rms of these residuals [rad]: magnetic headings beside iron are good to it."""
-_RADIANS = 2 * np.pi * 1.001
-"""Largest number of a heading in radians, rounded up."""
-_OCTANTS = 8
-"""Sectors of the course that all have to be there for an airspeed: the wind then shortens some ground speeds
-and lengthens others."""
-_MIN_GROUND_SPEED = 15.0
-"""Mean ground speed from which airspeeds are compared [m/s]. A vehicle that holds this speed to all sides
-would need a storm of 25 m/s to look like one whose airspeeds are in knots."""
-_AIRSPEED_RATIO = (1.7, 4.2)
-"""Airspeed over ground speed, as means over the octants, that is that of km/h, mph or knots. A constant
-airspeed above that of the wind makes at most π/2 (1.57), and one below it does not go to all sides. The
-smallest and the largest unit are 1.94 and 3.6; an airspeed sensor has 10 % of scale error."""
-_MIN_ACCELERATION = 0.3
-"""σ of the force along the path from which it shows where the nose points [m/s²], as in
-`lab.data.checks.log_check`."""
-_MIN_ALONG = 0.8
-"""Correlation of that with the forward accelerometer from which the nose points along the course."""
 
 _HEIGHT_CAUSES = {
     1 / FOOT: "the heights look like feet where m are declared",
@@ -131,10 +73,13 @@ def _check_heights(log: SensorLog, heights_of: Series, column: str, words: str) 
     rows, readings = _at_fixes(log, heights_of)
     time = log.gnss.time[rows]
     heights, readings = (_without_means(time, one) for one in (log.gnss.position[rows, 2], readings))
-    if heights.size < _MIN_FIXES or np.ptp(np.percentile(heights, _HEIGHT_PERCENTILES)) < _MIN_CLIMB:
+    if (
+        heights.size < limits.LOG.compared_fixes
+        or np.ptp(np.percentile(heights, limits.LOG.height_percentiles)) < limits.LOG.climb
+    ):
         return
     correlation = _correlation(readings, heights)
-    if abs(correlation) < _MIN_CORRELATION:
+    if abs(correlation) < limits.LOG.same_motion:
         return
     factor = float(np.sign(correlation) * np.std(readings) / np.std(heights))
     cause = _near(factor, _HEIGHT_CAUSES)
@@ -149,14 +94,15 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str, words: str) -> 
     """Compare the speeds of an odometer with the speed of the GPS, which no component of it exceeds."""
     rows, readings = _at_fixes(log, odometer)
     speed = _speeds(log)[rows]
-    moving = speed > _MIN_SPEED
-    if moving.sum() < _MIN_FIXES:
+    moving = speed > limits.LOG.compared_speed
+    if moving.sum() < limits.LOG.compared_fixes:
         return
     ratio = readings[moving] / speed[moving]
     factor = float(np.median(ratio))
     if (
         factor == 0
-        or np.mean(np.abs(np.log(np.maximum(ratio / factor, 1e-9))) < np.log(_NEAR)) < _MIN_AGREEING
+        or np.mean(np.abs(np.log(np.maximum(ratio / factor, 1e-9))) < np.log(limits.LOG.unit_ratio))
+        < limits.LOG.agreeing_ratios
     ):
         return
     what = f"{column}: the speeds of the {words} are {factor:.3g} times those of the GPS (median): they look "
@@ -164,7 +110,7 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str, words: str) -> 
     unit = _near(abs(factor), _SPEED_CAUSES)
     if unit:
         raise MissionError(f"{what}like {unit} where m/s are declared{accepted}")
-    if 1 / _NEAR < -factor < _NEAR and _goes_forward(log):
+    if 1 / limits.LOG.unit_ratio < -factor < limits.LOG.unit_ratio and _goes_forward(log):
         raise MissionError(f"{what}positive backwards{accepted}")
 
 
@@ -172,18 +118,24 @@ def _check_airspeeds(log: SensorLog, airspeed: Series, column: str, _: str) -> N
     """Compare airspeeds with ground speeds on courses to all sides, since a wind changes them."""
     rows, readings = _at_fixes(log, airspeed)
     velocity, speed = log.gnss.velocity_n[rows], _speeds(log)[rows]
-    moving = speed > _MIN_SPEED
-    if moving.sum() < _MIN_FIXES:
+    moving = speed > limits.LOG.compared_speed
+    if moving.sum() < limits.LOG.compared_fixes:
         return
     course = np.arctan2(velocity[moving, 1], velocity[moving, 0])
-    octant = np.floor((course + np.pi) / (2 * np.pi) * _OCTANTS).astype(np.intp) % _OCTANTS
-    count = np.bincount(octant, minlength=_OCTANTS)
+    octant = (
+        np.floor((course + np.pi) / (2 * np.pi) * limits.LOG.octants).astype(np.intp) % limits.LOG.octants
+    )
+    count = np.bincount(octant, minlength=limits.LOG.octants)
     if not count.all():
         return
     ground, air = (
-        float(np.mean(np.bincount(octant, values[moving], _OCTANTS) / count)) for values in (speed, readings)
+        float(np.mean(np.bincount(octant, values[moving], limits.LOG.octants) / count))
+        for values in (speed, readings)
     )
-    if ground > _MIN_GROUND_SPEED and _AIRSPEED_RATIO[0] < air / ground < _AIRSPEED_RATIO[1]:
+    if (
+        ground > limits.LOG.ground_speed
+        and limits.LOG.airspeed_ratio[0] < air / ground < limits.LOG.airspeed_ratio[1]
+    ):
         raise MissionError(
             f"{column}: the airspeeds are {air / ground:.3g} times the speeds of the GPS, as means over "
             "courses to all sides: they look like km/h, mph or knots where m/s are declared; accepted are "
@@ -193,20 +145,23 @@ def _check_airspeeds(log: SensorLog, airspeed: Series, column: str, _: str) -> N
 
 def _check_headings(log: SensorLog, headings: Headings, column: str, _: str) -> None:
     """Compare the changes of the headings with the turns about the axis called down, over legs of seconds."""
-    change, change_of_radians, turn = _turns(log, headings)
-    if turn.size < _MIN_LEGS or (np.abs(turn - np.median(turn)) > _MIN_TURN).sum() < _MIN_TURNS:
+    change, change_of_radians, turn = _turns_between_headings(log, headings)
+    if (
+        turn.size < limits.LOG.heading_legs
+        or (np.abs(turn - np.median(turn)) > limits.LOG.turn).sum() < limits.LOG.turns
+    ):
         return
     as_read = _residual(turn, change)
     others = {"counter-clockwise where clockwise is declared": -change}
-    if np.degrees(np.abs(headings.heading).max()) <= _RADIANS:
+    if np.degrees(np.abs(headings.heading).max()) <= limits.LOG.radians:
         others["like radians where degrees are declared"] = change_of_radians
         others["like radians, counter-clockwise, where degrees, clockwise, are declared"] = -change_of_radians
     residuals = {cause: _residual(turn, other) for cause, other in others.items()}
     cause = min(residuals, key=lambda one: residuals[one])
-    if residuals[cause] < min(_MAX_RESIDUAL, as_read / _MIN_GAIN):
+    if residuals[cause] < min(limits.LOG.heading_residual, as_read / limits.LOG.heading_gain):
         raise MissionError(
             f"{column}: the headings do not change as the gyro called down turns: they look {cause} (rms "
-            f"difference over legs of {_LEG:g} s {np.degrees(as_read):.2g}°, otherwise "
+            f"difference over legs of {limits.LOG.heading_leg:g} s {np.degrees(as_read):.2g}°, otherwise "
             f"{np.degrees(residuals[cause]):.2g}°); accepted are degrees, clockwise from north. {_ANYWAY}"
         )
 
@@ -220,18 +175,20 @@ CHECKS: dict[str, Callable[[SensorLog, Any, str, str], None]] = {
 """The comparisons, by what `lab.base.aid_table` calls them: log, readings, column, and sensor in words."""
 
 
-def _turns(log: SensorLog, headings: Headings) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _turns_between_headings(log: SensorLog, headings: Headings) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the changes of the headings over legs, those if they are radians, and the turns by the gyro."""
     inside = np.flatnonzero((headings.time >= log.time[0]) & (headings.time <= log.time[-1]))
     if inside.size < 2:
         return np.empty(0), np.empty(0), np.empty(0)
     at = [int(inside[0])]
-    while (after := int(np.searchsorted(headings.time, headings.time[at[-1]] + _LEG))) <= inside[-1]:
+    while (
+        after := int(np.searchsorted(headings.time, headings.time[at[-1]] + limits.LOG.heading_leg))
+    ) <= inside[-1]:
         at.append(after)
     time, heading = headings.time[at], headings.heading[at]
     turned = np.interp(time, log.time, np.append(0.0, np.cumsum(log.dtheta[:, 2])))
     turn = np.diff(turned)
-    kept = (np.diff(time) < _MAX_LEG) & (np.abs(turn) < _MAX_TURN)
+    kept = (np.diff(time) < limits.LOG.longest_heading_leg) & (np.abs(turn) < limits.LOG.largest_turn)
     for start, end in log.breaks:
         kept &= (time[1:] < start) | (time[:-1] > end)
     return wrap(np.diff(heading))[kept], wrap(np.diff(np.degrees(heading)))[kept], turn[kept]
@@ -253,18 +210,20 @@ def _goes_forward(log: SensorLog) -> bool:
     if vehicle.name and not vehicle.follows_nose:
         return False
     time, speed = log.gnss.time - log.gnss.latency, _speeds(log)
-    inside = np.flatnonzero((time >= log.time[0]) & (time <= log.time[-1]) & (speed > _MIN_SPEED))
-    if inside.size < _MIN_FIXES:
+    inside = np.flatnonzero(
+        (time >= log.time[0]) & (time <= log.time[-1]) & (speed > limits.LOG.compared_speed)
+    )
+    if inside.size < limits.LOG.compared_fixes:
         return False
     at = inside[:: max(1, round(1.0 / float(np.median(np.diff(time)))))]
     gained = np.interp(time[at], log.time, np.append(0.0, np.cumsum(log.dvelocity[:, 0])))
     rise = -np.nan_to_num(log.gnss.velocity_n[at, 2]) / speed[at]
     dt = np.diff(time[at])
     seen = np.diff(speed[at]) / dt + 0.5 * STANDARD_GRAVITY * (rise[1:] + rise[:-1])
-    usual = dt < _MAX_APART
-    if usual.sum() < _MIN_FIXES or np.std(seen[usual]) < _MIN_ACCELERATION:
+    usual = dt < limits.LOG.reading_gap
+    if usual.sum() < limits.LOG.compared_fixes or np.std(seen[usual]) < limits.LOG.nose_force:
         return False
-    return _correlation(seen[usual], (np.diff(gained) / dt)[usual]) > _MIN_ALONG
+    return _correlation(seen[usual], (np.diff(gained) / dt)[usual]) > limits.LOG.nose_correlation
 
 
 def _speeds(log: SensorLog) -> FloatArray:
@@ -281,13 +240,13 @@ def _at_fixes(log: SensorLog, series: Series) -> tuple[NDArray[np.intp], FloatAr
     after = np.searchsorted(series.time, time)
     within = (after > 0) & (after < series.time.size)
     after = np.clip(after, 1, max(series.time.size - 1, 1)) % series.time.size
-    rows = np.flatnonzero(within & (series.time[after] - series.time[after - 1] < _MAX_APART))
+    rows = np.flatnonzero(within & (series.time[after] - series.time[after - 1] < limits.LOG.reading_gap))
     return rows, np.interp(time[rows], series.time, series.value)
 
 
 def _without_means(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Return values without their means over pieces of `_SLOW`."""
-    piece = np.floor((time - time[:1]) / _SLOW).astype(np.intp)
+    """Return values without their means over pieces of `height_piece`."""
+    piece = np.floor((time - time[:1]) / limits.LOG.height_piece).astype(np.intp)
     count = np.maximum(np.bincount(piece), 1)
     return np.asarray(values - (np.bincount(piece, values) / count)[piece])
 
@@ -302,7 +261,7 @@ def _correlation(one: FloatArray, other: FloatArray) -> float:
 def _near(factor: float, causes: Mapping[float, str]) -> str:
     """Return the causes that explain a factor: one that is close, otherwise all near; empty without any."""
     apart = {cause: abs(np.log(factor / one)) for one, cause in causes.items() if one * factor > 0}
-    for limit in (_CLOSE, _NEAR):
+    for limit in (limits.LOG.sure_unit_ratio, limits.LOG.unit_ratio):
         found = [cause for cause, distance in apart.items() if distance < np.log(limit)]
         if found:
             return " or ".join(found)

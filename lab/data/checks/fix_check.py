@@ -15,35 +15,11 @@ from numpy.typing import NDArray
 from lab.base.arrays import ComplexArray, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
+from lab.data.checks import limits
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 
-_LEG = 5.0
-"""Shortest length of a leg [s]: a walker goes 7 m, ten σ of a consumer receiver's noise."""
-_LEG_FIXES = 10
-"""Shortest length of a leg, in usual intervals between fixes."""
-_MAX_INTERVAL = 2.5
-"""Longest interval between two fixes of a leg, in usual ones: velocity is unknown in longer ones."""
-_MIN_LEGS = 4
-"""Fewest legs that are judged."""
-_COHERENT = 0.95
-"""Coherence from which displacements and velocities count as the same motion. Measured: 0.99 and more on real
-logs of cars and copters."""
-_INCOHERENT = 0.8
-"""Coherence below which they are different motions. The tests pass at 0.6 and at 0.9."""
-_FACTORS = (0.75, 1.33)
-"""Ratio of displacement and velocity that is accepted: knots, the nearest wrong unit, are 0.51 m/s.
-Measured: 0.99 to 1.02 on real logs."""
-_NEAR = 1.2
-"""Factor within which a ratio is that of a unit: the closest of these, km/h and feet, are a factor of 1.1
-apart, and the nearest is taken; noise and the latitude change a ratio by as much."""
-_MIN_MOTION, _MIN_CLIMB = 3.0, 5.0
-"""Rms displacement of legs from which the horizontal and the vertical are judged [m]: several σ of the noise
-of consumer receivers."""
-_MAX_ROTATION = np.radians(30.0)
-"""Mean angle between displacement and velocity that is accepted: swapped columns or signs make 90° or 180°,
-noise some degrees."""
 _RADIANS = "latitude and longitude look like radians where degrees are declared"
 _UNITS = {
     KILOMETRE_PER_HOUR: "the velocities look like km/h where m/s are declared",
@@ -86,11 +62,11 @@ def check_fixes(name: str, gnss: GnssLog) -> None:
         reversed sign.
     """
     legs = legs_of(gnss)
-    if legs.moved.size < _MIN_LEGS:
+    if legs.moved.size < limits.LOG.fix_legs:
         return
     _check_horizontal(name, legs)
     known = np.isfinite(legs.climbed)
-    if known.sum() >= _MIN_LEGS:
+    if known.sum() >= limits.LOG.fix_legs:
         _check_vertical(name, legs.risen[known], legs.climbed[known])
 
 
@@ -99,7 +75,7 @@ def legs_of(gnss: GnssLog) -> Legs:
     level = np.isfinite(gnss.position).all(axis=1) & np.isfinite(gnss.velocity_n[:, :2]).all(axis=1)
     time, position, velocity = gnss.time[level], gnss.position[level], gnss.velocity_n[level]
     dt = np.diff(time)
-    if dt.size < _MIN_LEGS:
+    if dt.size < limits.LOG.fix_legs:
         nothing = np.empty(0)
         return Legs(nothing.astype(complex), nothing.astype(complex), nothing, nothing)
     usual = float(np.median(dt))
@@ -107,9 +83,11 @@ def legs_of(gnss: GnssLog) -> Legs:
     step = np.diff(position, axis=0)
     step[:, 1] = wrap(step[:, 1])
     mean = 0.5 * (velocity[1:] + velocity[:-1]) * dt[:, None]
-    leg = ((time[:-1] - time[0]) // max(_LEG, _LEG_FIXES * usual)).astype(np.intp)
+    leg = ((time[:-1] - time[0]) // max(limits.LOG.fix_leg, limits.LOG.fix_leg_intervals * usual)).astype(
+        np.intp
+    )
     _, leg = np.unique(leg, return_inverse=True)
-    whole = np.bincount(leg, dt > _MAX_INTERVAL * usual) == 0
+    whole = np.bincount(leg, dt > limits.LOG.fix_gap * usual) == 0
     columns = (step[:, 0] * north, step[:, 1] * east, mean[:, 0], mean[:, 1], step[:, 2], -mean[:, 2])
     sums = [np.bincount(leg, column)[whole] for column in columns]
     return Legs(sums[0] + 1j * sums[1], sums[2] + 1j * sums[3], sums[4], sums[5])
@@ -117,26 +95,26 @@ def legs_of(gnss: GnssLog) -> Legs:
 
 def _check_horizontal(name: str, legs: Legs) -> None:
     sizes = _rms(legs.moved), _rms(legs.gone)
-    if max(sizes) < _MIN_MOTION:
+    if max(sizes) < limits.LOG.displacement:
         return
     coherence, factor, angle = _compared(legs.moved, legs.gone)
     what = f"{name}: the positions of the GPS "
-    if coherence < _INCOHERENT and min(sizes) > _MIN_MOTION:
+    if coherence < limits.LOG.incoherent and min(sizes) > limits.LOG.displacement:
         # Swapped columns, or one reversed sign, mirror the direction of the velocity.
         mirrored = _compared(legs.moved, legs.gone.conj())[0]
-        if mirrored > _COHERENT:
+        if mirrored > limits.LOG.coherent:
             raise MissionError(
                 f"{what}do not move where its velocities point (coherence {coherence:.2f}), but do with "
                 f"mirrored velocities ({mirrored:.2f}): {_COLUMNS}"
             )
-    if coherence < _COHERENT:
+    if coherence < limits.LOG.coherent:
         return
-    if not _FACTORS[0] < factor < _FACTORS[1]:
+    if not limits.LOG.displacement_ratio[0] < factor < limits.LOG.displacement_ratio[1]:
         raise MissionError(
             f"{what}move {factor:.3g} times as far as its velocities say (coherence {coherence:.2f}): "
             f"{_cause(factor, _UNITS)}"
         )
-    if abs(angle) > _MAX_ROTATION:
+    if abs(angle) > limits.LOG.rotation:
         raise MissionError(
             f"{what}move {abs(np.degrees(angle)):.0f}° beside the direction of its velocities (coherence "
             f"{coherence:.2f}): {_COLUMNS}"
@@ -144,17 +122,17 @@ def _check_horizontal(name: str, legs: Legs) -> None:
 
 
 def _check_vertical(name: str, risen: FloatArray, climbed: FloatArray) -> None:
-    if min(_rms(risen), _rms(climbed)) < _MIN_CLIMB:
+    if min(_rms(risen), _rms(climbed)) < limits.LOG.vertical_displacement:
         return
     coherence, factor, angle = _compared(risen.astype(complex), climbed.astype(complex))
-    if coherence < _COHERENT:
+    if coherence < limits.LOG.coherent:
         return
-    if abs(angle) > _MAX_ROTATION:
+    if abs(angle) > limits.LOG.rotation:
         raise MissionError(
             f"{name}: the heights of the GPS rise where its velocities point down (coherence "
             f"{coherence:.2f}): vd_m_s is positive down, and looks like a velocity that is positive up"
         )
-    if not _FACTORS[0] < factor < _FACTORS[1]:
+    if not limits.LOG.displacement_ratio[0] < factor < limits.LOG.displacement_ratio[1]:
         raise MissionError(
             f"{name}: the heights of the GPS change {factor:.3g} times as much as its vertical velocities "
             f"say (coherence {coherence:.2f}): {_cause(factor, _UNITS | _HEIGHT_UNITS)}"
@@ -173,7 +151,7 @@ def _compared(moved: ComplexArray, gone: ComplexArray) -> tuple[float, float, fl
 
 def _cause(factor: float, units: dict[float, str]) -> str:
     near = min(units, key=lambda unit: abs(np.log(factor / unit)))
-    if 1 / _NEAR < factor / near < _NEAR:
+    if 1 / limits.LOG.displacement_unit_ratio < factor / near < limits.LOG.displacement_unit_ratio:
         return units[near]
     return "a wrong unit of position, velocity or time is likely"
 

@@ -12,22 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.data.checks import limits
 from lab.data.checks.imu_axes import NAMES
-
-_ROUNDING = 1e-9
-"""Relative difference of two samples that are equal: rates are increments over their interval."""
-_IN_A_ROW = 5
-"""Fewest samples in a row at the end: four equal rows are a sensor polled too often
-(`sensor_log.MAX_REPEAT`)."""
-_LEVELS = 20
-"""Fewest different values between the median of the others and the end: coarse sensors at rest show two or
-three."""
-_BELOW = 0.02
-"""Part of the way from the median to the end in which few samples lie just below it."""
-_MOST, _SYMMETRIC = 0.5, 0.8
-"""Part of the samples that are most of them, and least size of an end where most are, relative to the largest
-value on either side: a coarse sensor that mostly rests shows one small value, too, and a range is as wide to
-both sides."""
 
 
 class FullScale(NamedTuple):
@@ -78,14 +64,16 @@ def full_scales(rates: FloatArray) -> list[FullScale]:
 def _at_end(values: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the values at the upper end of a range; false for all if there is none."""
     top = float(values.max())
-    at = np.asarray(values >= top - _ROUNDING * abs(top))
-    if at.all() or (at.mean() > _MOST and top < _SYMMETRIC * np.abs(values).max()):
+    at = np.asarray(values >= top - limits.LOG.equal_samples * abs(top))
+    if at.all() or (
+        at.mean() > limits.LOG.most_samples and top < limits.LOG.symmetric_range * np.abs(values).max()
+    ):
         return np.zeros_like(at)
     middle = float(np.median(values[~at]))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(np.int8)))
-    below = ~at & (values >= top - _BELOW * (top - middle))
+    below = ~at & (values >= top - limits.LOG.below_end * (top - middle))
     in_a_row = int((edges[1::2] - edges[::2]).max())
-    if in_a_row < _IN_A_ROW or at.sum() <= below.sum():
+    if in_a_row < limits.LOG.samples_at_end or at.sum() <= below.sum():
         return np.zeros_like(at)
     levels = np.unique(values[values > middle]).size
-    return at if levels > _LEVELS else np.zeros_like(at)
+    return at if levels > limits.LOG.levels else np.zeros_like(at)

@@ -16,44 +16,14 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.checks import limits
 from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, ImuAxes, about_down, others, remedy
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.motion.frames.displacement import metres_per_radian
 
-_MIN_SPEED = 1.0
-"""Speed from which fixes show a course [m/s]: a walker has 1.3."""
-_MIN_SPEED_SIGMA = 5.0
-"""The same in σ of the velocity: a course good to 11°."""
 VELOCITY_SIGMA = 0.1
 """σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
-_MAX_INTERVAL = 2.5
-"""Longest interval between two fixes of a stretch [s]: the course of a longer one is ambiguous."""
-_SHORTEST, _LONGEST = 15.0, 120.0
-"""Length of a stretch [s]: time for a turn, and up to which a bias is constant."""
-_MIN_FIXES = 10
-"""Fewest fixes of a stretch: four times its unknowns."""
-_MAX_BIAS = np.radians(5.0)
-"""Largest gyro bias [rad/s]: consumer parts are off by a few °/s."""
-_MIN_TURNING = np.radians(5.0)
-"""Rms change of the course from which gyros are judged by it [rad]: sideslip and noise change it by less. A
-drive along a highway has 0.4°, a walk 72°."""
-_EXPLAINED, _UNEXPLAINED = 0.5, 1.3
-"""Part of the change of the course that is left by gyros which turn with it, and against it. Measured: 0.31
-and 1.96 on a walk, 1.0 and 1.0 on a copter that flies where it likes."""
-_AXIS_UNEXPLAINED = 0.9
-"""The same, left by gyros that have nothing to do with it: below they are a part of it."""
-_MAX_WORSE = 1.5
-"""Factor by which the velocities may fit worse with gyros that explain the course: the noise of a fit."""
-_MISFIT = 0.8
-"""Mean square residual up to which the IMU as it is explains the velocities. Measured: up to 0.64, the mean
-over the windows, on real logs."""
-_MUCH_BETTER = 0.2
-"""Part of the misfit as it is that other axes may leave to be the right ones."""
-_BETTER = 0.5
-"""The same in each window."""
-_MIN_WINDOWS = 2
-"""Fewest windows that have to agree."""
 
 
 class GyroError(MissionError):
@@ -88,7 +58,7 @@ def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
 
 def are_explained(matches: WindowMatches) -> bool:
     """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
-    return not matches.windows or float(_misfits(matches).mean()) < _MISFIT
+    return not matches.windows or float(_misfits(matches).mean()) < limits.LOG.gyro_misfit
 
 
 def _check_course(log: SensorLog, matches: WindowMatches) -> None:
@@ -97,24 +67,28 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
     if not stretches:
         return
     turned = _left(log, stretches, np.zeros(3))
-    if turned < _MIN_TURNING:
+    if turned < limits.LOG.course_change:
         return
     _, force = log.rates
     up = np.median(force, axis=0)
     down = -up / np.linalg.norm(up)
     right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
-    if reversed_ < _EXPLAINED and right > _UNEXPLAINED and _fits(matches, GYROS_REVERSED):
+    if (
+        reversed_ < limits.LOG.explained_course
+        and right > limits.LOG.unexplained_course
+        and _fits_as_well(matches, GYROS_REVERSED)
+    ):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
             f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
             f"the gyros have swapped axes. {GYROS_REVERSED.remedy}"
         )
-    if min(right, reversed_) < _AXIS_UNEXPLAINED:
+    if min(right, reversed_) < limits.LOG.unexplained_axis:
         return
     for axis, sign in itertools.product((0, 1), (1, -1)):
         left = _left(log, stretches, sign * np.eye(3)[axis]) / turned
-        if left < _EXPLAINED:
+        if left < limits.LOG.explained_course:
             raise GyroError(
                 f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{NAMES[axis]}, not "
                 f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
@@ -130,15 +104,22 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
     speed = np.linalg.norm(velocity, axis=1)
     sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
     sigma = np.where(np.isfinite(sigma), sigma, VELOCITY_SIGMA)
-    fast = (speed > np.maximum(_MIN_SPEED, _MIN_SPEED_SIGMA * sigma)) & (time >= 0) & (time <= log.duration)
+    fast = (
+        (speed > np.maximum(limits.LOG.gyro_speed, limits.LOG.gyro_speed_sigmas * sigma))
+        & (time >= 0)
+        & (time <= log.duration)
+    )
     rows = np.flatnonzero(fast)
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    for part in np.split(rows, np.flatnonzero(np.diff(time[rows]) > _MAX_INTERVAL) + 1):
-        if part.size < _MIN_FIXES:
+    for part in np.split(rows, np.flatnonzero(np.diff(time[rows]) > limits.LOG.stretch_gap) + 1):
+        if part.size < limits.LOG.stretch_fixes:
             continue
-        pieces = max(1, round((time[part[-1]] - time[part[0]]) / _LONGEST))
+        pieces = max(1, round((time[part[-1]] - time[part[0]]) / limits.LOG.longest_stretch))
         for piece in np.array_split(part, pieces):
-            if piece.size >= _MIN_FIXES and time[piece[-1]] - time[piece[0]] > _SHORTEST:
+            if (
+                piece.size >= limits.LOG.stretch_fixes
+                and time[piece[-1]] - time[piece[0]] > limits.LOG.shortest_stretch
+            ):
                 yield _Stretch(time[piece], course[piece])
 
 
@@ -164,15 +145,15 @@ def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> fl
         apart = np.unwrap(one.course - np.interp(one.time, log.time, total))
         since = one.time - one.time.mean()
         apart -= apart.mean()
-        drift = float(np.clip(since @ apart / (since @ since), -_MAX_BIAS, _MAX_BIAS))
+        drift = float(np.clip(since @ apart / (since @ since), -limits.LOG.gyro_bias, limits.LOG.gyro_bias))
         left.append(apart - drift * since)
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
-def _fits(matches: WindowMatches, axes: ImuAxes) -> bool:
+def _fits_as_well(matches: WindowMatches, axes: ImuAxes) -> bool:
     """Return whether the velocities, where they change enough, do not contradict other axes."""
     as_it_is, other = _misfits(matches), _misfits(matches, axes)
-    return bool(other.sum() <= _MAX_WORSE * as_it_is.sum())
+    return bool(other.sum() <= limits.LOG.worse_fit * as_it_is.sum())
 
 
 def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:
@@ -183,11 +164,11 @@ def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:
 def _check_velocities(name: str, matches: WindowMatches) -> None:
     """Compare the velocities with the accelerometers, resolved by gyros of all axes and signs."""
     misfits = _misfits(matches)
-    if misfits.size < _MIN_WINDOWS or misfits.mean() < _MISFIT:
+    if misfits.size < limits.LOG.gyro_windows or misfits.mean() < limits.LOG.gyro_misfit:
         return
     best = min(others(), key=lambda axes: matches.misfit(0, *axes))
     left = _misfits(matches, best)
-    if left.mean() < _MUCH_BETTER * misfits.mean() and (left < _BETTER * misfits).all():
+    if left.mean() < limits.LOG.much_better * misfits.mean() and (left < limits.LOG.better * misfits).all():
         raise GyroError(
             f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
             f"square residual {misfits.mean():.2g} σ², and {left.mean():.2g} σ² with {best.words}): "

@@ -17,6 +17,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
+from lab.data.checks import limits
 from lab.data.checks.fix_check import check_fixes
 from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_gyros
 from lab.data.checks.velocity_matching import Match, Window, liveliest, turned
@@ -27,87 +28,6 @@ from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 
-MAX_LAG = 3.0
-"""Largest clock offset that is tried [s]."""
-
-_MAX_INTERVAL = 0.5
-"""Longest usual interval between samples of an IMU [s]: loggers of phones take 10 to 1000 Hz, and between
-slower samples the motion of a vehicle is unknown."""
-_GRAVITY_RATIO = (0.7, 1.5)
-"""Median specific force of a log [g]: every vehicle has about 1; a wrong unit is a factor of 9.8 or the
-rate."""
-_UNIT_TOLERANCE = (0.7, 1.4)
-"""Median specific force over a unit's factor at which that unit is named: the motion adds to gravity."""
-_LEG = 1.0
-"""Length of the legs in which turns and changes of speed are compared [s]: fixes of 1 Hz have it."""
-_MAX_LEG = 2.5
-"""Longest of these legs, over `_LEG`: a longer one has a gap in it."""
-_MIN_COURSE_SPEED = 2.0
-"""Speed from which fixes show a course [m/s]: with velocities good to 0.1 m/s to 3°."""
-_MAX_COURSE_STEP = np.pi / 2
-"""Largest change of the course in a leg that is believed [rad]: a larger one is noise, or a turn on the
-spot."""
-_MAX_TUMBLING = np.radians(25.0)
-"""Largest mean rate about a horizontal axis [rad/s]: five σ of the bias of consumer gyros; a rate of 0.5
-°/s, its numbers read as radians, is 29 °/s."""
-_MIN_PITCH_OF_TURN = 0.15
-"""Pitch rate of banked turns over their yaw rate, from which axes are judged by it: the sine of a bank of
-9°. The tests, on real logs too, pass at half and at twice it."""
-_LIVELY_TURN = np.radians(2.0)
-"""σ of the rate of the course from which turns are compared [rad/s]: gyros of 1 °/s of noise still show
-it. The tests pass at half; at twice it, swapped axes and degrees for radians on a shipped flight are
-missed."""
-_LIVELY_SPEED = 0.3
-"""σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is 0.1.
-The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed."""
-_MIN_CORRELATION = 0.8
-"""Smallest correlation at which an axis agrees with the fixes."""
-_MAX_CORRELATION_LEAD = 0.3
-"""By how much the right axis may follow the speed better than the forward one."""
-_SAME_FACTOR = (0.5, 2.0)
-"""Ratio of a factor to 57 (degrees to a radian) at which that unit is named."""
-_MIN_LAG = 0.4
-"""Smallest clock offset that refuses a log [s]: receivers are up to 0.3 s late by themselves, which a
-navigator is told or finds."""
-_LAG_STEP = 0.1
-"""Step of the clock offsets tried with each axis [s]: a tenth of a leg."""
-_LAGS = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
-"""These offsets [s]."""
-_AROUND_LEAP = 1.5
-"""Offsets around it that are tried [s]: the receiver's latency and the recorder's delay add to it."""
-_MAX_UNLIKE = 0.5
-"""Largest correlation of the turns near zero offset at which they do not belong together."""
-_MIN_LEGS = 20
-"""Fewest legs by which an axis is judged. At one of the offsets, noise of 0.45 m/s reached the correlation in
-12 % of rests with 11 legs, and in 0.1 % with 20."""
-_WINDOWS = 4
-"""Largest number of windows for the estimate of the clock offset: each is fitted eight times or more."""
-_MIN_WINDOWS = 2
-"""Fewest windows that have to show an offset."""
-_STARTS = (-1.5, 1.5)
-"""Offsets from which it is fitted too [s]: within one of them the fit finds its way to `MAX_LAG` and to
-zero."""
-_MAX_LAG_SIGMA = 0.1
-"""σ of an offset up to which a window shows it [s]: a quarter of the smallest that refuses a log. The
-tests pass at twice it; at half, an offset of 1 s on a shipped flight is missed."""
-_MAX_LAG_APART = 0.2
-"""Distance from the median at which windows agree on an offset [s]: two σ. The tests pass at half and at
-twice it."""
-_MIN_AGREEING = 0.6
-"""Part of the windows that has to agree on it."""
-_MAX_MISFIT = 9.0
-"""Mean square residual, in σ, up to which a window shows an offset: residuals of three σ."""
-_MAX_EXPLAINED_MISFIT = 1.0
-"""Mean square residual, in σ, up to which the IMU as it is explains the velocities. Measured: up to 0.6 on
-real logs, from 1.2 on with two axes swapped."""
-_MAX_HEADING_SIGMA = np.radians(10.0)
-"""σ of the heading up to which a window shows where the nose points [rad]."""
-_MAX_OFF_COURSE = np.radians(30.0)
-"""Mean angle between nose and course up to which the axes are right [rad]: wrong ones turn it by 90° or
-180°."""
-_MIN_WANDERING = np.radians(10.0)
-"""Spread of that angle from which a vehicle goes where it likes [rad]. Measured: up to 4° on aeroplanes
-and cars."""
 _OR_ANOTHER_VEHICLE = (
     ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
     f'vehicle = "copter" in log.toml; accepted are {", ".join(VEHICLES)}'
@@ -138,7 +58,7 @@ def windows_of(log: SensorLog) -> list[Window]:
     gnss = log.gnss
     sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, VELOCITY_SIGMA)
     arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
-    return liveliest(arrays, _WINDOWS, MAX_LAG)
+    return liveliest(arrays, limits.LOG.lag_windows, limits.LOG.largest_lag)
 
 
 def matches_of(log: SensorLog) -> WindowMatches:
@@ -193,20 +113,22 @@ def is_explained(log: SensorLog) -> bool:
 def _check_leap_seconds(log: SensorLog) -> None:
     """Compare the turns by the GPS with the gyros at the offset between GPS time and UTC, and near zero."""
     motion = motion_of(log)
-    margin = LEAP_SECONDS + _AROUND_LEAP
+    margin = LEAP_SECONDS + limits.LOG.around_leap
     inside = (motion.start >= margin) & (motion.end <= log.duration - margin) & np.isfinite(motion.turn)
     motion = FixMotion(*(column[inside] for column in motion))
-    if motion.turn.size < _MIN_LEGS or np.std(motion.turn) < _LIVELY_TURN:
+    if motion.turn.size < limits.LOG.legs or np.std(motion.turn) < limits.LOG.lively_turn:
         return
-    around = np.arange(-_AROUND_LEAP, _AROUND_LEAP + _LAG_STEP / 2, _LAG_STEP)
+    around = np.arange(
+        -limits.LOG.around_leap, limits.LOG.around_leap + limits.LOG.lag_step / 2, limits.LOG.lag_step
+    )
     at_zero, at_leap = (
         max(
             (_largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
             key=lambda one: abs(one[0]),
         )
-        for lags in (_LAGS, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
+        for lags in (limits.LOG.tried_lags, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
     )
-    if abs(at_zero[0]) < _MAX_UNLIKE and abs(at_leap[0]) > _MIN_CORRELATION:
+    if abs(at_zero[0]) < limits.LOG.unlike_turns and abs(at_leap[0]) > limits.LOG.axis_correlation:
         side = "late" if at_leap[2] < 0 else "early"
         raise MissionError(
             f"{log.name}: the stamps of the GPS are about {abs(at_leap[2]):.1f} s {side} relative to the "
@@ -220,11 +142,13 @@ def motion_of(log: SensorLog) -> FixMotion:
     """Return the motion of a log by its fixes."""
     gnss = log.gnss
     time = gnss.time - gnss.latency
-    inside = np.flatnonzero((time >= MAX_LAG) & (time <= log.duration - MAX_LAG))
+    inside = np.flatnonzero(
+        (time >= limits.LOG.largest_lag) & (time <= log.duration - limits.LOG.largest_lag)
+    )
     if inside.size < 2:
         empty = np.empty(0)
         return FixMotion(empty, empty, empty, empty)
-    step = max(1, round(_LEG / float(np.median(np.diff(time)))))
+    step = max(1, round(limits.LOG.leg / float(np.median(np.diff(time)))))
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
     if np.isnan(velocity).any():
@@ -236,18 +160,19 @@ def motion_of(log: SensorLog) -> FixMotion:
     speed = np.linalg.norm(velocity, axis=1)
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     dt = np.diff(time)
-    turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MIN_COURSE_SPEED, np.diff(course) / dt, np.nan)
-    turn[np.abs(np.diff(course)) > _MAX_COURSE_STEP] = np.nan
-    short = dt < _MAX_LEG * _LEG
+    turn = np.where(np.minimum(speed[1:], speed[:-1]) > limits.LOG.course_speed, np.diff(course) / dt, np.nan)
+    turn[np.abs(np.diff(course)) > limits.LOG.course_step] = np.nan
+    short = dt < limits.LOG.longest_leg * limits.LOG.leg
     return FixMotion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
 
 
 def _check_interval(log: SensorLog) -> None:
     usual = float(np.median(np.diff(log.time)))
-    if usual > _MAX_INTERVAL:
+    if usual > limits.LOG.imu_interval:
         raise MissionError(
             f"{log.name}: samples of the IMU are usually {usual:.3g} s apart; accepted are up to "
-            f"{_MAX_INTERVAL:g} s. Times that look like this are often ms where s are declared (column t_s)"
+            f"{limits.LOG.imu_interval:g} s. Times that look like this are often ms where s are "
+            "declared (column t_s)"
         )
 
 
@@ -263,10 +188,10 @@ def _check_force(log: SensorLog) -> None:
     }
     near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
     what = f"{log.name}: the IMU measures {size:.3g} times gravity (median over the log): "
-    if not _GRAVITY_RATIO[0] < size < _GRAVITY_RATIO[1]:
+    if not limits.LOG.gravity_ratio[0] < size < limits.LOG.gravity_ratio[1]:
         likely = (
             causes[near]
-            if _UNIT_TOLERANCE[0] < size / near < _UNIT_TOLERANCE[1]
+            if limits.LOG.gravity_unit_ratio[0] < size / near < limits.LOG.gravity_unit_ratio[1]
             else "another unit than declared is likely"
         )
         raise MissionError(
@@ -287,7 +212,7 @@ def _check_force(log: SensorLog) -> None:
 def _check_tumbling(log: SensorLog) -> None:
     """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
     mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
-    if mean > _MAX_TUMBLING:
+    if mean > limits.LOG.tumbling:
         raise MissionError(
             f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on average, "
             "which would overturn the vehicle, but the direction of gravity is constant: the numbers look "
@@ -298,7 +223,7 @@ def _check_tumbling(log: SensorLog) -> None:
 def _likeness(log: SensorLog, motion: FixMotion) -> FloatArray | None:
     """Return correlation, factor and lag of each gyro with the course's rate; None if it shows too little."""
     rows = np.isfinite(motion.turn)
-    if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+    if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return None
     return np.array(
         [_largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)]
@@ -314,13 +239,13 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     likeness = _likeness(log, motion)
     if likeness is None:
         return
-    following = np.abs(likeness[np.abs(likeness[:, 0]) >= _MIN_CORRELATION, 1])
+    following = np.abs(likeness[np.abs(likeness[:, 0]) >= limits.LOG.axis_correlation, 1])
     if not following.size:
         return
     factor = float(following.max())
     degree = 180 / np.pi
     for scale, numbers in ((degree, "degrees where radians"), (1 / degree, "radians where degrees")):
-        if _SAME_FACTOR[0] < factor / scale < _SAME_FACTOR[1]:
+        if limits.LOG.degree_ratio[0] < factor / scale < limits.LOG.degree_ratio[1]:
             raise MissionError(
                 f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look "
                 f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
@@ -334,13 +259,17 @@ def _check_turn(log: SensorLog, motion: FixMotion) -> None:
         return
     best = int(np.argmax(np.abs(likeness[:, 0])))
     correlation = likeness[2, 0]
-    if abs(correlation) < _MIN_CORRELATION and best != 2 and abs(likeness[best, 0]) > _MIN_CORRELATION:
+    if (
+        abs(correlation) < limits.LOG.axis_correlation
+        and best != 2
+        and abs(likeness[best, 0]) > limits.LOG.axis_correlation
+    ):
         raise MissionError(
             f"{log.name}: the turns that the GPS shows are about the axis called "
             f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
             f"{correlation:.2f}): swapped axes of the gyros are likely"
         )
-    if correlation < -_MIN_CORRELATION:
+    if correlation < -limits.LOG.axis_correlation:
         raise MissionError(
             f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
             "swapped axes or signs of the gyros are likely"
@@ -354,12 +283,16 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     that does not shows nothing here.
     """
     rows = np.isfinite(motion.turn)
-    if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+    if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return
     for axis, wrong_sign in ((0, 0), (1, -1)):
         correlation, factor, _ = _largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
-        wrong = correlation < -_MIN_CORRELATION if wrong_sign else abs(correlation) > _MIN_CORRELATION
-        if wrong and factor > _MIN_PITCH_OF_TURN:
+        wrong = (
+            correlation < -limits.LOG.axis_correlation
+            if wrong_sign
+            else abs(correlation) > limits.LOG.axis_correlation
+        )
+        if wrong and factor > limits.LOG.pitch_of_turn:
             raise MissionError(
                 f"{log.name}: in banked turns the nose goes up about the axis called "
                 f"{('forward', 'minus right')[axis]} (correlation {abs(correlation):.2f}), not about right: "
@@ -369,13 +302,15 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
 
 def _check_forward(log: SensorLog, motion: FixMotion) -> None:
     """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
-    if motion.speed.size < _MIN_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
+    if motion.speed.size < limits.LOG.legs or np.std(motion.speed) < limits.LOG.lively_speed:
         return
     forward, right = (
         _largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
     )
-    backward = forward < -_MIN_CORRELATION
-    if backward or (abs(right) > _MIN_CORRELATION and forward < abs(right) - _MAX_CORRELATION_LEAD):
+    backward = forward < -limits.LOG.axis_correlation
+    if backward or (
+        abs(right) > limits.LOG.axis_correlation and forward < abs(right) - limits.LOG.correlation_lead
+    ):
         axis, value = ("minus forward", forward) if backward else ("right", right)
         raise MissionError(
             f"{log.name}: the acceleration that the GPS shows is along the axis called {axis} (correlation "
@@ -389,23 +324,28 @@ def _axes_are_right(matches: WindowMatches, vehicle: Vehicle) -> bool:
     The nose then points along the course or, on an unnamed vehicle, in changing directions: wrong axes
     would turn it by a constant angle.
     """
-    found = [(window, matches.match(n)) for n, window in enumerate(matches.windows[:_MIN_WINDOWS])]
+    found = [
+        (window, matches.match(n))
+        for n, window in enumerate(matches.windows[: limits.LOG.fewest_lag_windows])
+    ]
     angles = [_off_course(window, one) for window, one in found if _is_clear(one)]
     apart = np.concatenate(angles) if angles else np.empty(0)
     if not apart.size:
         return False
     mean = np.exp(1j * apart).mean()
     spread = np.sqrt(-2 * np.log(max(abs(mean), 1e-12)))  # circular standard deviation
-    return bool(abs(np.angle(mean)) < _MAX_OFF_COURSE or (not vehicle.name and spread > _MIN_WANDERING))
+    return bool(
+        abs(np.angle(mean)) < limits.LOG.off_course or (not vehicle.name and spread > limits.LOG.wandering)
+    )
 
 
 def _is_clear(found: Match) -> bool:
-    return bool(found.misfit < _MAX_EXPLAINED_MISFIT and found.heading_sigma < _MAX_HEADING_SIGMA)
+    return bool(found.misfit < limits.LOG.explained_misfit and found.heading_sigma < limits.LOG.heading_sigma)
 
 
 def _off_course(window: Window, found: Match) -> FloatArray:
     """Return the course minus the direction of the nose at fixes in motion [rad]."""
-    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MIN_COURSE_SPEED
+    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > limits.LOG.course_speed
     north, east = window.velocity_n[fast, :2].T
     steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
     turning = turned(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
@@ -418,17 +358,17 @@ def _check_clock(log: SensorLog, matches: WindowMatches) -> None:
     lags: list[float] = []
     for number in range(len(matches.windows)):
         found = matches.match(number)
-        if not (_shows_lag(found) and abs(found.lag) < _MIN_LAG):
-            found = min(found, matches.match(number, _STARTS), key=lambda one: one.cost)
+        if not (_shows_lag(found) and abs(found.lag) < limits.LOG.refused_lag):
+            found = min(found, matches.match(number, limits.LOG.lag_starts), key=lambda one: one.cost)
         if _shows_lag(found):
             lags.append(found.lag)
-        if len(lags) == _MIN_WINDOWS and np.abs(lags).max() < _MIN_LAG:
+        if len(lags) == limits.LOG.fewest_lag_windows and np.abs(lags).max() < limits.LOG.refused_lag:
             return
-    if len(lags) < _MIN_WINDOWS:
+    if len(lags) < limits.LOG.fewest_lag_windows:
         return
     lag = float(np.median(lags))
-    agreeing = np.abs(np.array(lags) - lag) < _MAX_LAG_APART
-    if abs(lag) >= _MIN_LAG and agreeing.mean() > _MIN_AGREEING:
+    agreeing = np.abs(np.array(lags) - lag) < limits.LOG.lag_apart
+    if abs(lag) >= limits.LOG.refused_lag and agreeing.mean() > limits.LOG.agreeing_windows:
         side = "late" if lag < 0 else "early"
         raise MissionError(
             f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} relative to the IMU's "
@@ -439,16 +379,21 @@ def _check_clock(log: SensorLog, matches: WindowMatches) -> None:
 
 
 def _shows_lag(found: Match) -> bool:
-    return found.lag_sigma < _MAX_LAG_SIGMA and found.misfit < _MAX_MISFIT
+    return found.lag_sigma < limits.LOG.lag_sigma and found.misfit < limits.LOG.misfit
 
 
 def _largest_correlation(
-    log: SensorLog, increments: FloatArray, motion: FixMotion, seen: FloatArray, lags: FloatArray = _LAGS
+    log: SensorLog,
+    increments: FloatArray,
+    motion: FixMotion,
+    seen: FloatArray,
+    lags: FloatArray | None = None,
 ) -> tuple[float, float, float]:
     """Return correlation, factor and lag at the largest correlation, of either sign.
 
-    It is that of an IMU axis, later by the lag, with the motion by the fixes.
+    It is that of an IMU axis, later by the lag, with the motion by the fixes; by default, at `tried_lags`.
     """
+    lags = limits.LOG.tried_lags if lags is None else lags
     total = np.concatenate(([0.0], np.cumsum(increments)))
     rows = np.isfinite(seen)
     start, end = motion.start[rows], motion.end[rows]

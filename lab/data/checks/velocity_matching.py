@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.checks import limits
 
 Quaternions = NDArray[np.complex128]
 """Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
@@ -45,8 +46,6 @@ _VELOCITY = slice(9, 12)
 _SETTLED = 1e-8
 """Sum of squares by which a round moves the residuals, in σ, below which it is the last: no unknown has then
 moved by more than 1e-4 of its σ."""
-_MIN_FIXES = 8
-"""Fewest fixes of a window: with two velocities each they exceed its thirteen unknowns."""
 _MAX_CHANGE = 1e4
 """Largest change of an unknown in a round: numbers of no physics stay numbers."""
 _MAX_FITTED_LAG = 4.0
@@ -59,10 +58,6 @@ _FITTED = 9
 """Unknowns taken off the number of residuals: rotation, gyro bias and initial velocity. With σ of 0.1 m/s the
 windows of the shipped missions determine 10 to 13 of the thirteen, which makes a misfit over 60 residuals
 up to 8 % too small."""
-_MIN_LIVELINESS = 0.2
-"""σ of the velocity beside a straight line from which a window is fitted [m/s]: twice a receiver's noise."""
-_NOISE_FACTOR = 2
-"""The same over the σ of the receiver."""
 _G = np.array([0.0, 0.0, STANDARD_GRAVITY])
 """Gravity in n [m/s²]: over a window its deviations are part of an accelerometer's bias."""
 
@@ -137,7 +132,7 @@ def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
     ends = np.arange(start, min(start + WINDOW, time[-1]) + 1e-9, _STEP)
     fixes = (at >= start + margin) & (at <= ends[-1] - margin) if ends.size > 1 else np.zeros(at.size, bool)
     fixes &= np.isfinite(velocity_n[:, :2]).all(axis=1)
-    if fixes.sum() < _MIN_FIXES:
+    if fixes.sum() < limits.LOG.match_fixes:
         return None
     first, last = np.searchsorted(time, (ends[0], ends[-1]))
     part = slice(max(0, int(first) - 1), min(int(last) + 2, time.size))
@@ -182,12 +177,14 @@ def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
     found = []
     for start in np.arange(time[0], max(time[-1] - WINDOW / 2, time[0] + 1e-9), WINDOW):
         first, last = np.searchsorted(at, (start + margin, min(start + WINDOW, time[-1]) - margin))
-        if last - first >= _MIN_FIXES:
+        if last - first >= limits.LOG.match_fixes:
             part = level[first:last] - level[first:last].mean(axis=0)
             since = at[first:last] - at[first:last].mean()
             slope = since @ part / max(float(since @ since), 1e-12)
             spread = float(np.std(part - since[:, None] * slope))
-            if spread > max(_MIN_LIVELINESS, _NOISE_FACTOR * float(np.median(noise[first:last]))):
+            if spread > max(
+                limits.LOG.liveliness, limits.LOG.liveliness_noise * float(np.median(noise[first:last]))
+            ):
                 found.append((spread, float(start)))
     return found
 

@@ -12,15 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
+from lab.data.checks import limits
 from lab.data.checks.imu_axes import SAME
 from lab.data.checks.velocity_matching import Match, Window, match
 
-_SIGMA = 0.1
-"""Least σ of velocities by their noise [m/s]: a receiver's own is what it was configured with."""
 _MEDIAN_OF_NORMAL = 0.6745
 """Median size of a normal variable over its σ; that of second differences is √6 times as large."""
-_MIN_FIXES = 10
-"""Fewest velocities that show their noise: a median of a few is chance."""
 
 
 class WindowMatches:
@@ -94,14 +91,14 @@ class WindowMatches:
             changed = window._replace(dtheta=window.dtheta @ gyros.T, dvelocity=window.dvelocity @ forces.T)
             if by_noise:
                 noise = np.broadcast_to(_noise(window.velocity_n), window.sigma.shape)
-                changed = changed._replace(sigma=np.maximum(_SIGMA, noise))
+                changed = changed._replace(sigma=np.maximum(limits.LOG.velocity_sigma, noise))
             self._kept[key] = match(changed, lags=lags)
         return self._kept[key]
 
 
 def _noise(velocity_n: FloatArray) -> FloatArray:
     """Return the σ of white noise that second differences have like those of the velocities (3,) [m/s]."""
-    if len(velocity_n) < _MIN_FIXES:
+    if len(velocity_n) < limits.LOG.noise_fixes:
         return np.zeros(3)
     steps = np.abs(np.diff(velocity_n, 2, axis=0))
     return np.asarray(np.nan_to_num(np.median(steps, axis=0)) / (_MEDIAN_OF_NORMAL * np.sqrt(6)))

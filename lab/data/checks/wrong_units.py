@@ -9,6 +9,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
+from lab.data.checks import limits
 
 _ANGLES = {  # factor of an angle, or of a rate, that is too large
     1 / DEGREE: "degrees read as radians",
@@ -27,13 +28,6 @@ _SPEEDS = {  # factor of a speed that is too large
 }
 FACTORS = {"angle": _ANGLES, "speed": _SPEEDS}
 """Factors by which a wrong unit makes numbers too large, and its name, by kind of quantity."""
-_FACTOR_TOLERANCE = 0.05
-"""Relative distance of a slope from a unit's factor at which it is named: half of what parts the nearest
-two."""
-_NO_FACTOR = 0.15
-"""Relative distance of a slope from 1 within which noise explains it. Over 200 seeds of the walk in
-`tests/missions/test_flight_import.py`, the slope over r² is at most 9 % from 1; the nearest unit, the knot,
-49 %."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,7 @@ class Agreement:
         Errors of the other series alone give the slope, and errors of the reference alone give it over r².
         """
         largest = self.slope / self.correlation**2 if self.correlation else math.inf
-        return self.slope < 1 < largest * (1 + _NO_FACTOR)
+        return self.slope < 1 < largest * (1 + limits.LOG.same_slope)
 
 
 def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
@@ -80,9 +74,9 @@ def cause(factor: float, kind: str) -> str:
     if not factor or not math.isfinite(factor):
         return "a column of another quantity"
     turned = "it has the opposite sign" if factor < 0 else ""
-    if abs(abs(factor) - 1) < _NO_FACTOR:
+    if abs(abs(factor) - 1) < limits.LOG.same_slope:
         return turned or "noise"
     for known, words in FACTORS[kind].items():
-        if abs(abs(factor) / known - 1) < _FACTOR_TOLERANCE:
+        if abs(abs(factor) / known - 1) < limits.LOG.unit_slope:
             return f"{words}, and {turned}" if turned else words
     return f"another unit, and {turned}" if turned else "another unit or column"

@@ -61,7 +61,7 @@ def distribute_stamps(time: FloatArray, key: FloatArray) -> tuple[FloatArray, st
     starts = np.flatnonzero(np.append(True, np.diff(stamps) > 0))
     if count < MIN_REPEATED * stamps.size or starts.size < _MIN_STAMPS:
         return time, ""
-    spaced, usual, truncated = _spread(stamps[starts], np.diff(np.append(starts, stamps.size)))
+    spaced, usual, truncated = _distribute_stamps(stamps[starts], np.diff(np.append(starts, stamps.size)))
     result = time.copy()
     inside = np.flatnonzero(np.isfinite(time))
     # Rows of other sensors, and repeated ones, lie where they stand between the samples.
@@ -77,7 +77,7 @@ def distribute_stamps(time: FloatArray, key: FloatArray) -> tuple[FloatArray, st
     )
 
 
-def _spread(stamps: FloatArray, counts: IntArray) -> tuple[FloatArray, float, bool]:
+def _distribute_stamps(stamps: FloatArray, counts: IntArray) -> tuple[FloatArray, float, bool]:
     """Return the times of all samples, the usual interval of stamps [s], and whether these are truncated.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,22 +30,26 @@ by the same clock [s]; angular ``rate`` (3,) [rad/s], specific ``force`` (3,) [m
 `lab.data.protocols.samples.IMU`, for the axes of the device; ``gap``, whether samples are missing before it;
 ``end``, the bytes of the stream up to the end of its frame.
 """
+OF_A_FIX: Final[list[tuple[Any, ...]]] = [
+    ("latitude", np.float64),
+    ("longitude", np.float64),
+    ("height", np.float64),
+    ("velocity_n", np.float64, (3,)),
+    ("horizontal_sigma", np.float64),
+    ("vertical_sigma", np.float64),
+    ("speed_sigma", np.float64),
+    ("satellites", np.int64),
+    ("fix_type", np.int64),
+    ("sea_level", np.int64),
+    ("end", np.int64),
+]
+"""Fields that a fix of a device has, too; see `lab.data.protocols.samples.FIX`."""
 TIMED_FIX: Final = np.dtype(
     [
         ("time", np.float64),
         ("arrival", np.float64),
         ("utc", np.float64),
-        ("latitude", np.float64),
-        ("longitude", np.float64),
-        ("height", np.float64),
-        ("velocity_n", np.float64, (3,)),
-        ("horizontal_sigma", np.float64),
-        ("vertical_sigma", np.float64),
-        ("speed_sigma", np.float64),
-        ("satellites", np.int64),
-        ("fix_type", np.int64),
-        ("sea_level", np.int64),
-        ("end", np.int64),
+        *OF_A_FIX,
     ]
 )
 """A fix of a receiver: ``time`` of validity and ``arrival`` of the host's monotonic clock [s].

@@ -27,7 +27,7 @@ from lab.data.files import sdlog2
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.data.files.dataflash_text import DataFlashText, is_text
 from lab.data.files.dataflash_time import TIME, Messages, MessageTimes
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
@@ -40,10 +40,10 @@ from lab.data.files.streams import (
     is_attitude,
     is_position,
 )
-from lab.data.files.track import refuse_units, slope
+from lab.data.files.track import slope
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
-from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
+from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
 _MICROTESLA = 0.1
@@ -89,8 +89,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     log, times = _log(path, _FLIGHT)
     gps = _messages(times, "GPS")
     filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
@@ -114,7 +113,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             velocity,
             position,
             attitude,
-            units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            units=units_of_the_format(_UNITS),
             remarks=tuple(remarks),
             vehicle=_vehicle(log, parameters),
         )

@@ -289,16 +289,34 @@ def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
         )
 
 
-def one_file(paths: Sequence[Path], reader: str) -> Path:
+def one_file(paths: Sequence[Path], reader: str, fixed: Mapping[str, str] | None = None) -> Path:
     """Return the one file of a format that has one for a flight.
+
+    Parameters
+    ----------
+    paths
+        The files of a flight.
+    reader
+        Name of the format.
+    fixed
+        Units that are given, by column, where the format fixes its units.
 
     Raises
     ------
     MissionError
-        If there are more.
+        If there are more, or a unit is given that the format fixes.
     """
     if len(paths) != 1:
         raise MissionError(
             f"{paths[1]}: a flight of {reader} is one file, and {len(paths)} are given; give one at a time"
         )
+    if fixed:
+        raise MissionError(
+            f"{paths[0]}: {reader} fixes its units, so that of {next(iter(fixed))} cannot be given another"
+        )
     return paths[0]
+
+
+def units_of_the_format(units: Mapping[str, str]) -> tuple[ColumnUnit, ...]:
+    """Return the columns of a format that fixes its units, each with its unit."""
+    return tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in units.items())

@@ -22,11 +22,10 @@ import numpy as np
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.fixes import UNKNOWN, Fixes
 from lab.data.files.streams import MAX_LOG_BYTES
-from lab.data.files.track import refuse_units
-from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+from lab.data.rebuild.raw_flight import RawFlight
 
 NAME = "FIT"
 
@@ -64,8 +63,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, holds too few positions, or fitdecode is not installed.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     data = whole(path, MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME} file")
@@ -80,8 +78,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return kind.fixes.track(
         path,
         NAME,
-        _columns("position_lat", "°", "position_long", "°", "altitude", "m"),
-        over_ground=(*_columns("speed", "m/s", "heading", "°", "", "")[:2], kind.speed, kind.heading)
+        units_of_the_format({"position_lat": "°", "position_long": "°", "altitude": "m"}),
+        over_ground=(units_of_the_format({"speed": "m/s", "heading": "°"}), kind.speed, kind.heading)
         if directed
         else None,
         remarks=_remarks(points, kind, began),
@@ -97,13 +95,6 @@ def _without_positions(points: _Points, count: int) -> str:
     )
     broken = f" It is broken: {points.broken}." if points.broken else ""
     return f"{said}{broken} Accepted is an activity that was recorded with positions"
-
-
-def _columns(*names: str) -> tuple[ColumnUnit, ColumnUnit, ColumnUnit]:
-    first, second, third = (
-        ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in zip(names[::2], names[1::2], strict=True)
-    )
-    return first, second, third
 
 
 class _Kind:

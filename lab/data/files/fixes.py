@@ -74,9 +74,9 @@ class Fixes:
         self,
         path: Path,
         reader: str,
-        columns: tuple[ColumnUnit, ColumnUnit, ColumnUnit],
+        columns: tuple[ColumnUnit, ...],
         *,
-        over_ground: tuple[ColumnUnit, ColumnUnit, array[float], array[float]] | None = None,
+        over_ground: tuple[tuple[ColumnUnit, ...], array[float], array[float]] | None = None,
         rows: NDArray[np.bool_] | None = None,
         unread: Dropped | None = None,
         dropped: tuple[Dropped, ...] = (),
@@ -108,8 +108,8 @@ class Fixes:
             dropped = (*dropped, Dropped(NO_FIX, self.unfixed, self.first_unfixed))
         kept: NDArray[np.bool_] | slice = slice(None) if rows is None or rows.all() else rows
         unknown = array("d", [UNKNOWN]) * len(self.line)
-        none = (ColumnUnit("", "m/s", ""), ColumnUnit("", "°", ""), unknown, unknown)
-        named_speed, named_course, speed, course = over_ground or none
+        none = (ColumnUnit("", "m/s", ""), ColumnUnit("", "°", "")), unknown, unknown
+        named, speed, course = over_ground or none
         return Track(
             path=path,
             format=reader,
@@ -120,7 +120,7 @@ class Fixes:
             speed=_view(speed)[kept],
             course=_view(course)[kept],
             lines=np.array(self.line, dtype=np.int64)[kept],
-            columns=(*columns, named_speed, named_course),
+            columns=(*columns, *named),
             rows_read=self.count + (0 if unread is None else unread.count),
             dropped=dropped,
             remarks=remarks,

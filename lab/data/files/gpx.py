@@ -2,9 +2,7 @@
 
 Versions 1.0 and 1.1 (https://www.topografix.com/GPX/1/1). The longest of several segments is used,
 together with the adjacent ones that it continues: loggers begin a new segment at each pause; speed and
-course are read where a file has them (version 1.0, or Garmin's track point extension). The file is read as
-a stream of XML; a document type, in which entities that grow without bound or name other files could be
-declared, is refused.
+course are read where a file has them (version 1.0, or Garmin's track point extension).
 """
 
 from __future__ import annotations
@@ -13,33 +11,27 @@ import itertools
 import re
 from array import array
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.files.bounds import LATITUDES, LONGITUDES
-from lab.base.files.file_content import content
 from lab.base.files.mission_error import MissionError
-from lab.base.files.named_columns import MAX_BYTES
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.track import Track, pressure_copies, refuse_units
-from lab.data.files.xml_elements import has_root
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
+from lab.data.files.fixes import UNKNOWN, UtcClock, number
+from lab.data.files.track import Track, pressure_copies
+from lab.data.files.xml_elements import has_root, read_elements
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames import ecef
 
 NAME = "GPX"
 
 _ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?gpx[\s>]")
-_MAX_TEXT = 64
-"""Letters kept of an element's text: numbers and times are shorter."""
-_PIECE = 2**18
-"""Bytes parsed at a time."""
+_MAX_VEHICLE = 64
+"""Letters kept of the type of a track."""
 _OF_A_POINT = frozenset(("ele", "time", "speed", "course"))
 _UNITS = {"lat": "°", "lon": "°", "ele": "m", "speed": "m/s", "course": "°"}
-_UNKNOWN = float("nan")
 _MAX_APART, _MAX_PAUSE_SPEED = 300.0, 100.0
 """How far away a segment may begin to continue one [m], and by how much more for each second between them
 [m/s]. As in `lab.data.rebuild.row_repair`, what is further away is a jump."""
@@ -61,14 +53,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read, is too large or no XML, declares a document type, or has too few points
         with time and position.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     points = _Points(path)
-    for piece in content(path, MAX_BYTES, _PIECE):
-        if not points.feed(piece):
-            break
-    points.feed(b"", last=True)
-    return points.track().flight()
+    broken = read_elements(path, NAME, points)
+    return points.track(broken).flight()
 
 
 class _Points:
@@ -80,31 +68,18 @@ class _Points:
         self._lines, self._segments = array("q"), array("q")
         self._segment = self._line = 0
         self._point: dict[str, float] | None = None
-        self._name, self._text = "", ""
         self._title, self._titles = "", dict[int, str]()
         self._copies: dict[int, str] = {}
-        self._start: datetime | None = None
-        self._vehicle, self._broken = "", ""
-        self._parser = expat.ParserCreate()
-        self._parser.StartDoctypeDeclHandler = self._doctype
-        self._parser.StartElementHandler = self._begin
-        self._parser.EndElementHandler = self._end
-        self._parser.CharacterDataHandler = self._characters
+        self._clock = UtcClock()
+        self._vehicle = ""
 
-    def feed(self, piece: bytes, *, last: bool = False) -> bool:
-        """Parse a piece of the file; return whether more is needed."""
-        if self._broken:
-            return False
-        try:
-            self._parser.Parse(piece, last)
-        except (expat.ExpatError, ValueError, LookupError) as error:
-            if isinstance(error, MissionError):
-                raise
-            self._broken = f"row {self._parser.ErrorLineNumber}: {error}"
-        return not self._broken
-
-    def track(self) -> Track:
+    def track(self, broken: str) -> Track:
         """Return the points of the longest segment and of those it continues.
+
+        Parameters
+        ----------
+        broken
+            Where the file is broken and how; empty if it is whole.
 
         Raises
         ------
@@ -113,7 +88,7 @@ class _Points:
         """
         segments = self._without_copies()
         if not len(segments):
-            what = f" It is broken in {self._broken}." if self._broken else ""
+            what = f" It is broken in {broken}." if broken else ""
             raise MissionError(
                 f"{self._path}: has no track points.{what} Accepted is a GPX file with a track (trk); "
                 "routes and waypoints have no times"
@@ -142,10 +117,10 @@ class _Points:
             speed=values["speed"],
             course=values["course"],
             lines=lines[kept],
-            columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            columns=units_of_the_format(_UNITS),
             rows_read=len(segments),
             dropped=tuple(dropped),
-            remarks=self._remarks(values["ele"]),
+            remarks=self._remarks(values["ele"], broken),
             vehicle=self._vehicle,
         )
 
@@ -182,77 +157,44 @@ class _Points:
                 kept |= segments == segments[other[0]]
         return kept
 
-    def _remarks(self, height: NDArray[np.float64]) -> tuple[str, ...]:
-        remarks = [f"Time counts from {self._start:%Y-%m-%d} 00:00 UTC."]
+    def _remarks(self, height: NDArray[np.float64], broken: str) -> tuple[str, ...]:
+        remarks = list(self._clock.remarks)
         if np.isfinite(height).any():
             remarks.append(SEA_LEVEL)
         remarks += self._copies.values()
-        if self._broken:
-            remarks.append(f"The file is broken in {self._broken}. The rest is not read.")
+        if broken:
+            remarks.append(f"The file is broken in {broken}. The rest is not read.")
         return tuple(remarks)
 
-    def _doctype(self, *_: object) -> None:
-        raise MissionError(
-            f"{self._path}, row {self._parser.CurrentLineNumber}: a document type is declared, in which "
-            "entities could be hidden; accepted is GPX without one"
-        )
-
-    def _begin(self, name: str, attributes: dict[str, str]) -> None:
-        name = name.rpartition(":")[2]
-        self._name, self._text = name, ""
+    def begin(self, name: str, attributes: Mapping[str, str], line: int) -> None:
+        """Take the start of an element."""
         if name == "trk":
             self._title = ""
         elif name == "trkseg":
             self._segment += 1
             self._titles[self._segment] = self._title
         elif name == "trkpt":
-            self._point = {key: _number(attributes.get(key, "")) for key in ("lat", "lon")}
-            self._line = self._parser.CurrentLineNumber
+            self._point = {key: number(attributes.get(key)) for key in ("lat", "lon")}
+            self._line = line
 
-    def _characters(self, text: str) -> None:
-        if self._name and len(self._text) < _MAX_TEXT:
-            self._text += text[:_MAX_TEXT]
-
-    def _end(self, name: str) -> None:
-        name = name.rpartition(":")[2]
+    def end(self, name: str, text: str) -> None:
+        """Take the end of an element."""
         if self._point is not None:
             if name == "trkpt":
                 for key, column in self._columns.items():
-                    column.append(self._point.get(key, _UNKNOWN))
+                    column.append(self._point.get(key, UNKNOWN))
                 self._segments.append(self._segment)
                 self._lines.append(self._line)
                 self._point = None
-            elif name in _OF_A_POINT and name == self._name:
-                self._point[name] = self._seconds(self._text) if name == "time" else _number(self._text)
-        elif name == "name" and name == self._name:
-            self._title = self._text.strip()
-        elif name == "type" and name == self._name and not self._vehicle:
-            self._vehicle = self._text.strip()
-        self._name = ""
-
-    def _seconds(self, text: str) -> float:
-        """Return seconds since the midnight before the first point; NaN if it is no time."""
-        try:
-            time = datetime.fromisoformat(text.strip())
-        except ValueError:
-            return _UNKNOWN
-        time = time.replace(tzinfo=UTC) if time.tzinfo is None else time
-        if self._start is None:
-            try:
-                self._start = time.astimezone(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
-            except OverflowError:
-                return _UNKNOWN
-        return (time - self._start).total_seconds()
+            elif name in _OF_A_POINT:
+                self._point[name] = self._clock.seconds(text) if name == "time" else number(text)
+        elif name == "name":
+            self._title = text.strip()
+        elif name == "type" and not self._vehicle:
+            self._vehicle = text.strip()[:_MAX_VEHICLE]
 
 
 def _place(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return places on the ellipsoid (n, 3) [m]."""
     angles = np.radians((latitude, longitude))
     return ecef.position(np.column_stack((*angles, np.zeros_like(latitude))))
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return _UNKNOWN

@@ -24,10 +24,9 @@ from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.fixes import UNKNOWN, Fixes, after
-from lab.data.files.track import refuse_units
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "IGC"
 
@@ -65,8 +64,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, or holds too few fixes.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     records = _Records()
     with TextBlocks(path, MAX_BYTES, strict=False) as text:
         for block in text.blocks():
@@ -82,11 +80,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return records.fixes.track(
         path,
         NAME,
-        (
-            ColumnUnit("latitude", "°", OF_THE_FORMAT),
-            ColumnUnit("longitude", "°", OF_THE_FORMAT),
-            ColumnUnit(column, "m", OF_THE_FORMAT),
-        ),
+        units_of_the_format({"latitude": "°", "longitude": "°", column: "m"}),
         unread=Dropped("B records that cannot be read", records.broken, records.first_broken),
         remarks=(_about_time(records.date), *about_height, *records.remarks),
         vehicle="aircraft",

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.files.mission_error import MissionError
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.fixes import UNKNOWN, Fixes, UtcClock, number
-from lab.data.files.track import pressure_copies, refuse_units
+from lab.data.files.track import pressure_copies
 from lab.data.files.xml_elements import has_root, read_elements
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "KML"
 
@@ -49,8 +49,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read, is too large or no XML, declares a document type, or has no track that can
         be used.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     tracks = _Tracks()
     broken = read_elements(path, NAME, tracks)
     if not tracks.times or not tracks.latitude:
@@ -76,11 +75,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return fixes.track(
         path,
         NAME,
-        (
-            ColumnUnit("latitude", "°", OF_THE_FORMAT),
-            ColumnUnit("longitude", "°", OF_THE_FORMAT),
-            ColumnUnit("height", "m", OF_THE_FORMAT),
-        ),
+        units_of_the_format({"latitude": "°", "longitude": "°", "height": "m"}),
         rows=kept,
         dropped=dropped,
         remarks=tuple(remarks),

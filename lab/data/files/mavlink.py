@@ -23,7 +23,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.mavlink_sensors import (
     FIELDS,
     IMUS,
@@ -38,11 +38,11 @@ from lab.data.files.mavlink_sensors import (
 )
 from lab.data.files.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of, is_attitude, is_position
 from lab.data.files.tlog_file import TlogFile, Vehicle, starts_like_a_log
-from lab.data.files.track import Track, refuse_units
+from lab.data.files.track import Track
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import SensorLog, repaired
 from lab.data.log.vehicle import MAV_TYPES
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
 NAME = "MAVLink tlog"
@@ -74,8 +74,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, has no position that can be used, or pymavlink is not
         installed.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     log, vehicle = _vehicle(path, FIELDS)
     geoid = geoid_of(vehicle)
     velocity, position = _velocity(vehicle), _position(vehicle, geoid)
@@ -90,7 +89,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             velocity,
             position,
             _attitude(vehicle),
-            units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            units=units_of_the_format(_UNITS),
             remarks=remarks,
             vehicle=kind,
         )
@@ -289,7 +288,7 @@ def _gps_track(
         speed=speed[known],
         course=course[known],
         lines=lines[known],
-        columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _TRACK_UNITS.items()),
+        columns=units_of_the_format(_TRACK_UNITS),
         rows_read=len(known),
         dropped=(Dropped("without a fix", lost, int(lines[~known][0])),) if lost else (),
         remarks=("The vehicle sent no solution of its estimator: the track of its GPS is used.", *remarks),

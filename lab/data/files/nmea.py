@@ -29,10 +29,10 @@ from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, KNOT
 from lab.data.clock.stamps import over_leap_second
 from lab.data.files.dataflash_file import MAGIC as DATAFLASH
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.data.files.track import Track, refuse_units
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
+from lab.data.files.track import Track
 from lab.data.files.ulog_file import MAGIC as ULOG
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "NMEA 0183"
 
@@ -114,8 +114,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, or holds too few positions.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     return _track(path, *_sentences(path)).flight()
 
 
@@ -340,7 +339,7 @@ def _track(path: Path, sentences: _Sentences, bad: int, first_bad: int, binary: 
         speed=picked["speed"][fixed] * KNOT,
         course=picked["course"][fixed],
         lines=lines[fixed],
-        columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+        columns=units_of_the_format(_UNITS),
         rows_read=points + bad,
         dropped=tuple(dropped),
         remarks=tuple(remarks),

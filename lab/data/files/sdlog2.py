@@ -22,7 +22,7 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
@@ -33,12 +33,11 @@ from lab.data.files.streams import (
     is_attitude,
     is_position,
 )
-from lab.data.files.track import refuse_units
 from lab.data.files.ulog import on_map
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.log.vehicle import MAV_TYPES
-from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+from lab.data.rebuild.raw_flight import RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
 NAME = "PX4 sdlog2"
@@ -66,8 +65,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     log = _Messages(path, _FLIGHT)
     velocity = first_usable(
         (
@@ -93,7 +91,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             velocity,
             position,
             _attitude(log),
-            units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            units=units_of_the_format(_UNITS),
             remarks=tuple(remarks),
             vehicle=log.vehicle,
         )

@@ -66,7 +66,7 @@ class Header:
         """The headings in the form they are compared in."""
         return [plain(cell) for cell in self.cells]
 
-    def fits(self, required: Required) -> bool:
+    def has_headings(self, required: Required) -> bool:
         """Return whether there is a heading for each need; any of its names meets a need."""
         names = set(self.names)
         return all(not names.isdisjoint(need) for need in required)
@@ -202,7 +202,7 @@ def _header(line: str, required: Required) -> Header | None:
         except csv.Error:
             cells = line.split(delimiter)
         header = Header(delimiter, tuple(cell.strip() for cell in cells))
-        if header.fits(required):
+        if header.has_headings(required):
             return header
     return None
 

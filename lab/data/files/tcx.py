@@ -18,11 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.files.mission_error import MissionError
-from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.fixes import UNKNOWN, Fixes, UtcClock, number
-from lab.data.files.track import refuse_units
 from lab.data.files.xml_elements import has_root, read_elements
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "TCX"
 
@@ -44,8 +43,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read, is too large or no XML, declares a document type, or has too few points
         with time and position.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     points = _Points()
     broken = read_elements(path, NAME, points)
     if not points.fixes.count:
@@ -73,11 +71,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return points.fixes.track(
         path,
         NAME,
-        (
-            ColumnUnit("LatitudeDegrees", "°", OF_THE_FORMAT),
-            ColumnUnit("LongitudeDegrees", "°", OF_THE_FORMAT),
-            ColumnUnit("AltitudeMeters", "m", OF_THE_FORMAT),
-        ),
+        units_of_the_format({"LatitudeDegrees": "°", "LongitudeDegrees": "°", "AltitudeMeters": "m"}),
         rows=kept,
         dropped=dropped,
         remarks=tuple(remarks),

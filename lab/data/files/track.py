@@ -186,20 +186,6 @@ class Track:
         )
 
 
-def refuse_units(path: Path, reader: str, units: Mapping[str, str]) -> None:
-    """Raise if a unit is given for a format whose units are fixed.
-
-    Raises
-    ------
-    MissionError
-        Saying so.
-    """
-    if units:
-        raise MissionError(
-            f"{path}: {reader} fixes its units, so that of {next(iter(units))} cannot be given another"
-        )
-
-
 def _held(course: FloatArray, slow: NDArray[np.bool_]) -> FloatArray:
     """Return the course; where a slow receiver leaves it out, the last one known, or the first to come."""
     known = np.flatnonzero(np.isfinite(course))

@@ -26,10 +26,10 @@ from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, WEEK
 from lab.data.files import nmea
 from lab.data.files.dataflash_file import MAGIC as DATAFLASH
-from lab.data.files.fields import OF_THE_FORMAT, one_file
-from lab.data.files.track import Track, refuse_units
+from lab.data.files.fields import one_file, units_of_the_format
+from lab.data.files.track import Track
 from lab.data.files.ulog_file import MAGIC as ULOG
-from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames import ecef
 
 NAME = "u-blox UBX"
@@ -116,8 +116,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         If the file cannot be read or is too large, or holds too few positions.
     """
-    path = one_file(paths, NAME)
-    refuse_units(path, NAME, units)
+    path = one_file(paths, NAME, fixed=units)
     return _track(path, _Messages(whole(path, MAX_BYTES))).flight()
 
 
@@ -207,7 +206,7 @@ def _track(path: Path, messages: _Messages) -> Track:
         course=np.degrees(np.arctan2(east, north)) % 360,
         down=down,
         lines=messages.first[fixed],
-        columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _COLUMNS.items()),
+        columns=units_of_the_format(_COLUMNS),
         rows_read=messages.points + messages.bad,
         dropped=tuple(dropped),
         remarks=(remark, "Heights are above the ellipsoid."),

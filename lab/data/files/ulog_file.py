@@ -135,19 +135,10 @@ class ULogFile:
         """The wanted topics that have messages."""
         return sorted({topic.name for topic in self._topics if topic.places})
 
-    def topic(self, name: str, instance: int | None = None) -> NDArray[np.void] | None:
-        """Return the messages of a topic as a structured array; None if there are none.
-
-        Parameters
-        ----------
-        name
-            Of the topic.
-        instance
-            Which of several; the lowest there is by default.
-        """
+    def topic(self, name: str) -> NDArray[np.void] | None:
+        """Return the messages of a topic, of its lowest instance, as a structured array; None without any."""
         found = [topic for topic in self._topics if topic.name == name and topic.places]
-        if instance is None and found:
-            instance = min(topic.instance for topic in found)
+        instance = min((topic.instance for topic in found), default=0)
         parts = [self._messages(topic) for topic in found if topic.instance == instance]
         # Of one topic that is subscribed twice, and changed between, the longer part.
         return max(parts, key=len) if parts else None

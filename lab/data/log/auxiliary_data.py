@@ -13,13 +13,28 @@ from lab.base.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reference:
-    """The solution of a better system, used as reference.
+class Timed:
+    """Values with times.
 
     Attributes
     ----------
     time : (k,) array
         Times, increasing [s].
+    """
+
+    time: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference(Timed):
+    """The solution of a better system, used as reference.
+
+    Attributes
+    ----------
     position : (k, 3) array
         Latitude, longitude [rad], height [m]; NaN where unknown.
     velocity_n : (k, 3) array
@@ -28,14 +43,9 @@ class Reference:
         Roll, pitch, yaw [rad]; NaN where unknown.
     """
 
-    time: FloatArray
     position: FloatArray
     velocity_n: FloatArray
     euler: FloatArray
-
-    def later(self, seconds: float) -> Self:
-        """Return the same with later times."""
-        return replace(self, time=self.time + seconds)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,69 +62,48 @@ class Comparison(Reference):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Magnetometer:
+class Magnetometer(Timed):
     """The measured magnetic field, hard iron removed as far as it is known.
 
     Attributes
     ----------
-    time : (k,) array
-        Times, increasing [s].
     field : (k, 3) array
         Field in b: forward, right, down [µT].
     declination : float
         Magnetic declination, positive east [rad]; NaN where the log does not state it.
     """
 
-    time: FloatArray
     field: FloatArray
     declination: float = np.nan
 
-    def later(self, seconds: float) -> Self:
-        """Return the same with later times."""
-        return replace(self, time=self.time + seconds)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Headings:
+class Headings(Timed):
     """Measured headings, such as those of a receiver with two antennas.
 
     Attributes
     ----------
-    time : (k,) array
-        Times, increasing [s].
     heading : (k,) array
         True heading [rad].
     sigma : (k,) array
         σ [rad]; NaN where unknown.
     """
 
-    time: FloatArray
     heading: FloatArray
     sigma: FloatArray
 
-    def later(self, seconds: float) -> Self:
-        """Return the same with later times."""
-        return replace(self, time=self.time + seconds)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Series:
+class Series(Timed):
     """What a sensor with one number measured: such as a barometer's heights [m].
 
     Attributes
     ----------
-    time : (k,) array
-        Times, increasing [s].
     value : (k,) array
         Readings.
     """
 
-    time: FloatArray
     value: FloatArray
-
-    def later(self, seconds: float) -> Self:
-        """Return the same with later times."""
-        return replace(self, time=self.time + seconds)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

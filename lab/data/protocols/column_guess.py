@@ -101,7 +101,7 @@ def guess_columns(lines: Sequence[str]) -> ColumnMap | None:
     remarks: list[str] = []
     columns_found = _named(headings, remarks) if headings else None
     if columns_found is None or not any(column.kind in ("rate", "force") for column in columns_found):
-        columns_found = _seen(rows, remarks) if len(rows) >= MIN_LINES else None
+        columns_found = _columns_by_numbers(rows, remarks) if len(rows) >= MIN_LINES else None
     if columns_found is None:
         return None
     columns_found = _with_units(columns_found, rows, remarks)
@@ -201,7 +201,7 @@ def _unit(quantity: str, spelling: str) -> str:
     return ""
 
 
-def _seen(rows: FloatArray, remarks: list[str]) -> list[Column]:
+def _columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:
     """Return columns by their numbers; the unit of the rate is left open."""
     columns = [Column()] * rows.shape[1]
     time = _time(rows, remarks)

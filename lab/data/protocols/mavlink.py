@@ -54,10 +54,7 @@ _TRIED = 5
 class Mavlink(Framing):
     """Framing of MAVLink: magic, length, sender, number, payload, CRC of 16 bits.
 
-    Parameters
-    ----------
-    system
-        Number of the vehicle; None for the first one whose IMU or receiver is seen.
+    Of several vehicles, the first whose IMU or receiver is seen is read.
 
     Raises
     ------
@@ -68,13 +65,13 @@ class Mavlink(Framing):
     first = MAGICS
     longest = 255 + SHORTEST[MAGICS[0]] + SIGNATURE
 
-    def __init__(self, system: int | None = None) -> None:
+    def __init__(self) -> None:
         try:
             from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415 - an extra
         except ImportError as error:
             raise ImportError(MISSING) from error
         self._known: dict[int, Any] = dialect.mavlink_map
-        self._system = system
+        self._system: int | None = None
         self._imu = len(_ORDER)
         self._raw_seen = 0
         self._wheels: tuple[float, float] | None = None  # time [s] and mean distance [m] of the last message

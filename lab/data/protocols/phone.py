@@ -17,7 +17,6 @@ from math import isfinite
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.protocols import phone_line
 from lab.data.protocols.framing import MORE, NONE, Framing
-from lab.data.protocols.limits import Limits
 from lab.data.protocols.pairing import Pairing
 from lab.data.protocols.phone_line import DEGREES, HEAD, LONGEST, PhoneLine, Row
 from lab.data.protocols.rows import Rows
@@ -157,15 +156,11 @@ class PhoneDecoder(StreamDecoder):
         Whether the phone negates the specific force; None to find out.
     unit
         Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
-    limits
-        What samples are accepted.
     """
 
-    def __init__(
-        self, negated: bool | None = None, unit: str | None = None, limits: Limits | None = None
-    ) -> None:
+    def __init__(self, negated: bool | None = None, unit: str | None = None) -> None:
         self._lines = PhoneLines(negated, unit)
-        super().__init__("phone", (self._lines,), limits)
+        super().__init__("phone", (self._lines,))
 
     @property
     def negated(self) -> bool | None:

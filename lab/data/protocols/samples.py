@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.aid_table import SENT
+from lab.data.clock.timed_samples import OF_A_FIX
 
 IMU: Final = np.dtype(
     [
@@ -47,17 +48,7 @@ FIX: Final = np.dtype(
         ("time", np.float64),
         ("week_time", np.float64),
         ("utc", np.float64),
-        ("latitude", np.float64),
-        ("longitude", np.float64),
-        ("height", np.float64),
-        ("velocity_n", np.float64, (3,)),
-        ("horizontal_sigma", np.float64),
-        ("vertical_sigma", np.float64),
-        ("speed_sigma", np.float64),
-        ("satellites", np.int64),
-        ("fix_type", np.int64),
-        ("sea_level", np.int64),
-        ("end", np.int64),
+        *OF_A_FIX,
     ]
 )
 """A fix of a receiver.

@@ -29,8 +29,6 @@ class StreamDecoder:
         The protocol.
     framings
         Kinds of frames; of those that may begin with the same byte the first that finds one is taken.
-    limits
-        What samples are accepted.
     beside
         Kinds of frames that other devices send as well, looked for after the others; they do not show which
         device this is.
@@ -45,13 +43,7 @@ class StreamDecoder:
         Where frames that passed their check are kept, if they are to be shown.
     """
 
-    def __init__(
-        self,
-        name: str,
-        framings: Sequence[Framing],
-        limits: Limits | None = None,
-        beside: Sequence[Framing] = (),
-    ) -> None:
+    def __init__(self, name: str, framings: Sequence[Framing], beside: Sequence[Framing] = ()) -> None:
         self.name = name
         self.own_frames = 0
         self.passed: deque[bytes] | None = None
@@ -60,7 +52,7 @@ class StreamDecoder:
         self.statistics = Statistics()
         self.longest = max(framing.longest for framing in framings)
         self.wrap_period = min(framing.wrap_period for framing in framings)
-        self._rows = Rows(self.statistics, limits or Limits())
+        self._rows = Rows(self.statistics, Limits())
         self._all = framings
         self._framings = {
             byte: tuple(framing for framing in framings if byte in framing.first)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from lab.data.protocols.column_guess import MIN_LINES, NUMBER, guess_columns
 from lab.data.protocols.column_map import IGNORED, READINGS, ColumnMap
 from lab.data.protocols.decoder import Statistics
-from lab.data.protocols.limits import TEXT_LIMITS, Limits
+from lab.data.protocols.limits import TEXT_LIMITS
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Samples, Vector
 
@@ -51,17 +51,15 @@ class TextLines:
     ----------
     columns
         What the columns are; None to find out.
-    limits
-        What samples are accepted.
     """
 
     name = "text"
     longest = (_HELD + 1) * LONGEST
 
-    def __init__(self, columns: ColumnMap | None = None, limits: Limits = TEXT_LIMITS) -> None:
+    def __init__(self, columns: ColumnMap | None = None) -> None:
         self.statistics = Statistics()
         self.wrap_period = math.inf
-        self._rows = Rows(self.statistics, limits)
+        self._rows = Rows(self.statistics, TEXT_LIMITS)
         self._buffer = bytearray()
         self._before = 0
         self._whole = False  # whether the buffer begins with the start of a line

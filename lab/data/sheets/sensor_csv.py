@@ -100,7 +100,7 @@ def recognises(head: bytes) -> bool:
     )
 
 
-def lacks_time(head: bytes) -> str:
+def missing_time_reason(head: bytes) -> str:
     """Return advice for a table that names positions or sensors, and no time; else an empty text."""
     layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
     known = [] if layout is None else [one for one in layout.known if one is not None]

@@ -141,7 +141,6 @@ def log_of_recording(
     path: str | os.PathLike[str],
     *,
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    latency: float = 0.0,
     vehicle: str = "",
     **options: str,
 ) -> SensorLog:
@@ -153,8 +152,6 @@ def log_of_recording(
         The recording.
     lever_arm
         From the IMU to the antenna, forward, right, down [m].
-    latency
-        Time stamps of the fixes minus their times of validity [s], beside what `Reception` has assumed.
     vehicle
         Name of the vehicle, as in `lab.data.log.vehicle.VEHICLES`; empty if unknown.
     options
@@ -174,7 +171,7 @@ def log_of_recording(
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     name, arm = Path(path).name, np.array(lever_arm)
-    log = log_of(name, found.imu, found.fix, arm, latency, vehicle, found.reading)
+    log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
     return replace(log, repairs=(*log.repairs, *remarks))

@@ -37,7 +37,8 @@ def summary_rows(run: Run) -> tuple[tuple[str, ...], list[tuple[str | float, ...
             continue
         about = [known.mean(), known.std()] if moments else []
         size = np.abs(known, out=known)  # in place: in four hours, a vector takes 23 MB
-        rms = np.sqrt(size @ size / size.size)
+        # Not `size @ size`: threads of BLAS for one sum take ten times as long.
+        rms = np.sqrt(np.einsum("i,i->", size, size) / size.size)
         figures = [rms, size.max(), np.quantile(size, 0.95, overwrite_input=True)]
         rows.append((name, unit, *map(float, figures + about)))
     return ("quantity", "unit", "rms", "max", "95 %", *(("mean", "std") if moments else ())), rows

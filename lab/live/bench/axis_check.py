@@ -218,19 +218,19 @@ class AxisCheck:
         return self.turns[name]
 
     def _fit(self, C: NDArray[np.int64], sign: int) -> bool:
-        return _fits(C, sign, self.positions) and _fits(C, 1, self.turns)
+        return _explains(C, sign, self.positions) and _explains(C, 1, self.turns)
 
     def _why_none(self) -> str:
         """Return why no right-handed map explains what was seen."""
-        forces = [C for C in _ALL if _fits(C, 1, self.positions)]
+        forces = [C for C in _ALL if _explains(C, 1, self.positions)]
         if not forces:
             return (
                 "The positions contradict each other: opposite faces must show opposite axes, "
                 f"perpendicular faces different ones. Seen were {_listed(self.positions)}. Take them again."
             )
-        if not any(_fits(C, 1, self.turns) for C in _ALL):
+        if not any(_explains(C, 1, self.turns) for C in _ALL):
             return f"The turns contradict each other: seen were {_listed(self.turns)}. Take them again."
-        if not any(_fits(C, 1, self.turns) for C in _TURNS):
+        if not any(_explains(C, 1, self.turns) for C in _TURNS):
             return (
                 "The gyros form a mirror image (left-handed axes): the sign of one gyro is wrong, or a turn "
                 f"went the other way. Seen were {_listed(self.turns)}."
@@ -287,7 +287,7 @@ def _refuse_alike(name: str, shown: Axis, others: dict[str, AxisObservation]) ->
             )
 
 
-def _fits(C: NDArray[np.int64], sign: int, seen: dict[str, AxisObservation]) -> bool:
+def _explains(C: NDArray[np.int64], sign: int, seen: dict[str, AxisObservation]) -> bool:
     return all((sign * np.array(one.named) @ C == one.shown).all() for one in seen.values())
 
 

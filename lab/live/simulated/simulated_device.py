@@ -103,8 +103,6 @@ class SimulatedDevice:
         The line.
     misbehaviour
         What is wrong with it.
-    seed
-        Of corruption and jitter.
 
     Raises
     ------
@@ -118,7 +116,6 @@ class SimulatedDevice:
         encoder: str | Encoder,
         link: Link,
         misbehaviour: Misbehaviour | None = None,
-        seed: int = 1,
     ) -> None:
         if isinstance(encoder, str):
             if encoder not in ENCODERS:
@@ -137,7 +134,7 @@ class SimulatedDevice:
         self._back = np.inf  # when it is plugged in again, by the host's clock [s]
         self._lock = threading.Lock()  # of the line, and of what waits
         self._ending = threading.Event()
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(1)
         self._imu = flight.imu.copy()
         self._fix = flight.fix.copy()
         self._imu["time"] *= 1 + self.misbehaviour.drift

@@ -286,7 +286,7 @@ DRIFTS = (GYRO_DRIFT, ACCEL_DRIFT)
 """The blocks of a filter with two bias states for each axis: a constant, and this Gauss-Markov process."""
 
 OWN: dict[str, Block] = {}
-"""The blocks that a user declared (`own_states`), which follow all others. Names are unique for ever."""
+"""The blocks that a user declared (`user_states`), which follow all others. Names are unique for ever."""
 
 
 def block(name: str) -> Block:
@@ -328,7 +328,7 @@ def states_of(names: Sequence[str], name: str) -> slice:
     return slice(first, first + block(name).size)
 
 
-def own_states(names: Sequence[str]) -> slice:
+def user_states(names: Sequence[str]) -> slice:
     """Return the states of the blocks that a user declared, the last ones; none if there are none."""
     size = sum(OWN[name].size for name in names if name in OWN)
     return slice(count(names) - size, count(names))

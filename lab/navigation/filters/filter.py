@@ -72,7 +72,7 @@ class Filter(NamedTuple):
         `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it. `aids`
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
-        own = blocks.own_states(model.blocks)
+        own = blocks.user_states(model.blocks)
         state = np.zeros(own_room.END if own.stop > own.start else wander.LENGTH)
         frames.place(state, start.position, model)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n

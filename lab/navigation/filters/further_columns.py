@@ -170,7 +170,7 @@ def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
     names = blocks.in_order(names)
     if names == model.blocks:
         return model
-    own = blocks.own_states(names)
+    own = blocks.user_states(names)
     found = {
         "GM": (GM, blocks.first_state(names, blocks.GYRO_MISALIGNMENT)),
         "BM": (BM, blocks.first_state(names, blocks.ACCEL_MISALIGNMENT)),

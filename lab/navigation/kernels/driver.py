@@ -18,7 +18,6 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import RECOVERED, REJECTED
 from lab.navigation.filters.north_slaved import difference, leaves_frame
 from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest
-from lab.navigation.filters.own_states import user_kernels
 from lab.navigation.filters.prediction import (
     add_noise,
     add_noise_in_body,
@@ -28,6 +27,7 @@ from lab.navigation.filters.prediction import (
     predict_over_sums,
 )
 from lab.navigation.filters.schedule import SLACK, Schedule
+from lab.navigation.filters.user_states import user_kernels
 from lab.navigation.kernels.compilation import (
     embedded_kernel,
     kernel,

@@ -103,7 +103,7 @@ def layout(names: Sequence[str]) -> Layout:
     """Return the layout of a filter with some further blocks."""
     states = blocks.count(names)
     scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
-    own = blocks.own_states(names)
+    own = blocks.user_states(names)
     ends = [blocks.states_of(names, name).stop for name in names if not blocks.block(name).constant]
     return Layout(
         states,

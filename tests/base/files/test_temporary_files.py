@@ -14,7 +14,7 @@ from flights import circle
 from lab.base.files.atomic_file import atomic_file
 from lab.base.files.temporary_files import NOTE, OLD, TEMPORARY, note_of, temporary_folder, unfinished
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.missions.library import add_mission, sweep_own_folder
+from lab.missions.library import add_mission, sweep_user_folder
 
 LEFT = (".mine.toml.k3j_9x0a", ".mine.csv.gz.abcdefgh", "lost.csv.gz", f".lost.csv.gz{NOTE}")
 STAYS = ("own_flight.csv.gz", ".mine.toml", ".hidden", "notes.txt.abcdefgh", f".listed.csv.gz{NOTE}")
@@ -42,10 +42,10 @@ def test_what_is_old_and_the_labs_own_is_swept(own):
     half.mkdir(parents=True)
     (half / "imu.csv").write_text("half")
     before = {path.name for path in own.iterdir()}
-    assert sweep_own_folder() == []  # somebody may be writing them still
+    assert sweep_user_folder() == []  # somebody may be writing them still
     for path in own.iterdir():
         aged(path)
-    sweep_own_folder()
+    sweep_user_folder()
     gone = before - {path.name for path in own.iterdir()}
     # The note beside a recording that is named goes, the recording does not.
     assert gone == {*LEFT, half.parent.name, f".listed.csv.gz{NOTE}"}
@@ -60,7 +60,7 @@ def test_what_somebody_still_writes_stays_however_old_it_is(own):
         (half / "imu.csv").touch()
         for path in own.iterdir():
             aged(path)
-        assert sweep_own_folder() == []
+        assert sweep_user_folder() == []
         assert {note_of(recording), recording, half} < set(own.iterdir())
         file.write(b"'Slow'")
     assert {path.name for path in own.iterdir()} == {"slow.csv.gz", "slow.toml"}

@@ -1,50 +1,18 @@
 """Exports of loggers whose headings, units or heights are easily taken for something else."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 import pytest
-from foreign_tables import UNIX, motion, table
+from foreign_tables import MPH, UNIX, moment, table, track
 
-from lab.base.parameters.units import FOOT, KNOT
+from lab.base.parameters.units import FOOT
 from lab.data.files.fields import SEA_LEVEL
 from lab.data.formats import read_raw
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 
-FLU = np.array((1, -1, -1))
 KMH = 1 / 3.6
-MPH = 0.44704
 TAKEOFF = 40.0
 """Height of the place of take-off [m]."""
-
-
-def track(made):
-    """Return the fixes as columns: time, latitude, longitude, height, speed, course."""
-    _, gnss = made
-    return np.column_stack((gnss[:, :4], *motion(gnss)))
-
-
-def moment(seconds, form):
-    return datetime.fromtimestamp(UNIX + seconds, UTC).strftime(form)
-
-
-def test_blanks_in_the_headings_of_a_glass_cockpit_separate_nothing(tmp_path, made):
-    points = track(made)
-    header = (
-        "Session Time,System Time,GPS Fix Quality,Number of Satellites,GPS Date & Time,Latitude (deg),"
-        "Longitude (deg),GPS Altitude (feet),Ground Speed (knots),Ground Track (deg),Magnetic Heading (deg),"
-        "Indicated Airspeed (knots),Pressure Altitude (ft),Lateral Accel (g),Vertical Accel(g)"
-    )
-    rows = [
-        [t, moment(t, "%H:%M:%S"), 2, 9, moment(t, "%Y-%m-%d %H:%M:%S"), lat, lon, h / FOOT, v / KNOT, c, 9.0,
-         v / KNOT, h / FOOT + 90, 0.0, 1.0]
-        for t, lat, lon, h, v, c in points
-    ]  # fmt: skip
-    flight = read_raw(table(tmp_path / "dynon.csv", header, rows))
-    np.testing.assert_allclose(np.degrees(flight.latitude), points[:, 1], atol=1e-9)
-    np.testing.assert_allclose(flight.height, points[:, 3], atol=1e-6)
-    assert flight.velocity_n is not None  # by speed and Ground Track
 
 
 def test_heights_above_the_takeoff_are_not_called_above_sea_level(tmp_path, made):
@@ -70,14 +38,6 @@ def test_an_acceleration_by_its_unit_below_is_no_sigma(tmp_path, made):
     flight = read_raw(table(tmp_path / "aim.csv", header, rows, before=before))
     assert not any("VerticalAcc" in remark for remark in flight.remarks)
     assert any("GPS PosAccuracy over 1.515" in remark for remark in flight.remarks)
-
-
-def test_speed_of_an_arduino_in_kmph(tmp_path, made):
-    points = track(made)
-    rows = [[1000 * t, lat, lon, h, v / KMH, c] for t, lat, lon, h, v, c in points]
-    flight = read_raw(table(tmp_path / "log.csv", "millis,lat,lng,alt,speed_kmph,course", rows))
-    assert flight.velocity_n is not None
-    np.testing.assert_allclose(np.hypot(*flight.velocity_n[:, :2].T), points[:, 4], rtol=1e-6)
 
 
 def test_minutes_and_seconds_since_the_takeoff_of_a_dji_record(tmp_path, made):

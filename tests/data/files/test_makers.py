@@ -6,12 +6,11 @@ The rows are those of a mission; the headings are those of the makers' programs.
 from __future__ import annotations
 
 import zipfile
-from datetime import UTC, datetime
 
 import numpy as np
 import pandas as pd
 import pytest
-from foreign_tables import UNIX, motion, phone, same, table
+from foreign_tables import FLU, MPH, UNIX, is_track, moment, motion, phone, same, table, track
 
 from lab.base.parameters.units import FOOT, KNOT, STANDARD_GRAVITY
 from lab.data.formats import read_raw
@@ -19,9 +18,6 @@ from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet_cells import numbers_of_cells
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
-
-FLU = np.array((1, -1, -1))
-MPH = 0.44704
 
 
 def rows_of(made, rate, force, stamp=float, fix=None):
@@ -36,16 +32,160 @@ def rows_of(made, rate, force, stamp=float, fix=None):
     ]  # fmt: skip
 
 
-def moment(seconds, form):
-    return datetime.fromtimestamp(UNIX + seconds, UTC).strftime(form)
-
-
 def close(log, expected):
     """Check the samples, and the fixes where they are new: a logger repeats the latest one until then."""
     np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=2e-6)
     np.testing.assert_allclose(log.rates[1], expected.rates[1], atol=2e-5)
     last = expected.gnss.position[-1]
     np.testing.assert_allclose(log.gnss.position[-1], last, atol=1e-8)
+
+
+LOGS = {
+    "DJI, with its own estimate beside the receiver": (
+        "Clock:offsetTime,IMU_ATTI(0):gyroX,IMU_ATTI(0):gyroY,IMU_ATTI(0):gyroZ,IMU_ATTI(0):accelX,"
+        "IMU_ATTI(0):accelY,IMU_ATTI(0):accelZ,IMU_ATTI(0):Longitude,IMU_ATTI(0):Latitude,IMU_ATTI(0):velN,"
+        "IMU_ATTI(0):velE,GPS:Lat,GPS:Long,GPS:dateTimeStamp,GPS:heightMSL,GPS:velN,GPS:velE",
+        lambda w, f: (np.degrees(w), f / STANDARD_GRAVITY),
+        float,
+        lambda lat, lon, h, vn, ve, *_: (
+            lon + 1,
+            lat + 1,
+            99.0,
+            99.0,
+            lat,
+            lon,
+            "2023-11-14T22:13:20Z",
+            h,
+            vn,
+            ve,
+        ),
+        "Clock:offsetTime",
+    ),
+    "OxTS, in cp1252": (
+        "TimeFromStart (s),AngleRateX (deg/s),AngleRateY (deg/s),AngleRateZ (deg/s),AccelX (m/s²),"
+        "AccelY (m/s²),AccelZ (m/s²),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (km/h),VelEast (km/h)",
+        lambda w, f: (np.degrees(w), f),
+        float,
+        lambda lat, lon, h, vn, ve, *_: (lat, lon, h, 3.6 * vn, 3.6 * ve),
+        "AngleRateX",
+    ),
+    "an iPhone, whose accelerations are along gravity": (
+        "loggingTime(txt),gyroRotationX(rad/s),gyroRotationY(rad/s),gyroRotationZ(rad/s),"
+        "accelerometerAccelerationX(G),accelerometerAccelerationY(G),accelerometerAccelerationZ(G),"
+        "locationLatitude(WGS84),locationLongitude(WGS84),locationAltitude(m),locationSpeed(m/s),"
+        "locationCourse(°)",
+        lambda w, f: (phone(w), -phone(f) / STANDARD_GRAVITY),
+        lambda t: moment(t, "%Y-%m-%d %H:%M:%S.%f") + " +0000",
+        lambda lat, lon, h, vn, ve, vd, speed, course: (lat, lon, h, speed, course),
+        "-accelerometerAccelerationX(G)",
+    ),
+    "VectorNav, in nanoseconds since switching on": (
+        "TimeStartup,UncompGyro X,UncompGyro Y,UncompGyro Z,UncompAccel X,UncompAccel Y,UncompAccel Z,"
+        "PosLla Lat,PosLla Lon,PosLla Alt,VelNed N,VelNed E,VelNed D",
+        lambda w, f: (w, f),
+        lambda t: f"{round((t - 900) * 1e9)}",
+        lambda lat, lon, h, vn, ve, vd, *_: (lat, lon, h, vn, ve, vd),
+        "TimeStartup, in ns",
+    ),
+}
+"""IMU and fixes in one table: headings; rates and forces, stamp and fix as written; part of a remark."""
+
+
+@pytest.mark.parametrize("maker", LOGS)
+def test_a_log_in_one_table(tmp_path, made, expected, maker):
+    header, sensed, stamp, fix, words = LOGS[maker]
+    imu, _ = made
+    rows = rows_of(made, *sensed(imu[:, 1:4], imu[:, 4:]), stamp=stamp, fix=fix)
+    encoding = "cp1252" if "cp1252" in maker else "utf-8"
+    log = read_log([table(tmp_path / "log.csv", header, rows, encoding=encoding)])
+    close(log, expected)
+    north = log.gnss.velocity_n[-1, :2]
+    np.testing.assert_allclose(north, expected.gnss.velocity_n[-1, :2], atol=1e-6)
+    assert any(words in remark for remark in log.repairs)
+
+
+TRACKS = {
+    "Airdata, with four heights": (
+        "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),"
+        "altitude_above_seaLevel(feet),speed(mph),max_altitude(feet),altitude(feet)",
+        lambda t, lat, lon, h, v, c: (
+            1000 * t, moment(t, "%Y-%m-%d %H:%M:%S"), lat, lon, 5.0, h / FOOT, v / MPH, 9e3, 7.0
+        ),
+        False,
+        "",
+    ),
+    "a DJI app": (
+        "sep=,\nCUSTOM.date [local],OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height [ft],"
+        "OSD.altitude [ft],OSD.hSpeed [MPH],OSD.xSpeed [MPH],OSD.directionOfTravel,HOME.latitude,"
+        "HOME.longitude",
+        lambda t, lat, lon, h, v, c: (
+            "11/14/2023", t - 1000, lat, lon, 5.0, h / FOOT, v / MPH, 1.0, c, 1.0, 2.0
+        ),
+        False,
+        "",
+    ),
+    "a transmitter, whose place has a blank": (
+        "Date,Time,GPS,GSpd(kmh),Hdg(°),Alt(m)",
+        lambda t, lat, lon, h, v, c: (*clock(t, "%Y-%m-%d"), f"{lat:.8f} {lon:.8f}", 3.6 * v, c, h),
+        True,
+        "",
+    ),
+    "Qstarz, with units and hemispheres in cells": (
+        "DATE,TIME,VALID,LATITUDE,N/S,LONGITUDE,E/W,HEIGHT,SPEED,HEADING",
+        lambda t, lat, lon, h, v, c: (
+            *clock(t, "%Y/%m/%d"), "SPS", f"{lat:.8f}", "N", f"{-lon:.8f}", "W", f"{h:.4f} M",
+            f"{3.6 * v:.4f} km/h", c,
+        ),
+        True,
+        "SPEED in km/h (named",
+    ),
+    "Columbus, with hemispheres in cells": (
+        "DATE,TIME,LATITUDE N/S,LONGITUDE E/W,HEIGHT,SPEED,HEADING",
+        lambda t, lat, lon, h, v, c: (
+            moment(t, "%y%m%d"), moment(t, "%H%M%S.%f"), f"{lat:.8f}N", f"{-lon:.8f}W", f"{h:.4f}", 3.6 * v, c
+        ),
+        True,
+        "",
+    ),
+    "Dynon, with blanks in its headings": (
+        "Session Time,System Time,GPS Fix Quality,Number of Satellites,GPS Date & Time,Latitude (deg),"
+        "Longitude (deg),GPS Altitude (feet),Ground Speed (knots),Ground Track (deg),Magnetic Heading (deg),"
+        "Indicated Airspeed (knots),Pressure Altitude (ft),Lateral Accel (g),Vertical Accel(g)",
+        lambda t, lat, lon, h, v, c: (
+            t, moment(t, "%H:%M:%S"), 2, 9, moment(t, "%Y-%m-%d %H:%M:%S"), lat, lon, h / FOOT, v / KNOT, c,
+            9.0, v / KNOT, h / FOOT + 90, 0.0, 1.0,
+        ),
+        True,
+        "",
+    ),
+    "an Arduino, in kmph": (
+        "millis,lat,lng,alt,speed_kmph,course",
+        lambda t, lat, lon, h, v, c: (1000 * t, lat, lon, h, 3.6 * v, c),
+        True,
+        "",
+    ),
+}  # fmt: skip
+"""Tracks: the headings, a point as it is written, whether its speed is read, and a part of a remark."""
+
+
+def clock(seconds, day):
+    """Return date and time of the day, in milliseconds."""
+    return moment(seconds, day), moment(seconds, "%H:%M:%S.%f")[:-3]
+
+
+@pytest.mark.parametrize("maker", TRACKS)
+def test_a_track_in_one_table(tmp_path, made, maker):
+    header, point, has_speed, words = TRACKS[maker]
+    points = track(made)
+    assert (points[:, 2] < 0).all()  # west
+    flight = read_raw(table(tmp_path / "track.csv", header, [point(*row) for row in points]))
+    is_track(flight, made)
+    assert any(words in remark for remark in flight.remarks)
+    assert (flight.velocity_n is not None) == has_speed
+    if has_speed:
+        speeds = np.hypot(*flight.velocity_n[:, :2].T)
+        at = np.interp(flight.time - flight.time[0], points[:, 0] - points[0, 0], np.arange(len(points)))
+        np.testing.assert_allclose(speeds, np.interp(at, np.arange(len(points)), points[:, 4]), rtol=1e-4)
 
 
 def test_racechrono(tmp_path, made, expected):
@@ -69,55 +209,6 @@ def test_racechrono(tmp_path, made, expected):
     log = read_log([path])
     np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=1e-5)
     assert any("x_rate_of_rotation" in remark and "°/s (named" in remark for remark in log.repairs)
-
-
-def test_dji_with_its_own_estimate_beside_the_receiver(tmp_path, made, expected):
-    imu, _ = made
-    header = (
-        "Clock:offsetTime,IMU_ATTI(0):gyroX,IMU_ATTI(0):gyroY,IMU_ATTI(0):gyroZ,IMU_ATTI(0):accelX,"
-        "IMU_ATTI(0):accelY,IMU_ATTI(0):accelZ,IMU_ATTI(0):Longitude,IMU_ATTI(0):Latitude,IMU_ATTI(0):velN,"
-        "IMU_ATTI(0):velE,GPS:Lat,GPS:Long,GPS:dateTimeStamp,GPS:heightMSL,GPS:velN,GPS:velE"
-    )
-    rows = rows_of(
-        made, np.degrees(imu[:, 1:4]), imu[:, 4:] / STANDARD_GRAVITY,
-        fix=lambda lat, lon, h, vn, ve, *_: (lon + 1, lat + 1, 99.0, 99.0, lat, lon, "2023-11-14T22:13:20Z",
-                                             h, vn, ve),
-    )  # fmt: skip
-    log = read_log([table(tmp_path / "FLY001.csv", header, rows)])
-    close(log, expected)
-    assert any("Clock:offsetTime" in remark for remark in log.repairs)
-    np.testing.assert_allclose(log.gnss.velocity_n[-1, :2], expected.gnss.velocity_n[-1, :2], atol=1e-6)
-
-
-def test_oxts(tmp_path, made, expected):
-    imu, _ = made
-    header = (
-        "TimeFromStart (s),AngleRateX (deg/s),AngleRateY (deg/s),AngleRateZ (deg/s),AccelX (m/s²),"
-        "AccelY (m/s²),AccelZ (m/s²),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (km/h),VelEast (km/h)"
-    )
-    rows = rows_of(
-        made, np.degrees(imu[:, 1:4]), imu[:, 4:],
-        fix=lambda lat, lon, h, vn, ve, *_: (lat, lon, h, 3.6 * vn, 3.6 * ve),
-    )  # fmt: skip
-    close(read_log([table(tmp_path / "run.csv", header, rows, encoding="cp1252")]), expected)
-
-
-def test_an_iphone_reports_accelerations_along_gravity(tmp_path, made, expected):
-    imu, _ = made
-    header = (
-        "loggingTime(txt),gyroRotationX(rad/s),gyroRotationY(rad/s),gyroRotationZ(rad/s),"
-        "accelerometerAccelerationX(G),accelerometerAccelerationY(G),accelerometerAccelerationZ(G),"
-        "locationLatitude(WGS84),locationLongitude(WGS84),locationAltitude(m),locationSpeed(m/s),"
-        "locationCourse(°)"
-    )
-    rows = rows_of(
-        made, phone(imu[:, 1:4]), -phone(imu[:, 4:]) / STANDARD_GRAVITY,
-        stamp=lambda t: moment(t, "%Y-%m-%d %H:%M:%S.%f") + " +0000",
-        fix=lambda lat, lon, h, vn, ve, vd, speed, course: (lat, lon, h, speed, course),
-    )  # fmt: skip
-    log = read_log([table(tmp_path / "log.csv", header, rows)])
-    close(log, expected)
-    assert any("-accelerometerAccelerationX(G)" in remark for remark in log.repairs)
 
 
 @pytest.mark.proof
@@ -182,21 +273,6 @@ def test_gopro(tmp_path, made, expected):
     log = read_log([tmp_path])
     np.testing.assert_allclose(log.rates[0], expected.rates[0], atol=1e-6)
     np.testing.assert_allclose(log.gnss.position, expected.gnss.position, atol=1e-9)
-
-
-def test_nanoseconds_since_switching_on(tmp_path, made, expected):
-    imu, _ = made
-    header = (
-        "TimeStartup,UncompGyro X,UncompGyro Y,UncompGyro Z,UncompAccel X,UncompAccel Y,UncompAccel Z,"
-        "PosLla Lat,PosLla Lon,PosLla Alt,VelNed N,VelNed E,VelNed D"
-    )
-    rows = rows_of(
-        made, imu[:, 1:4], imu[:, 4:], stamp=lambda t: f"{round((t - 900) * 1e9)}",
-        fix=lambda lat, lon, h, vn, ve, vd, *_: (lat, lon, h, vn, ve, vd),
-    )  # fmt: skip
-    log = read_log([table(tmp_path / "vn.csv", header, rows)])
-    close(log, expected)
-    assert any("TimeStartup, in ns" in remark for remark in log.repairs)
 
 
 def test_a_folder_of_phyphox(tmp_path, made, expected):
@@ -345,49 +421,6 @@ def test_counts_of_betaflight(tmp_path, made, expected):
     assert any("2048 of which are 1 g" in remark for remark in log.repairs)
 
 
-def track(made):
-    """Return the columns of a track: time, latitude, longitude, height, speed, course."""
-    _, gnss = made
-    return np.column_stack((gnss[:, :4], *motion(gnss)))
-
-
-def is_track(flight, made, height=1e-3, place=1e-7):
-    """Check a flight against the fixes it was written from, once a second."""
-    points = track(made)
-    at = np.interp(flight.time - flight.time[0], points[:, 0] - points[0, 0], np.arange(len(points)))
-    for values, column, tolerance in (
-        (np.degrees(flight.latitude), 1, place), (np.degrees(flight.longitude), 2, place),
-        (flight.height, 3, height),
-    ):  # fmt: skip
-        np.testing.assert_allclose(
-            values, np.interp(at, np.arange(len(points)), points[:, column]), atol=tolerance
-        )
-
-
-def test_airdata_has_four_heights(tmp_path, made):
-    header = (
-        "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),"
-        "altitude_above_seaLevel(feet),speed(mph),max_altitude(feet),altitude(feet)"
-    )
-    rows = [
-        [1000 * t, moment(t, "%Y-%m-%d %H:%M:%S"), lat, lon, 5.0, h / FOOT, v / MPH, 9e3, 7.0]
-        for t, lat, lon, h, v, _ in track(made)
-    ]
-    is_track(read_raw(table(tmp_path / "air.csv", header, rows)), made)
-
-
-def test_a_record_of_a_dji_app(tmp_path, made):
-    header = (
-        "CUSTOM.date [local],OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height [ft],OSD.altitude [ft],"
-        "OSD.hSpeed [MPH],OSD.xSpeed [MPH],OSD.directionOfTravel,HOME.latitude,HOME.longitude"
-    )
-    rows = [
-        ["11/14/2023", t - 1000, lat, lon, 5.0, h / FOOT, v / MPH, 1.0, c, 1.0, 2.0]
-        for t, lat, lon, h, v, c in track(made)
-    ]
-    is_track(read_raw(table(tmp_path / "dji.csv", header, rows, before="sep=,\n")), made)
-
-
 def test_a_place_in_one_cell_and_the_feet_of_a_transponder(tmp_path, made):
     points = track(made)[::1]
     level = np.round((points[:, 3] + 40 * np.arange(len(points))) / FOOT / 25) * 25
@@ -402,37 +435,6 @@ def test_a_place_in_one_cell_and_the_feet_of_a_transponder(tmp_path, made):
     np.testing.assert_allclose(np.degrees(flight.longitude), points[:, 2], atol=1e-8)
     assert any("in ft (guessed: all are multiples of 25" in remark for remark in flight.remarks)
     assert any("Speed in kt (guessed" in remark for remark in flight.remarks)
-
-
-def test_a_transmitter_separates_a_place_by_a_blank(tmp_path, made):
-    rows = [
-        [moment(t, "%Y-%m-%d"), moment(t, "%H:%M:%S.%f")[:-3], f"{lat:.8f} {lon:.8f}", 3.6 * v, c, h]
-        for t, lat, lon, h, v, c in track(made)
-    ]
-    path = table(tmp_path / "edgetx.csv", "Date,Time,GPS,GSpd(kmh),Hdg(°),Alt(m)", rows)
-    flight = read_raw(path)
-    is_track(flight, made)
-    assert flight.velocity_n is not None
-
-
-def test_units_and_hemispheres_in_cells(tmp_path, made):
-    points = track(made)
-    assert (points[:, 2] < 0).all()  # west
-    qstarz = [
-        [moment(t, "%Y/%m/%d"), moment(t, "%H:%M:%S.%f")[:-3], "SPS", f"{lat:.8f}", "N", f"{-lon:.8f}", "W",
-         f"{h:.4f} M", f"{3.6 * v:.4f} km/h", c]
-        for t, lat, lon, h, v, c in points
-    ]  # fmt: skip
-    header = "DATE,TIME,VALID,LATITUDE,N/S,LONGITUDE,E/W,HEIGHT,SPEED,HEADING"
-    flight = read_raw(table(tmp_path / "qstarz.csv", header, qstarz))
-    is_track(flight, made)
-    assert any("SPEED in km/h (named" in remark for remark in flight.remarks)
-    columbus = [
-        [moment(t, "%y%m%d"), moment(t, "%H%M%S.%f"), f"{lat:.8f}N", f"{-lon:.8f}W", f"{h:.4f}", 3.6 * v, c]
-        for t, lat, lon, h, v, c in points
-    ]
-    header = "DATE,TIME,LATITUDE N/S,LONGITUDE E/W,HEIGHT,SPEED,HEADING"
-    is_track(read_raw(table(tmp_path / "columbus.csv", header, columbus)), made)
 
 
 def test_vbox_counts_minutes_and_west(tmp_path, made):

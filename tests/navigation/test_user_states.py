@@ -16,10 +16,10 @@ from lab.analysis.errors import error_state
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.navigation import strapdown, wander
-from lab.navigation.filters import blocks, own_states
+from lab.navigation.filters import blocks, user_states
 from lab.navigation.filters.error_models import ATT, MODELS, VEL
 from lab.navigation.filters.further_columns import with_blocks
-from lab.navigation.filters.own_states import declared_states
+from lab.navigation.filters.user_states import declared_states
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.generation import interpreted
 
@@ -30,7 +30,7 @@ STEP = 1e-30
 def own() -> Iterator[None]:
     """Forget after each test what it declared."""
     yield
-    own_states._DECLARED.clear()
+    user_states._DECLARED.clear()
     blocks.OWN.clear()
 
 
@@ -180,7 +180,7 @@ def test_a_filter_with_own_states_agrees_with_filterpy_and_tells_the_truth() -> 
     assert left_out(blind.experiment) == ["sensors.own_errors (errors that a notebook declared)"]
 
 
-def test_own_states_have_room_behind_all_others() -> None:
+def test_user_states_have_room_behind_all_others() -> None:
     assert max(strapdown.LENGTH, wander.LENGTH) <= own_room.VALUES
 
 

@@ -39,7 +39,7 @@ Effect = Callable[[Vector, Vector, FloatArray], None]
 
 
 @dataclass(frozen=True, eq=False)
-class OwnStates:
+class UserStates:
     """States that a user declared.
 
     Attributes
@@ -78,7 +78,7 @@ class OwnStates:
         return E
 
 
-_DECLARED: dict[str, OwnStates] = {}
+_DECLARED: dict[str, UserStates] = {}
 """The declarations of this process by name; the last one of each name counts."""
 _NUMBERS = itertools.count(1)
 """Numbers of the declarations, for the names of their blocks."""
@@ -119,7 +119,7 @@ def declare_states(
     states
         Name of each state, as it is shown.
     effect
-        ``effect(rate, force, E)``, as of `OwnStates`. Numba compiles it: it may use `math` and numbers.
+        ``effect(rate, force, E)``, as of `UserStates`. Numba compiles it: it may use `math` and numbers.
     sigma, drift_sigma
         Standard deviations of the constant and of the slow part, for all states or each, in `unit`.
     correlation_time
@@ -159,7 +159,7 @@ def declare_states(
             "in seconds"
         )
     block = f"{name} #{next(_NUMBERS)}"
-    declared = OwnStates(name, block, effect, sigmas, drifts, float(correlation_time))
+    declared = UserStates(name, block, effect, sigmas, drifts, float(correlation_time))
     _check_effect(declared)
     place = _place(name, k)
     process = blocks.gauss_markov(sigmas**2, drifts**2, float(correlation_time))
@@ -208,7 +208,7 @@ def _compiled(effect: Effect) -> Effect:
     return cast(Effect, numba.njit(**ALLOCATING)(effect))
 
 
-def _check_effect(own: OwnStates) -> None:
+def _check_effect(own: UserStates) -> None:
     """Raise `SettingError` if an effect cannot be computed."""
     rate, force = _MOTIONS[0]
     E = np.zeros((own.size, own_room.WIDTH)).T
@@ -235,7 +235,7 @@ def _check_effect(own: OwnStates) -> None:
         )
 
 
-def _acts(own: OwnStates, rate: Vector, force: Vector) -> bool:
+def _acts(own: UserStates, rate: Vector, force: Vector) -> bool:
     """Return whether an effect shows in a motion."""
     E = np.zeros((own.size, own_room.WIDTH)).T
     with contextlib.suppress(ArithmeticError, ValueError):  # outside the range of a function of `math`
@@ -243,7 +243,7 @@ def _acts(own: OwnStates, rate: Vector, force: Vector) -> bool:
     return bool(E.any())
 
 
-def declared_states(text: str, setting: str) -> list[OwnStates]:
+def declared_states(text: str, setting: str) -> list[UserStates]:
     """Return the declared states that a setting names.
 
     Parameters
@@ -272,7 +272,7 @@ def declared_states(text: str, setting: str) -> list[OwnStates]:
     return found
 
 
-def of_blocks(names: Sequence[str]) -> list[OwnStates]:
+def of_blocks(names: Sequence[str]) -> list[UserStates]:
     """Return the declared states among the blocks of a filter, in their order."""
     by_block = {one.block: one for one in _DECLARED.values()}
     return [by_block[name] for name in names if name in blocks.OWN]
