@@ -72,7 +72,13 @@ window.addEventListener("popstate", ({state}) => {
 
 window.addEventListener("click", (event) => {
   // Chosen with the mouse, a tab or a part leaves the arrows to the fixes; a click by a key has no detail.
-  if (event.detail) event.composedPath().find((one) => one.matches?.(CHOICES))?.blur()
+  const path = event.composedPath()
+  if (event.detail) path.find((one) => one.matches?.(CHOICES))?.blur()
+  const link = path.find((one) => one.dataset?.page)
+  if (link && model !== null) {
+    event.preventDefault()
+    ask(link.dataset.page, 0)
+  }
 })
 
 window.addEventListener("keydown", (event) => {

@@ -76,8 +76,8 @@ def notes_of_query(query: str, mission: str) -> tuple[tuple[Note, ...], list[str
         note = _read(text, mission)
         if note is None:
             problems.append(
-                f"note = {text[:40]!r}: not accepted; accepted is a time or a stretch of time in seconds "
-                f"with a text of up to {LONGEST} characters, such as 60-75:Look here"
+                f"The link has note={text[:40]}, which was ignored; accepted is a time or a stretch of time "
+                f"in seconds with a text of up to {LONGEST} characters, such as 60-75:Look here."
             )
         elif len(found) == MOST or len(query_of_notes([*found, note], mission)) > ROOM:
             problems.append(f"The link has too many notes; the first {len(found)} are shown.")

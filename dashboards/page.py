@@ -67,6 +67,9 @@ HALF_STEP = 1e-3
 PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
 """The pages in the tabs, and those beside them."""
 
+LINKED = (Innovations.title, Consistency.title)
+"""Pages that show a log without reference: links in the sentence on a page that has nothing to show."""
+
 _BY_TITLE = {page.title: page for page in PAGES}
 
 
@@ -94,10 +97,7 @@ class SimulatorPage:
         self._closed = False
         self._visible: Page | None = None
         self._progress = ProgressText(self.session)
-        steps = {
-            f"Open {title}": partial(self._open, title) for title in (Innovations.title, Consistency.title)
-        }
-        self._reason = Notice(margin=(16, 20), steps=steps)
+        self._reason = Notice(margin=(16, 20), links=LINKED)
         self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
@@ -138,6 +138,7 @@ class SimulatorPage:
                 "close": lambda _number: (self._sheet if self._sheet.is_open else self._dock).close(),
                 "play": lambda _number: self._time_bar.toggle(),
                 "step": self._step_to_fix,
+                **{title: partial(self._open_linked, title) for title in LINKED},
             },
         )
         self._main.append(self._shortcuts.list)
@@ -555,6 +556,10 @@ class SimulatorPage:
             return
         self._sheet.close()
         self._tabs.open(kind)
+
+    def _open_linked(self, title: str, _number: int) -> None:
+        """Open a page by a link in a sentence."""
+        self._open(title)
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""

@@ -131,7 +131,8 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
             continue
         value = read(fields[name])
         if value is None:
-            problems.append(f"{name} = {fields[name][:40]!r}: not accepted; accepted is {accepted}")
+            ignored = f"The link has {name}={fields[name][:40]}, which was ignored"
+            problems.append(f"{ignored}; accepted is {accepted}.")
         else:
             found[name] = value
     return View(**found), problems

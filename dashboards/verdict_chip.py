@@ -254,7 +254,7 @@ class VerdictChip:
 def named(verdict: Verdict) -> str:
     """Return the text of a chip: the first finding in a few words, and the number of the others.
 
-    >>> named(Verdict("Consistent: errors are as large as the filter says.", (), "one run"))
+    >>> named(Verdict("Consistent: the errors match the filter's own σ.", (), "one run"))
     '● Consistent'
     """
     if verdict.consistent is None:

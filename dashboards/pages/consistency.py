@@ -269,14 +269,17 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
     """
     findings = "".join(
         f"<p>{f'{escape(as_seen(finding.sentence))} ' if number else ''}{_advice(finding, tried=tried)} "
-        f'<span class="quiet">({escape(finding.evidence)})</span></p>'
+        f'<span class="quiet">Evidence: {escape(finding.evidence)}.</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
     findings += "".join(
         f"<p>{escape(as_seen(one.sentence))} {_bold(one.counsel)}</p>" for one in verdict.suggestions
     )
-    same = verdict.basis == by_innovations.basis  # as for a sensor log
-    alone = "" if same else f" Without the truth, by the innovations alone: {by_innovations.headline}"
+    alone = ""
+    if verdict.basis != by_innovations.basis:  # they are the same for a sensor log
+        hidden = bool(verdict.findings) and by_innovations.consistent
+        said = "would not show this." if hidden else f"say: {as_seen(by_innovations.headline)}"
+        alone = f" Without knowing the truth, the innovations alone {said}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
         f"<h2>{escape(as_seen(verdict.headline))}</h2>{findings}"

@@ -25,7 +25,7 @@ FIRST = {
     "Innovations": "Innovation, east [m]",
     "Verdict": "NEES: errors of all states, normalised",
     "States": "Gyro bias, x [°/s]",
-    "Allan": "Gyros, dashed: as set",
+    "Allan": "Gyros (dashed: the settings)",
     "Ground track": "Ground track",
     "Flight": "Height above the ellipsoid [m]",
     "Live": "Angular rate [°/s]: none yet",
