@@ -31,7 +31,7 @@ from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.progress import ProgressText
-from dashboards.query import View, query, with_settings_of
+from dashboards.query import VARIANCE, View, query, with_settings_of
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -170,6 +170,7 @@ class SimulatorPage:
         self._steps += [self._show, self._add_settings, self._add_files]
         view = self._address.view
         self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
+        self.session.shows_sigmas = view.noise != VARIANCE
         if view.tab in (Missions.title, Lessons.title):
             self._waiting_beside = view.tab
         else:
@@ -226,7 +227,8 @@ class SimulatorPage:
         tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
         is_open = [one.kind.title for one in (self._sheet, self._dock) if one.is_open]
         beside = is_open[0] if is_open else self._waiting_beside
-        return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside)
+        noise = "" if self.session.shows_sigmas else VARIANCE
+        return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside, noise)
 
     def _show_of_class(self, moment: Moment) -> None:
         """Show what another page of the class shows."""
