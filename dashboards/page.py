@@ -234,6 +234,7 @@ class SimulatorPage:
         """Show what another page of the class shows."""
         with self._address.of_a_class():
             self._show_moment(moment)
+            self._address.notes.take_given(moment.notes)
 
     def _restore(self, state: State, experiment: Experiment) -> None:
         """Show a state of the history with its settings; time, visible stretch and number of runs stay."""

@@ -160,6 +160,8 @@ class Share:
             self.view.give(self._name(experiment, "toml"), content.encode())
         elif what == "seen":
             self._begin("csv", partial(seen_csv, *self._seen()))
+        elif what == "report":
+            self._begin(FILES[what].ending, partial(report_file, notes=self._session.notes))
         elif what in FILES:
             self._begin(FILES[what].ending, FILES[what].write)
 
