@@ -7,7 +7,6 @@ from bokeh.events import ConnectionLost, DocumentReady
 from bokeh.models.callbacks import CustomJS
 
 from dashboards.pages.base import NARROW
-from dashboards.style import ROOM_FOR_PLOTS, THEME_OF_THE_SYSTEM
 from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.widgets import SETTING
 
@@ -104,7 +103,7 @@ bokeh.on_change(({{model, attr, sync}}) => {{
 }});
 bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
 """
-"""Makes the verdict grey as soon as a setting is on its way to the server, until that has taken or refused it.
+"""Makes the verdict grey as soon as a setting is on its way to the server, until it is taken or refused.
 
 The server answers in the order in which it is asked.
 """
@@ -112,6 +111,5 @@ The server answers in the order in which it is asked.
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    scripts = (SAME_FILE_AGAIN, THEME_OF_THE_SYSTEM, ROOM_FOR_PLOTS, COVER, STALE, PRINT)
-    document.js_on_event(DocumentReady, CustomJS(code="".join(scripts)))
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT))
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))
