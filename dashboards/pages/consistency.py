@@ -277,8 +277,9 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
     )
     alone = ""
     if verdict.basis != by_innovations.basis:  # they are the same for a sensor log
-        hidden = bool(verdict.findings) and by_innovations.consistent
-        said = "would not show this." if hidden else f"say: {as_seen(by_innovations.headline)}"
+        said = f"say: {as_seen(by_innovations.headline)}"
+        if by_innovations.consistent:
+            said = "would not show this." if verdict.findings else "say so too."
         alone = f" Without knowing the truth, the innovations alone {said}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'

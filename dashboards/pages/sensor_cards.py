@@ -168,6 +168,7 @@ def _short(value: Any) -> Any:
 
 
 _TERMS = """
+p { margin: 4px 0; font: 14px/1.45 Roboto, sans-serif; }
 h3 { font: 500 17px/1.3 Roboto, sans-serif; margin: 6px 0 8px; } .quiet { opacity: .68; font-style: italic; }
 td.words { white-space: normal; font-size: 12.5px; }
 """

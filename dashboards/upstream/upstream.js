@@ -21,7 +21,9 @@
     const frame = pulled.document.roots().find((root) => root.data?.dark_theme !== undefined)?.data;
     const {theme} = Object.fromEntries(new URLSearchParams(window.location.search));
     if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: dark)").matches) {
-      frame.dark_theme = true;
+      for (const {data} of pulled.document.all_models) {  // each component has its own
+        if (data?.attributes?.dark_theme === false) { data.setv({dark_theme: true}, {sync: data === frame}); }
+      }
     }
     if (frame && window.innerWidth < 1100) { frame.sidebar_open = false; }
     return pulled;

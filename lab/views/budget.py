@@ -194,6 +194,6 @@ class BudgetFigures:
             fig.add_tools(HoverTool(mode="vline", renderers=[glyphs["true σ"]], tooltips=rows))
         items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
         legend = Legend(items=items, click_policy="hide", margin=2, styles=SMALL)
-        legend.orientation = "vertical" if axis.touch else "horizontal"
+        legend.orientation = "horizontal"
         fig.add_layout(legend, "above")
         return fig

@@ -23,7 +23,7 @@ FIRST = {
     "Errors": "Position error, east [m]",
     "Covariance": "σ of the position [m]",
     "Innovations": "Innovation, east [m]",
-    "Verdict": "NEES: errors of all states, normalised",
+    "Verdict": "NEES: normalised errors",
     "States": "Gyro bias, x [°/s]",
     "Allan": "Gyros (dashed: the settings)",
     "Ground track": "Ground track",

@@ -87,7 +87,7 @@ def test_a_simulated_flight_at_a_glance(walk: Walk) -> None:
         "Horizontal position error",
         "Velocity error",
         "Heading error",
-        "NIS: innovations, normalised",
+        "NIS: normalised innovations",
     ]
     said = overview(walk)._head.content["sentences"]
     assert "“Los Angeles”" in said

@@ -134,7 +134,7 @@ class Live(PartOfWatched, Page):
             self._recorder.view,
             self._stage,
             sizing_mode="stretch_width",
-            margin=(0, 8, 12, 8),
+            margin=(8, 8, 12, 8),
             stylesheets=[WHOLE],
         )
 
