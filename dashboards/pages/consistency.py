@@ -332,9 +332,9 @@ def whiteness_html(table: pd.DataFrame) -> str:
         )
         rows.append(_row(str(row["innovation"]), cells))
     note = (
-        "A matched filter is within each limit in 95 % of the cases; values outside are marked. Q is the "
-        "Ljung-Box statistic, p the probability of a larger Q if the innovations are white. The page "
-        "Innovations shows the autocorrelation."
+        "A matched filter is within each limit in 95 % of the cases; values outside are marked. The p-value "
+        "is the probability of a larger Ljung-Box value if the innovations are white. The page Innovations "
+        "shows the autocorrelation."
     )
     return _table(heads, rows, note)
 

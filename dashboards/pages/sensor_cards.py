@@ -36,9 +36,9 @@ th[aria-sort=descending] .sort::after { content: " ↓"; }
 """
 _TRIADS = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 _WORDS = (
-    "<h3>Cards</h3><p>A press on a name loads the sensor, and the filter that suits it. Numbers in italics "
-    "are not in the datasheet: they are typical of the grade. The states are those of the filter that is "
-    "loaded.</p>"
+    "<h3>Cards</h3><p>Press a name to load the sensor with the filter that suits it. Numbers in italics are "
+    "typical of the grade, because the datasheet lacks them. The last column is the number of states of that "
+    "filter.</p>"
 )
 
 

@@ -99,7 +99,7 @@ class StudentBar:
             size="1.3em",
             margin=(2, 4),
             align="center",
-            description="Give the teacher your name. You need not.",
+            description="Give the teacher your name (optional).",
             stylesheets=[TOOLTIP],
         )
         self._name = pmui.TextInput(

@@ -193,7 +193,7 @@ def test_a_log_is_judged_by_itself(
     walk.settle()
     monkeypatch.undo()
     assert checks._plots.visible
-    assert "Withheld for 10 s, fixes are predicted to" in walk.text()
+    assert "Fixes withheld for 10 s are predicted within" in walk.text()
     assert "Filter and smoother differ by" in walk.text()
     assert "Withheld fixes" in titles(walk)
     (button,) = checks.view.select(pmui.Button)

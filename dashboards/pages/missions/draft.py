@@ -50,8 +50,7 @@ PREVIEW = """
 NAVIGATE, SIMULATE = "Navigate its sensors", "Simulate sensors on its path"
 """What a file can be added for."""
 LOG_ALONE = (
-    "The file has the samples of an IMU and fixes as a device sends them, and no flight of its own: it is "
-    "added as a sensor log."
+    "The file holds IMU samples and fixes of a device, and no flight path, so it is added as a sensor log."
 )
 """What is told of the bytes of a device that no reader of flights knows."""
 
