@@ -47,7 +47,11 @@ class Notice:
         self.text = ""
         self._links = re.compile(rf"\b({'|'.join(links)})\b") if links else None
         self._words = pn.pane.HTML(
-            "", margin=0, sizing_mode="stretch_width", styles={"white-space": "pre-line"}
+            "",
+            margin=0,
+            sizing_mode="stretch_width",
+            styles={"white-space": "pre-line"},
+            stylesheets=["a { color: inherit; }"],
         )
         self.view = pmui.Alert(
             self._words,
