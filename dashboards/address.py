@@ -102,6 +102,7 @@ class HistoryBar(JSComponent):
         "names of what undo and redo change, and a count.",
     )
     asked: dict[str, Any] = param.Dict({}, doc="The last wish: what, the number of an entry, and a count.")
+    answered: int = param.Integer(0, doc="Number of the last question whether all before it has been heard.")
 
     _esm = Path(__file__).with_name("history_bar.js")
     _stylesheets = [_STYLE]  # noqa: RUF012 - Panel's own
@@ -113,7 +114,11 @@ class HistoryBar(JSComponent):
 
     def _asked(self, event: param.parameterized.Event) -> None:
         what, position = event.new.get("what"), event.new.get("position")
-        if isinstance(what, str) and isinstance(position, int):
+        if not (isinstance(what, str) and isinstance(position, int)):
+            return
+        if what == "answer":
+            self.answered = position
+        else:
             self._act(what, position)
 
 

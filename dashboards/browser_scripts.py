@@ -7,8 +7,8 @@ from bokeh.events import ConnectionLost, DocumentReady
 from bokeh.models.callbacks import CustomJS
 
 from dashboards.pages.base import NARROW
-from dashboards.style import ROOM_FOR_PLOTS, THEME_OF_THE_SYSTEM
 from dashboards.upload import SAME_FILE_AGAIN
+from dashboards.widgets import SETTING
 
 PAPER = 1040
 """Widest page that browsers make small enough for upright paper [px]."""
@@ -78,10 +78,38 @@ parts.data.properties.value.change.connect(cover);
 """
 """Covers the page that one leaves at once, until the next one comes: the server may be at work."""
 
+STALE = f"""
+const bokeh = Bokeh.documents[0];
+const all = () => [...bokeh.all_models];
+const chip = all().find((one) => one.css_classes?.includes?.("verdict-chip"));
+const {{data: bar}} = all().find((one) => one.data?.asked && "answered" in one.data);
+const settings = new WeakMap();
+const isSetting = (data) => {{
+  if (!settings.has(data)) {{
+    settings.set(data, all().some((one) => one.data === data && one.tags?.includes?.("{SETTING}")));
+  }}
+  return settings.get(data);
+}};
+const age = (is_old) => {{
+  const shown = Bokeh.index.query((view) => view.model === chip);
+  for (const {{el}} of shown) el.toggleAttribute("data-old", is_old);
+}};
+let sent = 0;
+bokeh.on_change(({{model, attr, sync}}) => {{
+  if (!sync || attr !== "value" || !isSetting(model)) return;
+  age(true);
+  const question = {{what: "answer", position: ++sent}};
+  queueMicrotask(() => {{ bar.asked = {{...question, count: (bar.asked.count || 0) + 1}} }});
+}});
+bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
+"""
+"""Makes the verdict grey as soon as a setting is on its way to the server, until it is taken or refused.
+
+The server answers in the order in which it is asked.
+"""
+
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    document.js_on_event(
-        DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM + ROOM_FOR_PLOTS + COVER + PRINT)
-    )
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT))
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

@@ -31,7 +31,8 @@ MOST_CARDS = 6
 """Most cards that are compared at a time."""
 ABOUT = (
     f"Up to {MOST_CARDS} cards, each loaded with the filter that suits it. The numbers are the white noise "
-    "and the bias instability of the gyros. A star marks what the datasheet lacks and its grade suggests."
+    "and the bias instability of the gyros. A star marks values typical of the grade, which the datasheet "
+    "lacks."
 )
 
 

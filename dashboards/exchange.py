@@ -16,6 +16,7 @@ from bokeh.document import Document
 
 from dashboards.computing import LatestWins, Outcome, attempt
 from dashboards.held_links import HeldLinks
+from dashboards.notes import Note
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.upload import Upload
@@ -133,12 +134,13 @@ def netcdf(result: Result, _progress: Progress) -> bytes:
         return path.read_bytes()
 
 
-def report_file(result: Result, progress: Progress) -> bytes:
-    """Return a result as one HTML file that opens without a network."""
+def report_file(result: Result, progress: Progress, notes: Sequence[Note] = ()) -> bytes:
+    """Return a result, with the notes on its flight, as one HTML file that opens without a network."""
     from lab.views.report import report_html  # noqa: PLC0415 - an opening page needs none of it
 
     progress("Trying the advice of the verdict", 0.0)
-    return report_html(result).encode()
+    own = [(one.start, one.end, one.text) for one in notes if one.mission == result.experiment.mission]
+    return report_html(result, own).encode()
 
 
 def json_file(result: Result, progress: Progress) -> bytes:

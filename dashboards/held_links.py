@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, unquote_plus, urlencode
 from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, run
-from dashboards.holding import LONGEST_NAME, name_of
+from dashboards.holding import LONGEST_NAME, is_renamed, name_of
 from dashboards.notes import MOST_FIELDS
 from dashboards.openings import Openings
 from dashboards.query import HELD, experiment_of_query, query
@@ -111,7 +111,7 @@ class HeldLinks:
                 )
                 continue
             problems += [f"Of a held result: {sentence}" for sentence in wrong[:1]]
-            self._waiting.append((experiment, name or name_of(experiment)))
+            self._waiting.append((experiment, name or name_of(experiment, self._session.shows_sigmas)))
         self._shown()
         return problems
 
@@ -151,7 +151,7 @@ class HeldLinks:
 def _text(experiment: Experiment, name: str) -> str:
     """Return the settings of a held result as a query, with the name that a person gave it."""
     parts = [query(experiment)]
-    if name != name_of(experiment):
+    if is_renamed(experiment, name):
         parts.append(urlencode({NAME: name}))
     return "&".join(filter(None, parts))
 

@@ -179,16 +179,14 @@ def change_in_words(before: str, after: str, sigmas: bool = False) -> str:
     paths.sort(key=lambda path: path != "mission")
     if not paths:
         return "The last change"
-    words = [_words(path, old.get(path), new.get(path), sigmas) for path in paths[:2]]
+    words = [_change(path, old.get(path), new.get(path), sigmas) for path in paths[:2]]
     return ", ".join(words) if len(paths) <= 2 else f"{words[0]} and {len(paths) - 1} more"
 
 
-def _words(path: str, old: str | None, new: str | None, sigmas: bool) -> str:
-    sigma = _sigma(path) if sigmas else None
-    values = [_value(path, text, sigma is not None) for text in (old, new)]
-    name = seen_name(path)
-    if sigma is not None:
-        name = f"{name.rpartition(': ')[0]}: {sigma.label}"
+def _change(path: str, old: str | None, new: str | None, sigmas: bool) -> str:
+    group, colon, _ = seen_name(path).rpartition(": ")
+    name = f"{group}{colon}{seen_label(path, sigmas)}"
+    values = [seen_value(path, text, sigmas) for text in (old, new)]
     return f"{name} {' → '.join(values)}" if all(len(value) <= LONGEST for value in values) else name
 
 
@@ -197,8 +195,14 @@ def _sigma(path: str) -> AxisQuantity | None:
     return sigma_of(Experiment().declaration(path))
 
 
-def _value(path: str, text: str | None, as_sigma: bool) -> str:
-    """Return a value as its field shows it; None stands for the default."""
+def seen_label(path: str, sigmas: bool) -> str:
+    """Return the label of a setting on the page, with σ for a variance that is shown as σ."""
+    sigma = _sigma(path) if sigmas else None
+    return str((sigma or Experiment().declaration(path)).label)
+
+
+def seen_value(path: str, text: str | None, sigmas: bool) -> str:
+    """Return a value of a query as its field shows it; None stands for the default."""
     if path == "mission":
         name = default_settings()[path] if text is None else text
         return {one: title for title, one in mission_titles(missions()).items()}.get(name, name)
@@ -208,6 +212,6 @@ def _value(path: str, text: str | None, as_sigma: bool) -> str:
         return str(text)
     if isinstance(value, list):
         value = tuple(tuple(part) if isinstance(part, list) else part for part in value)
-    if as_sigma:
+    if sigmas and _sigma(path) is not None:
         value = to_sigma(value if isinstance(value, tuple) else (value,) * 3)
     return {"True": "on", "False": "off", "": "none"}.get(shown(value), shown(value))

@@ -16,6 +16,8 @@ const REDO = "M18.4 10.6C16.55 8.99 14.15 8 11.5 8c-4.65 0-8.58 3.03-9.96 7.22L3
 const WAIT = 1000  // longest time that a browser takes to go to another entry [ms]
 
 const opening = String(Math.random())
+const past = window.history.state  // of this entry, when the page was opened before
+const older = Boolean(past && (past.position > 0 || past.older))  // whether there are entries of that
 let here = 0  // number of the present entry
 let goal = null  // number of the entry to which the browser is on its way
 let seen = 0  // number of the last message of the server
@@ -28,14 +30,14 @@ const ask = (what, position) => { model.asked = {what, position, count: (model.a
 
 function put(position, search) {
   here = position
-  window.history.replaceState({opening, position}, "", url(search))
+  window.history.replaceState({opening, position, older}, "", url(search))
 }
 
 function follow() {
   if (goal !== null) return
   for (const [position, search] of waiting) {
     here = position
-    window.history.pushState({opening, position}, "", url(search))
+    window.history.pushState({opening, position, older}, "", url(search))
   }
   waiting = []
   const {position, search} = model.shown
@@ -59,7 +61,7 @@ function arrive() {
 window.addEventListener("popstate", ({state}) => {
   if (model === null) return
   if (state === null) {  // another fragment
-    window.history.replaceState({opening, position: here}, "")
+    window.history.replaceState({opening, position: here, older}, "")
   } else if (goal !== null) {
     arrive()
   } else if (state.opening !== opening || state.position < model.shown.oldest) {
@@ -72,7 +74,13 @@ window.addEventListener("popstate", ({state}) => {
 
 window.addEventListener("click", (event) => {
   // Chosen with the mouse, a tab or a part leaves the arrows to the fixes; a click by a key has no detail.
-  if (event.detail) event.composedPath().find((one) => one.matches?.(CHOICES))?.blur()
+  const path = event.composedPath()
+  if (event.detail) path.find((one) => one.matches?.(CHOICES))?.blur()
+  const link = path.find((one) => one.dataset?.page)
+  if (link && model !== null) {
+    event.preventDefault()
+    ask(link.dataset.page, 0)
+  }
 })
 
 window.addEventListener("keydown", (event) => {
@@ -83,7 +91,7 @@ window.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) {
     if (key !== "z" || event.repeat) return
     event.preventDefault()
-    ask(event.shiftKey ? "redo" : "undo", 0)
+    ;(event.shiftKey ? redo : undo)()
   } else if (key in STEPS && !event.defaultPrevented && !at.closest?.(ARROWS)) {
     event.preventDefault()
     ask("step", STEPS[key])
@@ -99,11 +107,16 @@ window.addEventListener("keydown", (event) => {
   }
 })
 
-function made(what, path) {
+// What came before this opening of the page is undone by the browser, which opens its address.
+const leads_back = () => model.shown.position === 0 && !model.shown.undone && older
+const undo = () => leads_back() ? window.history.back() : ask("undo", 0)
+const redo = () => ask("redo", 0)
+
+function made(act, path) {
   const button = document.createElement("button")
   button.type = "button"
   button.innerHTML = `<svg viewBox="0 0 24 24" aria-hidden="true"><path d="${path}"/></svg>`
-  button.addEventListener("click", () => ask(what, 0))
+  button.addEventListener("click", act)
   return button
 }
 
@@ -115,15 +128,15 @@ function name(button, word, change, keys) {
 
 export function render(props) {
   model = props.model
-  const undo = made("undo", UNDO)
-  const redo = made("redo", REDO)
+  const before = made(undo, UNDO)
+  const after = made(redo, REDO)
   const row = document.createElement("div")
-  row.append(undo, redo)
+  row.append(before, after)
 
   const show = () => {
     const {pushed, undone, redone, count} = model.shown
-    name(undo, "Undo", undone, "Ctrl+Z")
-    name(redo, "Redo", redone, "Ctrl+Shift+Z")
+    name(before, "Undo", leads_back() ? "the last change before the reload" : undone, "Ctrl+Z")
+    name(after, "Redo", redone, "Ctrl+Shift+Z")
     if (count === seen) return
     seen = count
     waiting.push(...pushed)

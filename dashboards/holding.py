@@ -8,13 +8,12 @@ from urllib.parse import parse_qsl
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.mission_titles import mission_titles
+from dashboards.history import seen_label, seen_value
 from dashboards.query import query
 from dashboards.session import MOST_HELD, Held, Session
 from dashboards.style import TOOLTIP
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
-from lab.missions import missions
 from lab.views.quantities import HELD as COLOURS
 from lab.views.quantities import LETTERS
 
@@ -66,6 +65,7 @@ class Holding:
         self._renamed = -1
         self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")
         session.param.watch(lambda _event: self._list(), "held")
+        session.param.watch(lambda _event: self._name_again(), "shows_sigmas")
 
     def hold(self) -> None:
         """Hold the shown result."""
@@ -80,7 +80,17 @@ class Holding:
         elif len(held) == MOST_HELD:
             self._session.problem = f"{MOST_HELD} results are held. Remove one of them first."
         else:
-            self._session.held = (*held, Held(name_of(result.experiment), result))
+            self._session.held = (*held, Held(name_of(result.experiment, self._session.shows_sigmas), result))
+
+    def _name_again(self) -> None:
+        """Name the held results that no person has named, once the fields show σ, or variances."""
+        sigmas = self._session.shows_sigmas
+        self._session.held = tuple(
+            one._replace(name=name_of(one.result.experiment, sigmas))
+            if not is_renamed(one.result.experiment, one.name)
+            else one
+            for one in self._session.held
+        )
 
     def _list(self) -> None:
         """Show the held results; the one that is being renamed has a field for its name."""
@@ -121,7 +131,8 @@ class Holding:
         held = list(self._session.held)
         self._renamed = -1
         if slot < len(held):
-            called = name.strip()[:LONGEST_NAME] or name_of(held[slot].result.experiment)
+            own = name_of(held[slot].result.experiment, self._session.shows_sigmas)
+            called = name.strip()[:LONGEST_NAME] or own
             held[slot] = held[slot]._replace(name=called)
         self._session.held = tuple(held)
         self._list()
@@ -141,20 +152,28 @@ class Holding:
         self._session.held = tuple(one for one in self._session.held if one is not held)
 
 
-def name_of(experiment: Experiment) -> str:
-    """Return what differs from the defaults in some settings, in a few words.
+def name_of(experiment: Experiment, sigmas: bool = False) -> str:
+    """Return what differs from the defaults in some settings, in a few words, as their fields show it.
 
     >>> name_of(Experiment().update({"navigator": {"q_scale": 0.1}}))
     'Q scale 0.1'
+    >>> name_of(Experiment().update({"sensors.gps.position_variance": 0.49}), sigmas=True)
+    'Position σ 0.7'
     """
     changed = parse_qsl(query(experiment))
-    words = [_words(experiment, path, value) for path, value in changed[:NAMED]]
+    words = [_words(path, value, sigmas) for path, value in changed[:NAMED]]
     more = [f"{len(changed) - NAMED} more"] if len(changed) > NAMED else []
     return ", ".join(words + more) or AS_DELIVERED
 
 
-def _words(experiment: Experiment, path: str, value: str) -> str:
+def _words(path: str, text: str, sigmas: bool) -> str:
+    value = seen_value(path, text, sigmas)
     if path == "mission":
-        return {name: title for title, name in mission_titles(missions()).items()}.get(value, value)
-    label = experiment.declaration(path).label if "." in path else path.capitalize()
+        return value
+    label = seen_label(path, sigmas)
     return f"{label} {value}" if len(value) <= LONGEST else f"{label} changed"
+
+
+def is_renamed(experiment: Experiment, name: str) -> bool:
+    """Return whether a person gave a held result its name."""
+    return name not in (name_of(experiment), name_of(experiment, sigmas=True))

@@ -76,8 +76,8 @@ def notes_of_query(query: str, mission: str) -> tuple[tuple[Note, ...], list[str
         note = _read(text, mission)
         if note is None:
             problems.append(
-                f"note = {text[:40]!r}: not accepted; accepted is a time or a stretch of time in seconds "
-                f"with a text of up to {LONGEST} characters, such as 60-75:Look here"
+                f"The link has note={text[:40]}, which was ignored; accepted is a time or a stretch of time "
+                f"in seconds with a text of up to {LONGEST} characters, such as 60-75:Look here."
             )
         elif len(found) == MOST or len(query_of_notes([*found, note], mission)) > ROOM:
             problems.append(f"The link has too many notes; the first {len(found)} are shown.")
@@ -113,6 +113,7 @@ class Notes:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._given: tuple[Note, ...] = ()
 
     @property
     def here(self) -> tuple[Note, ...]:
@@ -143,6 +144,19 @@ class Notes:
         others = tuple(one for one in self._session.notes if one.mission != mission)
         self._session.notes = (*others, *found)
         return problems
+
+    def take_given(self, given: tuple[Note, ...]) -> None:
+        """Have the notes of a teacher beside one's own, as far as there is room, in place of those before."""
+        found = [one for one in self._session.notes if one not in self._given]
+        own = len(found)
+        for note in given:
+            there = [one for one in (*found, note) if one.mission == note.mission]
+            room = len(there) <= MOST and len(query_of_notes(there, note.mission)) <= ROOM
+            if room and note not in found:
+                found.append(note)
+        self._given = tuple(found[own:])
+        if tuple(found) != self._session.notes:
+            self._session.notes = tuple(found)
 
     def _take(self, notes: tuple[Note, ...], called: str) -> None:
         """Have other notes, as one change."""

@@ -5,9 +5,9 @@ All messages of the page use this component. Panel's own boxes interpret texts a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Sequence
 from html import escape
-from types import MappingProxyType
 
 import panel as pn
 import panel_material_ui as pmui
@@ -27,8 +27,8 @@ class Notice:
         Whether a person can close it.
     margin
         Margins, vertical and horizontal [px].
-    steps
-        What one can do next: the labels of buttons below the text, and what they do.
+    links
+        Titles of pages, which are links in the text: `history_bar.js` asks for the page.
 
     Attributes
     ----------
@@ -42,12 +42,16 @@ class Notice:
         self,
         closeable: bool = False,
         margin: tuple[int, int] = (6, 4),
-        steps: Mapping[str, Callable[[], None]] = MappingProxyType({}),
+        links: Sequence[str] = (),
     ) -> None:
         self.text = ""
-        self._steps = dict(steps)
+        self._links = re.compile(rf"\b({'|'.join(links)})\b") if links else None
         self._words = pn.pane.HTML(
-            "", margin=0, sizing_mode="stretch_width", styles={"white-space": "pre-line"}
+            "",
+            margin=0,
+            sizing_mode="stretch_width",
+            styles={"white-space": "pre-line"},
+            stylesheets=["a { color: inherit; }"],
         )
         self.view = pmui.Alert(
             self._words,
@@ -63,17 +67,11 @@ class Notice:
         self.text = _bounded(text)
         listed = "".join(f"<li>{escape(_bounded(point))}</li>" for point in points[:MOST_POINTS])
         style = ' style="margin:4px 0 0;padding-left:18px"'
-        self._words.object = escape(self.text) + (f"<ul{style}>{listed}</ul>" if listed else "")
-        if text and self._steps:
-            self.view.append(pn.Row(*map(self._button, self._steps), margin=(6, 0, 0, 0)))
-            self._steps = {}
+        words = escape(self.text)
+        if self._links is not None:
+            words = self._links.sub(r'<a href="#\1" data-page="\1">\1</a>', words)
+        self._words.object = words + (f"<ul{style}>{listed}</ul>" if listed else "")
         self.view.param.update(severity=severity, closed=False, visible=bool(text))
-
-    def _button(self, label: str) -> pmui.Button:
-        button = pmui.Button(label=label, size="small", variant="outlined", margin=(0, 8, 0, 0))
-        step = self._steps[label]
-        button.on_click(lambda _event: step())
-        return button
 
 
 def _bounded(text: str) -> str:

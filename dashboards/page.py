@@ -31,7 +31,7 @@ from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.progress import ProgressText
-from dashboards.query import View, query, with_settings_of
+from dashboards.query import VARIANCE, View, query, with_settings_of
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -67,6 +67,9 @@ HALF_STEP = 1e-3
 PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
 """The pages in the tabs, and those beside them."""
 
+LINKED = (Innovations.title, Consistency.title)
+"""Pages that show a log without reference: links in the sentence on a page that has nothing to show."""
+
 _BY_TITLE = {page.title: page for page in PAGES}
 
 
@@ -94,10 +97,7 @@ class SimulatorPage:
         self._closed = False
         self._visible: Page | None = None
         self._progress = ProgressText(self.session)
-        steps = {
-            f"Open {title}": partial(self._open, title) for title in (Innovations.title, Consistency.title)
-        }
-        self._reason = Notice(margin=(16, 20), steps=steps)
+        self._reason = Notice(margin=(16, 20), links=LINKED)
         self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
@@ -138,6 +138,7 @@ class SimulatorPage:
                 "close": lambda _number: (self._sheet if self._sheet.is_open else self._dock).close(),
                 "play": lambda _number: self._time_bar.toggle(),
                 "step": self._step_to_fix,
+                **{title: partial(self._open_linked, title) for title in LINKED},
             },
         )
         self._main.append(self._shortcuts.list)
@@ -169,6 +170,7 @@ class SimulatorPage:
         self._steps += [self._show, self._add_settings, self._add_files]
         view = self._address.view
         self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
+        self.session.shows_sigmas = view.noise != VARIANCE
         if view.tab in (Missions.title, Lessons.title):
             self._waiting_beside = view.tab
         else:
@@ -225,12 +227,14 @@ class SimulatorPage:
         tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
         is_open = [one.kind.title for one in (self._sheet, self._dock) if one.is_open]
         beside = is_open[0] if is_open else self._waiting_beside
-        return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside)
+        noise = "" if self.session.shows_sigmas else VARIANCE
+        return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside, noise)
 
     def _show_of_class(self, moment: Moment) -> None:
         """Show what another page of the class shows."""
         with self._address.of_a_class():
             self._show_moment(moment)
+            self._address.notes.take_given(moment.notes)
 
     def _restore(self, state: State, experiment: Experiment) -> None:
         """Show a state of the history with its settings; time, visible stretch and number of runs stay."""
@@ -555,6 +559,10 @@ class SimulatorPage:
             return
         self._sheet.close()
         self._tabs.open(kind)
+
+    def _open_linked(self, title: str, _number: int) -> None:
+        """Open a page by a link in a sentence."""
+        self._open(title)
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""

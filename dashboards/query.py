@@ -34,6 +34,9 @@ THEME = "theme"
 BESIDE = ("Missions", "Lessons")
 """Titles of the pages that open beside the tabs."""
 
+VARIANCE = "variance"
+"""What an address says of a page whose fields show variances, and not σ."""
+
 _NUMBER = r"\d{1,9}(?:\.\d{1,9})?"
 _SPAN = re.compile(rf"({_NUMBER})-({_NUMBER})", re.ASCII)
 _TIME = re.compile(_NUMBER, re.ASCII)
@@ -54,6 +57,8 @@ class View(NamedTuple):
         Number of runs that are judged together.
     beside : str
         Title of the page that is open beside the tabs; empty without one.
+    noise : str
+        `VARIANCE` if the fields of variances show them; empty if they show σ.
     """
 
     tab: str = ""
@@ -61,6 +66,7 @@ class View(NamedTuple):
     zoom: tuple[float, float] | None = None
     runs: int = 1
     beside: str = ""
+    noise: str = ""
 
 
 def homework_of_query(query: str) -> tuple[str, str]:
@@ -124,6 +130,7 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
         "zoom": (_span_of, "two times in seconds, such as 60-75"),
         "runs": ({str(runs): runs for runs in RUNS}.get, f"one of {', '.join(map(str, RUNS))}"),
         "beside": (lambda text: text if text in BESIDE else None, " or ".join(BESIDE)),
+        "noise": (lambda text: text if text == VARIANCE else None, VARIANCE),
     }
     found, problems = dict[str, Any](), list[str]()
     for name, (read, accepted) in readers.items():
@@ -131,7 +138,8 @@ def view_of_query(query: str, tabs: Collection[str]) -> tuple[View, list[str]]:
             continue
         value = read(fields[name])
         if value is None:
-            problems.append(f"{name} = {fields[name][:40]!r}: not accepted; accepted is {accepted}")
+            ignored = f"The link has {name}={fields[name][:40]}, which was ignored"
+            problems.append(f"{ignored}; accepted is {accepted}.")
         else:
             found[name] = value
     return View(**found), problems
@@ -156,6 +164,7 @@ def query_of_view(view: View) -> str:
         "zoom": f"{_seconds(start)}-{_seconds(end)}" if view.zoom else "",
         "runs": str(view.runs) if view.runs != 1 else "",
         "beside": view.beside,
+        "noise": view.noise,
     }
     return urlencode({name: text for name, text in parts.items() if text})
 

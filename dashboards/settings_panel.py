@@ -353,6 +353,7 @@ class SettingsPanel:
             variant="text",
             color="default",
             margin=(4, 0),
+            sx={"& button, &": {"border": 0, "padding": "2px 6px", "textTransform": "none"}},
         )
 
         def unfold(event: param.parameterized.Event) -> None:

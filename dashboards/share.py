@@ -35,8 +35,8 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.json_form import changed_settings
 from lab.experiment.result import Result
 
-NO_REPETITION = "Some settings of this run are hidden, so nothing but its lesson or homework repeats it."
-HIDES = "What this run hides, and its seed, are in none of these."
+NO_REPETITION = "Some settings of this run are hidden: only its lesson or homework repeats it."
+HIDES = "None of these contains what the run hides, or its seed."
 LACKS = "The held results do not fit into a link of 8 kB. The settings file has them."
 NO_RESULT = "There is no result yet."
 
@@ -160,6 +160,8 @@ class Share:
             self.view.give(self._name(experiment, "toml"), content.encode())
         elif what == "seen":
             self._begin("csv", partial(seen_csv, *self._seen()))
+        elif what == "report":
+            self._begin(FILES[what].ending, partial(report_file, notes=self._session.notes))
         elif what in FILES:
             self._begin(FILES[what].ending, FILES[what].write)
 

@@ -124,17 +124,3 @@ legend { display: none !important; }
 
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
 """The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""
-
-THEME_OF_THE_SYSTEM = """
-const {theme} = Object.fromEntries(new URLSearchParams(window.location.search));
-const frame = Bokeh.documents[0].roots().find((root) => root.data?.dark_theme !== undefined);
-if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: dark)").matches) {
-  frame.data.dark_theme = true;
-}
-"""
-"""Begins with the dark theme where the reader's system has one, unless the address names a theme."""
-
-ROOM_FOR_PLOTS = """
-if (frame && window.innerWidth < 1100) frame.data.sidebar_open = false;
-"""
-"""Begins without the settings where they would take the room of the plots; `frame` is that of before."""

@@ -54,6 +54,12 @@ _DRESS: dict[bool | None, dict[str, str]] = {
 }
 """Colours of a consistent filter, one with findings, and no verdict; the text says it as well."""
 _STRUCK = {"opacity": "0.75", "textDecoration": "line-through"}
+_OLD = """
+:host([data-old]) button { background-color: transparent !important; color: #ffffff !important;
+                           border-color: rgba(255, 255, 255, 0.45) !important; opacity: 0.75;
+                           text-decoration: line-through; }
+"""
+"""The same while a setting is on its way to the server: see `STALE` in `browser_scripts`."""
 _WORDS = """
 :host { font: 14px/1.5 Roboto, sans-serif; color: var(--mui-palette-text-primary); }
 h2 { font-size: 16px; font-weight: 500; margin: 0 0 4px; }
@@ -103,6 +109,7 @@ class VerdictChip:
             disable_elevation=True,
             margin=(10, 8),
             css_classes=["verdict-chip"],
+            stylesheets=[_OLD],
         )
         self._dress(struck=False)
         self._chip.on_click(lambda _event: self._open())
@@ -254,7 +261,7 @@ class VerdictChip:
 def named(verdict: Verdict) -> str:
     """Return the text of a chip: the first finding in a few words, and the number of the others.
 
-    >>> named(Verdict("Consistent: errors are as large as the filter says.", (), "one run"))
+    >>> named(Verdict("Consistent: the errors match the filter's own σ.", (), "one run"))
     '● Consistent'
     """
     if verdict.consistent is None:

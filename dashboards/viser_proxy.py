@@ -119,10 +119,18 @@ def web_application(document: Document) -> Application:
     raise RuntimeError("the 3-D view needs a page that is open in a browser")
 
 
+CLEAR = b"""<style>
+.mantine-Notifications-root { display: none !important; }
+@media (max-width: 600px) { .mantine-Paper-root:has(.mantine-ScrollArea-root) { display: none !important; } }
+</style>"""
+"""Keeps remarks on the browser off the scene, and viser's own panel, which covers all of it on a phone."""
+
+
 @cache
 def client_page() -> tuple[bytes, str]:
     """Return viser's client, which is a single file, and its entity tag."""
     page = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
+    page = page.replace(b"</head>", CLEAR + b"</head>", 1)
     return page, f'"{hashlib.sha256(page).hexdigest()[:24]}"'
 
 

@@ -28,6 +28,8 @@ Change = Callable[[Any], object]
 
 FOLLOWS = "follows the sensor"
 """Stands in the field of a setting of the filter that is not given."""
+SETTING = "setting"
+"""Tag of what sends the value of a setting."""
 LOGARITHMIC_FROM = 100
 """A slider is logarithmic if the ratio of its ends is at least this."""
 
@@ -175,6 +177,7 @@ class NumberField(Field):
             styles=_over(22),
             sx=_BOX,
             stylesheets=[HIDDEN_LABEL],
+            tags=[SETTING],
         )
         self._box.param.watch(self._typed, "value")
         self._axis_sliders: list[Slider] = []
@@ -217,6 +220,7 @@ class NumberField(Field):
             sizing_mode="stretch_width",
             margin=0 if doc else (0, 0, 0, 12),
             sx=_LABEL | _AT_ONCE,
+            tags=[SETTING],
             start=self._scale.start,
             end=self._scale.end,
             step=self._scale.step,
@@ -313,6 +317,7 @@ class ChoiceField(Field):
             "options": options,
             "size": "small",
             "sizing_mode": "stretch_width",
+            "tags": [SETTING],
         }
         self._widget = pmui.Select(**common, variant="outlined", margin=(8, 0), description=declaration.doc)
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
@@ -347,6 +352,7 @@ class SwitchField(Field):
             size="small",
             margin=(8, 0),
             sizing_mode="stretch_width",
+            tags=[SETTING],
         )
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
         self.show(declaration.default)
@@ -378,6 +384,7 @@ class TextField(Field):
             margin=(8, 0),
             sizing_mode="stretch_width",
             description=declaration.doc,
+            tags=[SETTING],
         )
         self._widget.param.watch(self._typed, "value")
         self._lock: pmui.IconButton | None = None

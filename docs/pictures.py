@@ -70,7 +70,7 @@ PICTURES = {
     "errors": Picture(
         MONTREAL + "&sensors.gps.outages=[[90,110]]&tab=Errors", "Position error, east [m]", "Consistent"
     ),
-    "verdict": Picture(MONTREAL + "&navigator.q_scale=0.1&tab=Verdict", "NEES", "too small"),
+    "verdict": Picture(MONTREAL + "&navigator.q_scale=0.1&tab=Verdict", "NEES", "Tried:"),
     "budget": Picture(MONTREAL + "&tab=Budget", "Share of the variance of heading [%]", "At the end"),
     "compare": Picture(MONTREAL + "&tab=Compare&hold=navigator.q_scale%3D0.1", "", "relative to"),
     "missions": Picture(MONTREAL + "&beside=Missions", "", "Over the Pacific"),

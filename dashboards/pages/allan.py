@@ -93,11 +93,11 @@ class Allan(ComputedPage):
                 f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "
                 f"'set' are what the filter assumes about the sensors. {poor}"
             ).rstrip()
-        hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
+        gyro, accelerometer = (f"{content.durations[triad] / 3600:.3g} h" for triad in TITLES)
+        times = f"{gyro} (gyros) and {accelerometer} (accelerometers)" if gyro != accelerometer else gyro
         name = card_in_force(sensors) or "Own settings, no card"
         return (
-            f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
-            f"{hours['accelerometer']}. {escape(sensors.card_remark())} {poor}"
+            f"{escape(name)}: simulated at rest for {times}. {escape(sensors.card_remark())} {poor}"
         ).rstrip()
 
 

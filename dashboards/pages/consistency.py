@@ -269,14 +269,18 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
     """
     findings = "".join(
         f"<p>{f'{escape(as_seen(finding.sentence))} ' if number else ''}{_advice(finding, tried=tried)} "
-        f'<span class="quiet">({escape(finding.evidence)})</span></p>'
+        f'<span class="quiet">Evidence: {escape(finding.evidence)}.</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
     findings += "".join(
         f"<p>{escape(as_seen(one.sentence))} {_bold(one.counsel)}</p>" for one in verdict.suggestions
     )
-    same = verdict.basis == by_innovations.basis  # as for a sensor log
-    alone = "" if same else f" Without the truth, by the innovations alone: {by_innovations.headline}"
+    alone = ""
+    if verdict.basis != by_innovations.basis:  # they are the same for a sensor log
+        said = f"say: {as_seen(by_innovations.headline)}"
+        if by_innovations.consistent:
+            said = "would not show this." if verdict.findings else "say so too."
+        alone = f" Without knowing the truth, the innovations alone {said}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
         f"<h2>{escape(as_seen(verdict.headline))}</h2>{findings}"
@@ -328,9 +332,9 @@ def whiteness_html(table: pd.DataFrame) -> str:
         )
         rows.append(_row(str(row["innovation"]), cells))
     note = (
-        "A matched filter is within each limit in 95 % of the cases; values outside are marked. Q is the "
-        "Ljung-Box statistic, p the probability of a larger Q if the innovations are white. The page "
-        "Innovations shows the autocorrelation."
+        "A matched filter is within each limit in 95 % of the cases; values outside are marked. The p-value "
+        "is the probability of a larger Ljung-Box value if the innovations are white. The page Innovations "
+        "shows the autocorrelation."
     )
     return _table(heads, rows, note)
 

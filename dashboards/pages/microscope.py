@@ -125,7 +125,7 @@ class Microscope(ComputedPage):
         times, now = result.fixes.time, self.axis.time
         said, since = sentence(content, times.size), now - content.attrs["time"]
         if self._at(result, now) == 0 and since < 0:
-            said = f"Before its first fix, the filter has updated nothing; this is that fix. {said}"
+            said = f"The filter has not updated yet; this is its first fix. {said}"
         elif times.size > 1 and since > LATE * float(np.median(np.diff(times))):
             said += f" No fix came in the {since:.3g} s since: the filter only predicts, and updates nothing."
         return said + _others_at(result, content.attrs["time"])

@@ -105,6 +105,7 @@ class Overview(ComputedPage):
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session
         super().__init__(axis)
+        session.param.watch(lambda _event: self._paint_again(), "shows_sigmas")
 
     @classmethod
     def of(cls, axis: TimeAxis, session: Session) -> Self:
@@ -215,7 +216,11 @@ class Overview(ComputedPage):
         numbers = [(one.page, one.value, one.label, one.step) for one in content.numbers]
         keyed = [(f"{number} {page}", *rest) for number, (page, *rest) in enumerate(numbers)]
         self._head.fill(content.sentences, self._actions(), keyed)
-        return settings_html(result.experiment)
+        return settings_html(result.experiment, self._session.shows_sigmas)
+
+    def _paint_again(self) -> None:
+        if self._content is not None:
+            self._paint(*self._content)
 
     def release(self) -> None:
         """Refer to no result any more; what is drawn stays."""
@@ -291,11 +296,11 @@ def _plots_of(result: Result) -> tuple[TimePlot, ...]:
     return BY_INNOVATIONS if result.missing_reason("errors") else OVERVIEW
 
 
-def settings_html(experiment: Experiment) -> str:
-    """Return which settings differ from the defaults, from what to what."""
+def settings_html(experiment: Experiment, sigmas: bool) -> str:
+    """Return which settings differ from the defaults, from what to what, as their fields show it."""
     changed = [one for one in parse_qsl(query(experiment)) if one[0] != "mission"]
     if not changed:
         return "All settings have their defaults."
-    named = [change_in_words("", urlencode([one])) for one in changed[:MOST_SETTINGS]]
+    named = [change_in_words("", urlencode([one]), sigmas) for one in changed[:MOST_SETTINGS]]
     more = [f"{len(changed) - MOST_SETTINGS} more"] if len(changed) > MOST_SETTINGS else []
     return f"<b>Settings that differ:</b> {escape('; '.join([*named, *more]))}"

@@ -36,9 +36,9 @@ th[aria-sort=descending] .sort::after { content: " ↓"; }
 """
 _TRIADS = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 _WORDS = (
-    "<h3>Cards</h3><p>A press on a name loads the sensor, and the filter that suits it. Numbers in italics "
-    "are not in the datasheet: they are typical of the grade. The states are those of the filter that is "
-    "loaded.</p>"
+    "<h3>Cards</h3><p>Press a name to load the sensor with the filter that suits it. Numbers in italics are "
+    "typical of the grade, because the datasheet lacks them. The last column is the number of states of that "
+    "filter.</p>"
 )
 
 
@@ -168,6 +168,7 @@ def _short(value: Any) -> Any:
 
 
 _TERMS = """
+p { margin: 4px 0; font: 14px/1.45 Roboto, sans-serif; }
 h3 { font: 500 17px/1.3 Roboto, sans-serif; margin: 6px 0 8px; } .quiet { opacity: .68; font-style: italic; }
 td.words { white-space: normal; font-size: 12.5px; }
 """

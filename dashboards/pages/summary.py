@@ -28,50 +28,33 @@ ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; paddin
 
 
 def summary_html(result: Result) -> str:
-    """Return the summary of a result as an HTML table; for a log, with repairs and assumptions."""
-    if result.recorded:
-        return log_html(result)
-    table = result.summary
-    statistics = [name for name in table.columns if name not in {"quantity", "unit"}]
-    head = "".join(f"<th>{escape(name)}</th>" for name in statistics)
-    rows = [_row(number, row, statistics) for number, row in enumerate(table.to_dict("records"))]
-    mission = escape(result.mission.title or result.mission.name)
-    return (
-        f"<p>{mission}, {result.time[-1]:.0f} s, seed {result.experiment.seed}; error = estimate − truth</p>"
-        f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
-    )
+    """Return the summary of a result as an HTML table.
 
-
-def log_html(result: Result) -> str:
-    """Return the summary of a sensor log as HTML.
-
-    Errors against the reference, or the innovations if there is none, with repairs and assumptions.
+    A sensor log has its repairs and assumptions below it, and without a reference its innovations.
     """
-    mission = escape(result.mission.title or result.mission.name)
+    known = not result.missing_reason("summary")
+    table = result.summary if known else result.whiteness
+    names = [name for name in table.columns if name not in {"quantity", "unit", "innovation"}]
+    rows = [_row(number, row, names) for number, row in enumerate(table.to_dict("records"))]
+    unit = '<th class="unit">unit</th>' if known else ""
+    head = unit + "".join(f"<th>{escape(name)}</th>" for name in names)
+    what = f"{result.time[-1]:.0f} s, seed {result.experiment.seed}"
+    if result.recorded:
+        what = f"sensor log, {result.time[0]:.0f} to {result.time[-1]:.0f} s"
+    words = f"error = estimate − {result.truth_word}" if known else "innovations in their σ (navigator − fix)"
     remarks = "".join(f"<li>{escape(as_seen(remark))}</li>" for remark in result.remarks)
-    if result.missing_reason("summary"):
-        table, words = result.whiteness, "innovations in their σ (navigator − fix)"
-        names = [name for name in table.columns if name != "innovation"]
-        rows = [
-            f"<tr><td>{escape(str(row['innovation']))}</td>"
-            f"{''.join(f'<td>{row[name]:.3g}</td>' for name in names)}</tr>"
-            for row in table.to_dict("records")
-        ]
-        head = "".join(f"<th>{escape(name)}</th>" for name in names)
-    else:
-        table, words = result.summary, "error = estimate − reference"
-        names = [name for name in table.columns if name not in {"quantity", "unit"}]
-        rows = [_row(number, row, names) for number, row in enumerate(table.to_dict("records"))]
-        head = '<th class="unit">unit</th>' + "".join(f"<th>{escape(name)}</th>" for name in names)
-    span = f"{result.time[0]:.0f} to {result.time[-1]:.0f} s"
+    below = f"<ul>{remarks}</ul>" if result.recorded else ""
     return (
-        f"<p>{mission}, sensor log, {span}; {words}</p>"
-        f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table><ul>{remarks}</ul>"
+        f"<p>{escape(result.mission.title or result.mission.name)}, {what}; {words}</p>"
+        f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table>{below}"
     )
 
 
-def _row(number: int, row: dict[Hashable, Any], statistics: list[str]) -> str:
+def _row(number: int, row: dict[Hashable, Any], names: list[str]) -> str:
+    if "innovation" in row:
+        cells = "".join(f"<td>{row[name]:.3g}</td>" for name in names)
+        return f"<tr><td>{escape(row['innovation'])}</td>{cells}</tr>"
     group = ' class="group"' if number and number % 3 == 0 else ""
-    name, unit = escape(row["quantity"]), escape(row["unit"])
-    cells = "".join(f"<td>{row[statistic]:.3f}</td>" for statistic in statistics)
-    return f'<tr{group}><td>{name} error</td><td class="unit">{unit}</td>{cells}</tr>'
+    cells = "".join(f"<td>{row[name]:.3f}</td>" for name in names)
+    unit = f'<td class="unit">{escape(row["unit"])}</td>'
+    return f"<tr{group}><td>{escape(row['quantity'])} error</td>{unit}{cells}</tr>"

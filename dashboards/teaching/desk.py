@@ -8,8 +8,10 @@ from weakref import ref
 
 from bokeh.document import Document
 
+from dashboards.notes import Note
 from dashboards.session import Session
 from dashboards.teaching.moment import Moment, Place
+from lab.experiment.experiment import Experiment
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Desk:
 
     def own(self) -> Moment:
         """Return what the page shows, with the settings of its fields."""
-        return Moment(self.session.experiment.copy(), self.page(), self.time(), self.place())
+        own = self.session.experiment.copy()
+        return Moment(own, self.page(), self.time(), self.place(), notes=self._notes(own))
 
     def settled(self, before: Moment | None) -> Moment | None:
         """Return what the page shows, with the settings of its result; a moment from before if it has none.
@@ -66,9 +69,13 @@ class Desk:
             return before
         if place is None and result.experiment.hidden:  # the fault of a lesson that is closed just now
             return before
+        notes = self._notes(result.experiment)
         if before is not None and before.result is result:
-            return before._replace(page=self.page(), time=self.time(), place=place)
-        return Moment(result.experiment, self.page(), self.time(), place, ref(result))
+            return before._replace(page=self.page(), time=self.time(), place=place, notes=notes)
+        return Moment(result.experiment, self.page(), self.time(), place, ref(result), notes)
+
+    def _notes(self, experiment: Experiment) -> tuple[Note, ...]:
+        return tuple(one for one in self.session.notes if one.mission == experiment.mission)
 
     def is_present(self) -> bool:
         """Return whether a browser is connected to the page, or the page is about to open."""

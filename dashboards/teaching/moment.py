@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 from weakref import ref
 
+from dashboards.notes import Note
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 
@@ -27,6 +28,8 @@ class Moment(NamedTuple):
         The open lesson and the number of its step, from 0; None without one.
     computed : weakref.ref or None
         The result of the settings, as long as some page shows it: another page need not compute it again.
+    notes : tuple of Note
+        The notes on its flight.
     """
 
     experiment: Experiment
@@ -34,6 +37,7 @@ class Moment(NamedTuple):
     time: float
     place: Place | None = None
     computed: ref[Result] | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     def result(self) -> Result | None:

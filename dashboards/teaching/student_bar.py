@@ -99,7 +99,7 @@ class StudentBar:
             size="1.3em",
             margin=(2, 4),
             align="center",
-            description="Give the teacher your name. You need not.",
+            description="Give the teacher your name (optional).",
             stylesheets=[TOOLTIP],
         )
         self._name = pmui.TextInput(
@@ -263,7 +263,8 @@ class StudentBar:
         else:
             text = KEPT if self._own is not None else FOLLOWING
             if self._told is not None:
-                changed = change_in_words(urlencode(self._told.before), urlencode(self._told.after))
+                told, sigmas = self._told, self._desk.session.shows_sigmas
+                changed = change_in_words(urlencode(told.before), urlencode(told.after), sigmas)
                 text = f"{text} Changed: {changed}"
         with together(self._desk.document):
             if self._words.object != escape(text):

@@ -12,6 +12,23 @@
     return found.value ?? found.get;
   };
 
+  // A page begins with the theme of the reader's system unless its address names one, and without the settings where
+  // they would take the room of the plots. Once it is made, another theme takes seconds, and letters are dark on dark.
+  const connection = Bokeh.require("client/connection");
+  const {pull_session} = connection;
+  connection.pull_session = async (...session) => {
+    const pulled = await pull_session(...session);
+    const frame = pulled.document.roots().find((root) => root.data?.dark_theme !== undefined)?.data;
+    const {theme} = Object.fromEntries(new URLSearchParams(window.location.search));
+    if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: dark)").matches) {
+      for (const {data} of pulled.document.all_models) {  // each component has its own
+        if (data?.attributes?.dark_theme === false) { data.setv({dark_theme: true}, {sync: data === frame}); }
+      }
+    }
+    if (frame && window.innerWidth < 1100) { frame.sidebar_open = false; }
+    return pulled;
+  };
+
   // Bokeh asks the browser for a variable --bk-… for each colour, width and font of each part of a plot, at every
   // repaint. No style sheet of the laboratory sets one.
   original(VisualProperties, "_get_css_value");

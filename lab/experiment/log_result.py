@@ -15,7 +15,7 @@ NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
 NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
 """Data that are unknown for any log: a reference has neither the biases nor its own errors."""
 
-_KNOWN = "the innovations and the verdict on them show whether the filter is right."
+_KNOWN = "See Innovations or the Verdict."
 _SPOKEN = {
     "consistency": "NEES",
     "coverage": "the coverage of the errors",
@@ -74,10 +74,10 @@ class LogResult(Result):
         if name in NEEDS_SIMULATION:
             return (
                 "The true flight and the true biases of a sensor log are unknown, and "
-                f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
+                f"{_SPOKEN.get(name, name)} needs them. {_KNOWN}"
             )
         if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return "This log has no reference, so its errors are unknown. See Innovations or the Verdict."
+            return f"This log has no reference, so its errors are unknown. {_KNOWN}"
         return ""
 
     @property

@@ -67,10 +67,10 @@ class AllanFigures:
         Gyros, accelerometers.
     """
 
-    def __init__(self, dashed: str = "as set") -> None:
+    def __init__(self, dashed: str = "the settings") -> None:
         self._curves = {
             triad: PairedCurves(
-                f"{TITLES[triad]}, dashed: {dashed}",
+                f"{TITLES[triad]} (dashed: {dashed})",
                 "Allan deviation",
                 "averaging time τ [s]",
                 ("τ", "s"),

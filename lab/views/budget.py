@@ -64,7 +64,7 @@ TOTAL, BELIEVED, FREE = BLUE, ORANGE, FIXES
 
 
 class BudgetFigures:
-    """Stacked shares of the variance over time; and σ of errors, of the filter, and without fixes.
+    """Stacked shares of the variance over time; and σ of errors, of the filter, and without GPS.
 
     Parameters
     ----------
@@ -183,17 +183,17 @@ class BudgetFigures:
                 *("time", name), source=self._curves, color=colour, line_width=1.6, line_dash=dash, name=label
             )
             for label, name, colour, dash in (
-                ("of the errors", "total", TOTAL, "solid"),
-                ("according to the filter", "believed", BELIEVED, "dashed"),
-                ("without fixes", "free", FREE, "dotted"),
+                ("true σ", "total", TOTAL, "solid"),
+                ("the filter's σ", "believed", BELIEVED, "dashed"),
+                ("without GPS", "free", FREE, "dotted"),
             )
         }
         if axis.hover:
             rows = [("time", "@time{0.0} s")]
             rows += [(label, f"@{glyph.glyph.y}{{0.0000}}") for label, glyph in glyphs.items()]
-            fig.add_tools(HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows))
+            fig.add_tools(HoverTool(mode="vline", renderers=[glyphs["true σ"]], tooltips=rows))
         items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
         legend = Legend(items=items, click_policy="hide", margin=2, styles=SMALL)
-        legend.orientation = "vertical" if axis.touch else "horizontal"
+        legend.orientation = "horizontal"
         fig.add_layout(legend, "above")
         return fig

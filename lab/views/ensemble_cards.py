@@ -126,7 +126,7 @@ def verdict_html(verdict: Verdict) -> str:
 
 
 def _advice(finding: Finding) -> str:
-    return f'{_bold(finding.counsel)} <span style="opacity:.75">({escape(finding.evidence)})</span>'
+    return f'{_bold(finding.counsel)} <span style="opacity:.75">Evidence: {escape(finding.evidence)}.</span>'
 
 
 def _bold(counsel: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from bokeh.core.enums import PlaceType
 from bokeh.events import LegendItemClick
 from bokeh.models.annotations import Legend, LegendItem
 from bokeh.models.callbacks import CustomJS
@@ -21,8 +22,10 @@ for (const [item, glyphs] of entries)
 """Hides or shows the curves of a legend entry."""
 
 
-def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:
-    """Put a legend right of the title; a click hides a curve. Return its entries by label."""
+def add_legend(
+    fig: figure, glyphs: dict[str, GlyphRenderer[Any]], place: PlaceType = "center"
+) -> dict[str, LegendItem]:
+    """Put a legend over the plot, or beside it; a click hides a curve. Return its entries by label."""
     items = {label: LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()}
     legend = Legend(
         items=list(items.values()),
@@ -32,7 +35,7 @@ def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, 
         margin=2,
         styles=SMALL,
     )
-    fig.add_layout(legend)
+    fig.add_layout(legend, place)
     return items
 
 

@@ -138,7 +138,7 @@ def sentence(update: xr.Dataset, count: int) -> str:
     if about["outcome"] == "recovered":
         return f"{head}: so implausible that the filter raised P, and then used the fix. {nis}."
     held = (
-        " The fix shows heading and vertical gyro bias at most by chance: both kept their estimates."
+        " This fix says nothing about heading and vertical gyro bias, so both kept their estimates."
         if about["heading_held"]
         else ""
     )
@@ -213,7 +213,7 @@ def observed(update: xr.Dataset) -> list[str]:
             joint = " now," if part * NOT_OBSERVED > 1 else " of"
             text = f"σ {number(now[at])} {units[at]}{joint} {number(start[at])} {units[at]} at the start"
         else:
-            text = f"σ along it is {100 * part:.0f} % of that at the start"
+            text = f"σ along it is {100 * part:.0f} % of its value at the start"
         found.append(f"{' with '.join(said(names[at]) for at in parts)}: {text}")
     more = len(found) - MOST
     return found[:MOST] + ([f"and {more} more"] if more > 0 else [])
@@ -225,9 +225,9 @@ def update_html(update: xr.Dataset) -> str:
     lines = "".join(f"<dt>{escape(left)}</dt><dd>{escape(right)}</dd>" for left, right in equations(update))
     items = "".join(f"<li>{escape(one)}</li>" for one in observed(update))
     words = (
-        f"<p>Not observed so far, σ is about that at the start or larger:</p><ul>{items}</ul>"
+        f"<p>Not observed yet; σ is hardly smaller than at the start:</p><ul>{items}</ul>"
         if items
-        else "<p>Every direction has been observed: σ is below nine tenths of that at the start.</p>"
+        else "<p>All directions are observed: σ is below 90 % of its value at the start.</p>"
     )
     return (
         f"<section><h3>The update</h3><dl>{lines}</dl></section>"

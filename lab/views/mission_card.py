@@ -112,11 +112,12 @@ def _facts(recording: Recording) -> dict[str, str]:
     step = np.median(np.diff(recording.time))
     path = np.sum(np.diff(recording.time) * (speed[1:] + speed[:-1]) / 2)
     roll = np.degrees(recording.euler[:, 0])
+    heights = f"{recording.height.min():.0f} to {recording.height.max():.0f}"
     start = np.degrees([recording.latitude[0], recording.longitude[0]])
     return {
         "Duration": f"{recording.duration:.2f} s, {len(recording.time)} samples every {1000 * step:.3g} ms",
         "Start": f"{start[0]:.5f}° latitude, {start[1]:.5f}° longitude",
-        "Height": f"{recording.height.min():.0f} to {recording.height.max():.0f} m above the ellipsoid",
+        "Height": f"{heights} m above the ellipsoid".replace("-", "\u2212"),
         "Speed": f"up to {speed.max():.1f} m/s over the Earth",
         "Path": f"{path / 1000:.2f} km",
         "Roll": f"{roll.min():.0f}° to {roll.max():.0f}°",

@@ -200,7 +200,7 @@ def checks_in_words(found: CrossChecks) -> str:
     """Return in sentences how far withheld fixes and the smoothed solution are from the filter."""
     said = []
     for name, words in (
-        ("withheld", "Withheld for 10 s, fixes are predicted to {} (rms)"),
+        ("withheld", "Fixes withheld for 10 s are predicted within {} (rms)"),
         ("apart", "Filter and smoother differ by {} (rms)"),
     ):
         size, sigma = getattr(found, name), getattr(found, f"{name}_sigma")

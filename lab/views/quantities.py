@@ -388,8 +388,8 @@ def _average(name: str, variable: str, colour: str, clock: Clock = "time") -> Ti
 
 
 CONSISTENCY: tuple[TimePlot, ...] = (
-    _chi_square("NEES: errors of all states, normalised", "nees", BLUE, "consistency"),
-    _chi_square("NIS: innovations, normalised", "nis", GREEN, "innovations"),
+    _chi_square("NEES: normalised errors", "nees", BLUE, "consistency"),
+    _chi_square("NIS: normalised innovations", "nis", GREEN, "innovations"),
     _normalised("position"),
     _normalised("velocity"),
 )

@@ -56,7 +56,7 @@ pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 11px; line-heig
 """
 
 
-def report_html(result: Result) -> str:
+def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) -> str:
     """Return a run as one HTML file.
 
     The advice of its verdict is tried, which takes some runs.
@@ -65,9 +65,11 @@ def report_html(result: Result) -> str:
     ----------
     result
         The run. Of a homework, nothing that is hidden is in the report.
+    notes
+        Notes on the flight: start and end [s], and a text, which is never taken as markup.
     """
     mission = result.mission.title or result.mission.name
-    groups = dict(_plots(result))
+    groups = dict(_plots(result, [(start, end) for start, end, _ in notes]))
     figures = [one for group in groups.values() for one in group]
     scripts, places = components(figures)
     drawn = iter(places)
@@ -87,7 +89,7 @@ def report_html(result: Result) -> str:
         f'<h1>{escape(mission)}</h1><p class="quiet">{escape(facts)}.{algorithm} {escape(_versions())}</p>'
         f"{verdict_html(result.tried_verdict)}{f'<ul>{remarks}</ul>' if remarks else ''}"
         f"<h2>Settings that differ</h2>{settings_html(result.experiment, changed_only=True)}"
-        f'{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
+        f'{_notes(notes)}{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
         f"{_repetition(result)}{scripts}</body></html>"
     )
 
@@ -107,12 +109,22 @@ def _bokeh() -> str:
     return "".join(f"<script>{js}</script>" for js in Resources(mode="inline", components=["bokeh"]).js_raw)
 
 
-def _plots(result: Result) -> Iterator[tuple[str, list[figure]]]:
+def _notes(notes: Sequence[tuple[float, float, str]]) -> str:
+    """Return the list of the notes; empty without any."""
+    rows = "".join(
+        f"<li>{f'{start:.1f} s' if start == end else f'{start:.1f} to {end:.1f} s'}: {escape(text)}</li>"
+        for start, end, text in notes
+    )
+    return f'<h2>Notes on the flight</h2><ul id="notes">{rows}</ul>' if rows else ""
+
+
+def _plots(result: Result, shaded: Sequence[tuple[float, float]]) -> Iterator[tuple[str, list[figure]]]:
     """Iterate over the titles of the groups of plots, and their figures."""
     axis = TimeAxis(name="report")
     axis.span(float(result.time[-1]))
     outages = result.experiment.sensors.gps.outages
     axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
+    axis.show_notes(shaded)
     if not result.missing_reason("errors"):
         yield "Errors, with ±3σ of the filter", _drawn(ERRORS, axis, result)
     yield "Innovations, with ±3σ of the filter", _drawn(INNOVATIONS, axis, result)

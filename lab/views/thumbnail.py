@@ -68,7 +68,7 @@ def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str
     y = _TRACK / 2 - scale * (north - (north.max() + north.min()) / 2)
     low, high = float(position[:, 2].min()), float(position[:, 2].max())
     ends = dict.fromkeys((f"{low:.0f}", f"{high:.0f}"))
-    heights = f"{' to '.join(ends)} m"
+    heights = f"{' to '.join(ends)} m".replace("-", "\u2212")
     across = _length(max(span_east, span_north))
     words = f"Ground track, north up, {across} across; height {heights}"
     return (

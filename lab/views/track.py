@@ -60,7 +60,7 @@ class TrackFigure:
             height=420,
             match_aspect=True,
             x_range=DataRange1d(range_padding=0.1),
-            y_range=DataRange1d(range_padding=0.1),
+            y_range=DataRange1d(range_padding=0.2),
             tools=[PanTool(), zoom := WheelZoomTool(), ResetTool(), SaveTool()],
         )
         fig = self.figure
@@ -68,7 +68,7 @@ class TrackFigure:
         fig.toolbar.update(active_scroll=zoom, logo=None)
         fig.xaxis.ticker = BasicTicker(desired_num_ticks=4)
         fig.axis.formatter = CustomJSTickFormatter(
-            code="return tick.toLocaleString('en').replaceAll(',', '\\u2009')"
+            code="return tick.toLocaleString('en').replaceAll(',', '\\u2009').replace('-', '\\u2212')"
         )
         place: dict[str, Any] = {"x": "east", "y": "north"}
         estimated = fig.add_glyph(self._estimated, Line(**place, line_color=ESTIMATE, line_width=2.2))
@@ -89,7 +89,7 @@ class TrackFigure:
         )
         tooltips = [("time", "@time{0.0} s"), ("east", "@east{0.0} m"), ("north", "@north{0.0} m")]
         fig.add_tools(HoverTool(renderers=[estimated, fixes], tooltips=tooltips))
-        legend = add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes})
+        legend = add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes}, "below")
         self._truth_entry = legend["truth"]
 
     def show(self, result: Result, time: float, held: Sequence[Result] = ()) -> None:

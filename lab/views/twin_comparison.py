@@ -38,7 +38,7 @@ class SpectrumFigures:
     def __init__(self, dashed: str) -> None:
         self._curves = {
             triad: PairedCurves(
-                f"{TITLES[triad]}, dashed: {dashed}", "spectrum", "frequency [Hz]", ("f", "Hz"), unit
+                f"{TITLES[triad]} (dashed: {dashed})", "spectrum", "frequency [Hz]", ("f", "Hz"), unit
             )
             for triad, unit in DENSITIES.items()
         }

@@ -30,7 +30,7 @@ def test_each_kind_is_judged_by_its_own_innovations(kind: int) -> None:
 def test_what_was_not_measured_is_not_judged() -> None:
     assert judge_aids(Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES)))) == []
     (found,) = judge_aids(Squares(4.0 * np.eye(len(NAMES))[HEIGHT] * 100, 100 * np.eye(len(NAMES))[HEIGHT]))
-    assert "the height are 2 × as large" in found.finding.sentence
+    assert "the height are 2 times as large" in found.finding.sentence
     assert "sensors.barometer.noise" in found.finding.advice
 
 

@@ -95,7 +95,7 @@ def test_innovations_state_r_as_precisely_as_they_know_it(
         inside += low <= true <= high
         # A half-width of 1.96 σ: one of them beyond 4 σ is no chance.
         assert abs(np.log(finding.factor / true)) < 4 / 1.96 * np.log(high / low) / 2
-        assert f"about {written(finding.factor)} × too" in finding.sentence
+        assert f"about {written(finding.factor)} times too" in finding.sentence
     # Of eight, chance leaves out four or more of 95 % intervals one time in 2,700.
     assert inside >= len(findings) - 3
     other = results[-1].repeated(advised(results[-1], findings[0].changes))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -75,7 +77,12 @@ def test_small_innovations_of_a_receiver_that_filters_are_no_r_too_large(filtere
     experiment.set("navigator.r", [1.0] * 3 + [0.2] * 3)
     (finding,) = experiment.run().innovation_verdict.findings
     assert finding.quantity == ("GPS correlation" if filtered else "R position")
-    assert finding.advice.startswith("Do not lower R.") == filtered
+    assert finding.advice.startswith("Do not lower R:") == filtered
+    if filtered:
+        numbers = {int(one) for one in re.findall(r"(?:in|by|about) (\d+)", finding.advice)}
+        (number,) = numbers
+        experiment.set("sensors.gps.period", 0.2 * number)
+        assert experiment.run().evidence.nees.mean.mean() < 1.5
 
 
 def test_where_causes_cannot_be_compared_the_receiver_is_not_accused():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import ERRORS, IDLE, wait_for
+from tests.browser.conftest import ERRORS, IDLE, eventually, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -68,3 +68,41 @@ def test_what_a_person_enters_is_sent(shared_page: Page) -> None:
         box.press("Enter")
         expect(page.get_by_text("Seed must be a whole number")).to_be_visible()
         expect(box).to_have_value("7")
+
+
+NO_ANSWER = """
+() => {
+  const page = Bokeh.documents[0], late = [];
+  page.apply_json_patch = (...patch) => { late.push(patch); };
+  window.answer = () => {
+    delete page.apply_json_patch;
+    late.forEach((patch) => page.apply_json_patch(...patch));
+  };
+}
+"""
+"""Keeps all that the server says back until `answer` is called."""
+GREY = "rgba(0, 0, 0, 0)"
+COLOUR = "(button) => getComputedStyle(button).backgroundColor"
+
+
+@pytest.mark.parametrize(("typed", "is_accepted"), [("0.1", True), ("-1", False), ("1.0", False)])
+def test_no_verdict_is_green_while_the_server_has_not_answered(
+    shared_page: Page, typed: str, is_accepted: bool
+) -> None:
+    """Neither on a change, nor on a value that the server refuses, or has already."""
+    page = shared_page
+    chip = page.locator(".verdict-chip button")
+    expect(chip).to_have_text("● Consistent")
+    eventually(page, lambda: chip.evaluate(COLOUR) != GREY)  # the one of a test before may be struck out
+    green = chip.evaluate(COLOUR)
+    page.evaluate(NO_ANSWER)
+    box = page.get_by_role("textbox", name="Q scale").first
+    box.fill(typed)
+    box.press("Enter")
+    page.evaluate("() => new Promise(requestAnimationFrame)")
+    assert chip.evaluate(COLOUR) == GREY
+    assert "line-through" in chip.evaluate("(button) => getComputedStyle(button).textDecoration")
+    page.evaluate("answer()")
+    expect(chip).to_have_text("● Q 9.9 × too small" if is_accepted else "● Consistent")
+    eventually(page, lambda: (chip.evaluate(COLOUR) == green) != is_accepted)
+    assert "line-through" not in chip.evaluate("(button) => getComputedStyle(button).textDecoration")

@@ -86,3 +86,33 @@ def test_back_forward_undo_redo_and_a_reload_change_page_and_address(open_page: 
     page.go_back()
     shows(page, "0.05")
     wait_for(page, IDLE)
+
+
+def test_undo_and_forward_lead_past_a_reload(open_page: Callable[..., Page]) -> None:
+    """The server has forgotten what was before; the browser has its addresses."""
+    page = open_page(BEGUN)
+    box, undo = page.get_by_role("textbox", name=NOISE), page.get_by_role("button", name="Undo")
+    for noise in ("0.2", "0.3"):
+        box.fill(noise)
+        box.press("Enter")
+        shows(page, noise)
+    page.reload()
+    expect(undo).to_have_attribute("title", "Undo: the last change before the reload (Ctrl+Z)")
+    undo.click()
+    shows(page, "0.2")
+    wait_for(page, IDLE)
+    page.go_forward()
+    shows(page, "0.3")
+    wait_for(page, IDLE)
+    page.go_back()
+    shows(page, "0.2")
+    wait_for(page, IDLE)
+    box.fill("0.4")
+    box.press("Enter")
+    shows(page, "0.4")
+    for noise in ("0.2", "0.05"):
+        page.get_by_role("slider", name="Time").focus()
+        page.keyboard.press("Control+z")
+        shows(page, noise)
+        wait_for(page, IDLE)
+    expect(undo).to_be_disabled()

@@ -57,7 +57,7 @@ def test_a_dropped_log_has_its_verdict_after_three_clicks(
     page.locator("input[type=file][multiple]").set_input_files(capture_of("ublox", tmp_path / "drive.ubx"))
     click_all(page.get_by_role("button").filter(has_text="Navigate its sensors"))
     shown(page, "Overview")
-    expect(page.get_by_role("combobox", name="Mission")).to_contain_text("drive.ubx")
+    expect(page.get_by_role("combobox", name="Mission")).to_have_text("Log of drive.ubx")
     expect(page.get_by_role("button", name=re.compile("^[●○] (?!Judging|No verdict)"))).to_be_visible()
     for log in set(own_missions.iterdir()) - before:  # as it was, for other tests
         if log.is_dir():

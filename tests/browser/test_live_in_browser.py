@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import FloatRect, Locator, Page, ViewportSize, expect
 
-from tests.browser.conftest import IDLE, show, wait_for
+from tests.browser.conftest import IDLE, eventually, show, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 """Size of the window [px]: a stream is drawn all the time, without a graphics card."""
@@ -84,6 +84,12 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
         assert roll["x"] >= 0
         assert roll["x"] + roll["width"] <= size["width"]
         assert box(page.locator(".angle b").first)["height"] >= LEGIBLE
+    # The strip stays in sight.
+    page.mouse.move(size["width"] / 2, size["height"] - 50)
+    page.mouse.wheel(0, 1000)
+    eventually(page, lambda: box(page.get_by_role("button", name="Disconnect"))["y"] < 0)
+    assert box(page.get_by_text("streaming", exact=True))["y"] > 0
+    page.mouse.wheel(0, -1000)
     page.get_by_role("button", name="Details").click()
     expect(page.get_by_text("Recognised as VectorNav from")).to_be_visible()
     page.get_by_role("button", name="Disconnect").click()

@@ -41,7 +41,7 @@ def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
     )
     page.get_by_text("Recorded data:").wait_for()
     expect(page.get_by_text("Temperature", exact=True).first).to_be_hidden()
-    page.get_by_role("button", name="Open Innovations").click()
+    page.get_by_role("link", name="Innovations").click()
     shown(page, "Innovations")
     source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
     wait_for(page, f"{source}?.data.time?.length > 20")

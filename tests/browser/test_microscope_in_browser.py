@@ -13,10 +13,10 @@ pytestmark = pytest.mark.browser
 def test_arrow_keys_show_the_numbers_of_each_fix(shared_page: Page) -> None:
     page = shared_page
     show(page, "Microscope")
-    expect(page.get_by_text("Before its first fix")).to_be_visible()
+    expect(page.get_by_text("The filter has not updated yet")).to_be_visible()
     numbers = page.locator("dl dd").first
     page.keyboard.press("ArrowRight")  # the mouse has chosen the page, and leaves the arrows to the fixes
-    expect(page.get_by_text("Before its first fix")).to_be_hidden()
+    expect(page.get_by_text("The filter has not updated yet")).to_be_hidden()
     expect(page.get_by_text("Fix 1 of")).to_be_visible()
     first = numbers.inner_text()
     page.keyboard.press("ArrowRight")

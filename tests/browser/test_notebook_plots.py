@@ -58,7 +58,7 @@ ROOM = """
 """Returns the width of a figure's title, and of the room above the curves [px]."""
 
 
-@pytest.mark.parametrize("dashed", ["as set", "simulated"])
+@pytest.mark.parametrize("dashed", ["the settings", "simulated"])
 def test_the_titles_of_allan_figures_fit_a_phone(chromium: Browser, dashed: str) -> None:
     page = new_context(chromium).new_page()
     page.set_viewport_size({"width": 380, "height": 400})

@@ -290,14 +290,27 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_
     expect(tab).to_have_css("color", ink)
 
 
+INKS = """
+window.inks = [];
+const all = (root) => [...(root?.querySelectorAll("*") ?? [])].flatMap((el) => [el, ...all(el.shadowRoot)]);
+const found = (root) => all(root).filter((one) => one.matches("[role=combobox]"));
+setInterval(() => inks.push(...found(document).map(
+  (one) => Math.min(...getComputedStyle(one).color.match(/\\d+/g).slice(0, 3).map(Number)))), 50);
+"""
+"""Keeps the brightness of the letters in lists of the page, ever since it was asked for."""
+
+
 def test_the_page_begins_with_the_theme_of_the_address_or_of_the_system(
     chromium: Browser, address: str, complaints: list[str]
 ) -> None:
     page = watched(chromium, address, complaints)
     brightness = "Math.max(...getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number))"
     page.emulate_media(color_scheme="dark")
+    page.add_init_script(INKS)
     page.goto(address)
     wait_for(page, f"{brightness} < 60")
+    wait_for(page, f"{IDLE} && inks.length > 3")
+    assert min(page.evaluate("inks")) > 150, "letters were dark on dark ground as the page opened"
     page.goto(address + "?theme=default&seed=3")
     wait_for(page, IDLE)
     wait_for(page, f"{brightness} > 200")

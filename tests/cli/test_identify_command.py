@@ -38,7 +38,7 @@ def test_the_table_says_what_is_not_observable(drive):
     answer = ask("identify", str(drive))
     assert answer.exit_code == 0, answer.stderr
     assert "95 % interval" in answer.stdout
-    assert "not observable in this run" in answer.stdout
+    assert "not observable in this flight" in answer.stdout
     assert "Fixes withheld for 10 s" in answer.stdout
 
 

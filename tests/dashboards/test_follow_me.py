@@ -188,6 +188,33 @@ def test_what_the_teacher_changed_is_named_and_flashes(room: Room) -> None:
     assert words(student) == FOLLOWING, "nothing has changed meanwhile"
 
 
+def test_notes_of_the_teacher_stand_beside_those_of_a_student(room: Room) -> None:
+    student = room.student()
+    session = student.page.session
+    with set_curdoc(student._document):
+        student.page._address.notes.write(1.0, 2.0, "mine")
+    mine = session.notes
+    settle(student)
+    assert bar(student).follows, "a note of one's own is no way of one's own"
+    notes = room.teacher.page._address.notes
+    room.teacher.page.session.experiment = Experiment().update(FLIGHT)
+    with set_curdoc(room.teacher._document):
+        notes.write(30.0, 50.0, "<img src=x onerror=alert(1)>")
+        notes.write(60.0, 60.0, "here")
+    room.look()
+    settle(student)
+    assert [one.text for one in session.notes] == ["mine", "<img src=x onerror=alert(1)>", "here"]
+    with set_curdoc(room.teacher._document):
+        notes.change(0, "")
+    room.look()
+    settle(student)
+    assert [one.text for one in session.notes] == ["mine", "here"]
+    assert len(room.teacher.page.session.notes) == 1
+    with set_curdoc(student._document):
+        bar(student).back()
+    assert session.notes[:1] == mine
+
+
 def test_of_several_steps_in_a_row_the_last_is_shown(room: Room) -> None:
     student = room.student()
     shown: list[float] = []

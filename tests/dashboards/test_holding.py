@@ -12,8 +12,8 @@ from panel.io.state import set_curdoc
 from walking import TITLES, Walk, walking
 
 from dashboards.holding import AS_DELIVERED, LONGEST_NAME, name_of
-from dashboards.query import View, view_of_query
-from dashboards.session import MOST_HELD
+from dashboards.query import View, query_of_view, view_of_query
+from dashboards.session import MOST_HELD, Held
 from lab.classroom.lessons.lesson_file import read_lesson
 from lab.experiment.experiment import Experiment
 
@@ -56,8 +56,31 @@ def test_a_result_is_named_by_what_differs() -> None:
     assert set(name_of(made).split(", ")) == {"Q scale 0.1", "Seed 7"}
     made.set("navigator.r_scale", 2.0)
     assert name_of(made).endswith(", 1 more")
+    other = Experiment().update({"sensors.gps.position_variance": 0.49})
+    assert (name_of(other), name_of(other, sigmas=True)) == ("Position variance 0.49", "Position σ 0.7")
     hidden = Experiment(mission="<b>")
     assert name_of(hidden) == "<b>"
+
+
+def test_lists_of_settings_name_variances_as_their_fields_do(walk: Walk) -> None:
+    """The switch between σ and σ² renames what is held, unless a person has named it."""
+    session = walk.page.session
+    walk.open("Overview")
+    other = Experiment().update({"sensors.gps.position_variance": 0.49, "trajectory.imu_rate": 50.0})
+    assert walk.run(other).problem == ""
+    hold(walk)
+    with set_curdoc(walk._document):
+        session.held = (*session.held, Held("my own", session.result))
+    words = walk.shown.words
+    assert "Position σ 0.707107 → 0.7" in words.object
+    assert [one.name for one in session.held] == ["IMU rate 50, Position σ 0.7", "my own"]
+    assert "variance" not in walk.page._address.search
+    with set_curdoc(walk._document):
+        session.shows_sigmas = False
+        walk.settle()
+        assert "Position variance 0.5 → 0.49" in words.object
+        assert [one.name for one in session.held] == ["IMU rate 50, Position variance 0.49", "my own"]
+        assert view_of_query(query_of_view(walk.page._shown_view()), ())[0].noise == "variance"
 
 
 def test_a_held_result_stays_in_the_plots_and_is_compared(walk: Walk) -> None:

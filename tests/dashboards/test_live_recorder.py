@@ -290,7 +290,7 @@ def test_a_recording_in_work_is_offered_to_nobody(
             assert not offer._offer.visible
             for clicks, answer in (
                 ((offer._discard,), "a mission is made of it"),
-                ((offer._finish,), "another page"),
+                ((offer._finish,), "Another page"),
             ):
                 offer._choice.options, offer._choice.value = {"late": path}, path  # as it was offered before
                 for click in clicks:

@@ -57,7 +57,7 @@ def test_arrows_show_the_update_of_each_fix(walk: Walk) -> None:
     begin(walk, flight())
     result = walk.page.session.result
     assert result is not None
-    assert "Before its first fix" in walk.text()
+    assert "The filter has not updated yet" in walk.text()
     for fix in (0, 1, 2):
         step(walk, 1)
         assert f"Fix {fix + 1} of {result.fixes.time.size}" in walk.text()

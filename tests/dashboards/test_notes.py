@@ -126,7 +126,7 @@ def test_wrong_notes_of_a_link_are_named_and_ignored() -> None:
     for wrong in ("", "5", "5:", "9-3:a", "-1-3:a", "nan-3:a", "1e9-3:a", "1-2-3:a", f"1-2:{'x' * 201}"):
         found, (problem,) = notes_of_query(f"note={wrong}&note=1-2:kept", "m")
         assert found == (Note(1, 2, "kept", "m"),)
-        assert problem.startswith(f"note = {wrong[:40]!r}: not accepted; accepted is")
+        assert problem.startswith(f"The link has note={wrong[:40]}, which was ignored; accepted is")
     found, problems = notes_of_query("&".join(f"note={number}:a" for number in range(150)), "m")
     assert len(found) == MOST
     assert len(problems) == 1

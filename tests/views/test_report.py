@@ -38,6 +38,17 @@ def settings_of(html: str) -> Experiment:
     return Experiment().update(parse_toml(unescape(found[1])))
 
 
+def test_notes_on_the_flight_stand_in_the_report_as_text(changed: Result) -> None:
+    html = report_html(changed, [(40.0, 60.0, "<script>alert(1)</script> & so on"), (70.5, 70.5, "look")])
+    found = re.search(r'<ul id="notes">(.*?)</ul>', html)
+    assert found is not None
+    assert found[1] == (
+        "<li>40.0 to 60.0 s: &lt;script&gt;alert(1)&lt;/script&gt; &amp; so on</li><li>70.5 s: look</li>"
+    )
+    assert "<script>alert" not in html
+    assert "Notes on the flight" not in report_html(changed)
+
+
 def test_the_settings_in_a_report_repeat_its_run_bit_for_bit(changed: Result, html: str) -> None:
     again = settings_of(html).run()
     for name in ("q_nb", "velocity_n", "innovation", "fix_covariance"):

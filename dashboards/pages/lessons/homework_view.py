@@ -130,7 +130,7 @@ class HomeworkView:
                 options=list(fault_titles()), margin=(0, 8), sizing_mode="stretch_width", sx=CHOICES
             )
             words = f"<h3>Which faults are hidden? {_points(homework.fault_points)}</h3>"
-            parts += [self._html(f"{words}<p>A wrong one takes back a right one.</p>"), self._faults]
+            parts += [self._html(f"{words}<p>A wrong answer cancels a right one.</p>"), self._faults]
         for number, question in enumerate(homework.questions, 1):
             words = f"<h3>Question {number} {_points(question.points)}</h3>{text_html(question.text)}"
             entry: Any = (

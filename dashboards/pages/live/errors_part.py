@@ -120,7 +120,7 @@ class ErrorsPart(PartOfWatched):
         parts = [f"{name} {value:.2f} σ" for name, value in rms.items() if np.isfinite(value)]
         sentence = (
             f"Errors are estimate minus truth. Their rms over the last {_RECENT:g} s, in σ: "
-            f"{', '.join(parts)}. Over many runs, a filter whose σ is true has 1."
+            f"{', '.join(parts)}. A filter whose σ is right has 1 on average over many runs."
         )
         if not self._of_position.visible:
             sentence += " Errors of position and velocity follow with the first position."

@@ -21,7 +21,7 @@ SAMPLES = 2**15
 """Last samples that are looked at: five minutes at 100 Hz."""
 POINTS = 1500
 """Most points that are drawn."""
-_TURN = "Turn the device in all directions: the points lie near a plane so far, which shows no sphere."
+_TURN = "Turn the device in all directions: so far, the points lie near a plane and show no sphere."
 
 
 class _Found(NamedTuple):

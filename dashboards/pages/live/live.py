@@ -126,6 +126,7 @@ class Live(PartOfWatched, Page):
         return pn.Column(
             self._readout.view,
             self._status.view,
+            self._status.details,
             self._fields.view,
             pn.Row(*self._buttons(), *self._recorder.widgets, self._choice, **row),
             self._job.view,
@@ -133,7 +134,7 @@ class Live(PartOfWatched, Page):
             self._recorder.view,
             self._stage,
             sizing_mode="stretch_width",
-            margin=(0, 8, 12, 8),
+            margin=(8, 8, 12, 8),
             stylesheets=[WHOLE],
         )
 

@@ -200,7 +200,7 @@ class Recorder(PartOfWatched):
         """Make a mission of an unfinished recording; raises `ValueError` for a name that is not accepted."""
         name = accepted_name(name)
         if not hold(path):
-            raise ValueError(f"{path.name} is in work on another page.")
+            raise ValueError(f"Another page works on {path.name}.")
         self._stopped.append(_Stopped(path, name, "Recorded, and finished later", None))
         self._job.start("Making a mission of the recording", self._make, self._made)
 

@@ -72,12 +72,12 @@ _OF_XPLANE = (
 )
 _OF_OTHERS = "The navigator assumes the sensors of the settings: choose the card of this sensor there."
 _OF_TEXT = (
-    " The columns of text lines are found out and shown; to correct them, write them as they are shown, and "
+    " The columns of text lines are detected and shown. To correct them, write them in the same form, and "
     "connect again."
 )
 _OF_WATCHED = (
-    "Another page has opened this source. Its protocol, its axes and what the navigator assumes are as that "
-    "page has set them."
+    "Another page opened this source. That page has set its protocol, its axes and what the navigator "
+    "assumes."
 )
 
 

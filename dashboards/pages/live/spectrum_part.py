@@ -44,7 +44,7 @@ class SpectrumPart(LookingPart):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self._session = session
-        self._figures = SpectrumFigures("as set")
+        self._figures = SpectrumFigures("the settings")
         words = pn.pane.HTML(_WORDS, margin=(4, 10), sizing_mode="stretch_width")
         grid = plot_grid(self._figures.figures, 2, least=300, fill=False)
         self.view = hideable(

@@ -45,6 +45,11 @@ _STRIP = """
 """
 """The strip is as wide as its words, so that the button stands behind them."""
 
+_STAYS = """
+:host { position: sticky !important; top: 0; z-index: 5; padding: 2px 0;
+        background: var(--mui-palette-background-paper, canvas); }
+"""
+
 
 class StatusLine:
     """Shows a status and a state.
@@ -52,9 +57,9 @@ class StatusLine:
     Attributes
     ----------
     view : panel.Column
-        All of it.
+        The strip with the hint, which stay in sight when the page is scrolled.
     strip, hint, details : panel.pane.HTML
-        The numbers that count; the one sentence that counts now; and all others, shown on request.
+        The numbers that count; the one sentence that counts now; and all others, shown on request below them.
     """
 
     def __init__(self) -> None:
@@ -70,9 +75,9 @@ class StatusLine:
         self.view = pn.Column(
             pn.Row(self.strip, self._fold, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
             self.hint,
-            self.details,
             margin=0,
             sizing_mode="stretch_width",
+            stylesheets=[_STAYS],
         )
         self.say(NO_SOURCE)
 

@@ -50,8 +50,7 @@ PREVIEW = """
 NAVIGATE, SIMULATE = "Navigate its sensors", "Simulate sensors on its path"
 """What a file can be added for."""
 LOG_ALONE = (
-    "The file has the samples of an IMU and fixes as a device sends them, and no flight of its own: it is "
-    "added as a sensor log."
+    "The file holds IMU samples and fixes of a device, and no flight path, so it is added as a sensor log."
 )
 """What is told of the bytes of a device that no reader of flights knows."""
 
@@ -133,7 +132,7 @@ class Draft:
         self._clear()
         self._paths = tuple(paths)
         self._columns.offer([path.name for path in paths])
-        self._naming.suggest(paths[0].name, f"Flight of {paths[0].name}")
+        self._naming.suggest(paths[0].name, self._title(as_log=False))
         self._prepare()
 
     def accept(self, raw: RawFlight, name: str, title: str) -> None:
@@ -194,7 +193,6 @@ class Draft:
             part.visible = read.flight is not None
         if read.flight is None:
             self._verdict.say("A sensor log", "info", [LOG_ALONE])
-            self._naming.suggest(self._paths[0].name, f"Log of {self._paths[0].name}")
         else:
             self._show_flight(read.flight)
         self._ask(read)
@@ -214,7 +212,8 @@ class Draft:
         """Ask what the file is, where it holds both; the last answer for its kind stands out."""
         log = read.log
         self._add_log.visible = log is not None
-        as_log = log is not None and self._as_log.get(self._kind, True)
+        as_log = log is not None and (read.flight is None or self._as_log.get(self._kind, True))
+        self._retitle(as_log)
         for button, stands_out in ((self._add_log, as_log), (self._add, not as_log)):
             button.variant = "contained" if stands_out else "outlined"
         is_open = read.flight is not None and log is not None
@@ -228,6 +227,14 @@ class Draft:
                 "simulated on its path."
             )
 
+    def _title(self, as_log: bool) -> str:
+        return f"{'Log' if as_log else 'Flight'} of {self._paths[0].name}" if self._paths else ""
+
+    def _retitle(self, as_log: bool) -> None:
+        """Suggest the title of a log, or of a flight, unless a person gave another one."""
+        if self._naming.title == self._title(not as_log):
+            self._naming.retitle(self._title(as_log))
+
     @property
     def _kind(self) -> str:
         return self._paths[0].suffix.lower() if self._paths else ""
@@ -236,6 +243,7 @@ class Draft:
         read = self._read
         if read is None or self._job.busy:
             return
+        self._retitle(as_log)
         try:
             name, title = self._naming.checked_name(), self._naming.title
         except MissionError as error:

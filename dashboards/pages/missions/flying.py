@@ -50,7 +50,7 @@ class Flying:
             margin=(6, 4),
             **sized(230),
         )
-        load = pmui.Button(label="Load", **_SMALL, margin=(10, 4))
+        load = pmui.Button(label="Use this plan", **_SMALL, margin=(10, 4))
         load.on_click(lambda _event: self._accept(self._load.value))
         save = pmui.FileDownload(
             callback=self._toml, filename="flight.toml", label="Save plan", **_SMALL, margin=(10, 4)

@@ -46,6 +46,10 @@ class Naming:
     def suggest(self, name: str, title: str) -> None:
         """Suggest another name and title."""
         fill(self._name, free_name(without_archive(name)))
+        self.retitle(title)
+
+    def retitle(self, title: str) -> None:
+        """Suggest another title."""
         fill(self._title, title)
 
     def checked_name(self) -> str:

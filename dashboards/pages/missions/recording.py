@@ -47,8 +47,8 @@ class RecordingPart:
         self._job = Job()
         self._draft = Draft(session)
         note = pn.pane.HTML(
-            "<p>X-Plane sends position and attitude on request. It needs one setting: it must accept "
-            "incoming connections (Settings, Network).</p>",
+            "<p>X-Plane sends position and attitude on request. Allow incoming connections in X-Plane "
+            "(Settings, Network).</p>",
             margin=(0, 6),
             sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from lab.analysis.verdicts.finding import WITHHELD, Advice, Change
 
+KEEP_R = "Do not lower R:"
+"""Beginning of the advice on fixes of a receiver that filters them."""
+
 ADVICE: dict[str, Advice] = {
     # of the slow error of a receiver: another R is no advice, because the R that gives a right σ makes the
     # innovations too small, which asks for less
@@ -15,8 +18,9 @@ ADVICE: dict[str, Advice] = {
         "sensors.gps.correlated_sigma and sensors.gps.correlation_time: the filter then estimates it."
     ),
     "use fewer fixes": Advice(
-        "Do not lower R. Use fewer fixes, further apart than their errors are correlated: a receiver that "
-        "filters its fixes repeats its errors in the next ones."
+        f"{KEEP_R} the errors of the fixes last for about {{number}} fixes, as those of a receiver that "
+        "filters its fixes do. Use one fix in {number}, or multiply the position variances of navigator.r by "
+        "{number}; small innovations are then right."
     ),
     # of Q and P0
     "scale a matrix": Advice(

@@ -340,7 +340,8 @@ def mean_square(squares: Squares, of_what: str, doubt: float | None = None) -> s
     """Return a mean square and its expected interval as text."""
     total, count = float(squares.total), float(squares.number)
     low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - _doubt(doubt)))
-    return f"mean square of the {of_what} {written(total / count, 3)}, expected {low:.2f} to {high:.2f}"
+    found = f"normalised mean square of the {of_what} {written(total / count, 3)}"
+    return f"{found}; a matched filter gives {low:.2f} to {high:.2f}"
 
 
 def _doubt(given: float | None) -> float:

@@ -30,7 +30,7 @@ UNEXPLAINED = (NEES, BETWEEN, NIS)
 
 _AS_MOTION = "The innovations depend on the motion as errors of the {sensor}s do: {explanation}."
 _CORRELATED = (
-    "The position innovations are {size} × as large as assumed and correlated in time: the errors of the "
+    "The position innovations are {size} times as large as assumed and correlated in time: the errors of the "
     "fixes are correlated, and the filter assumes that they are white."
 )
 _LINEAR_UP_TO = "The linear model {model} does not hold there, so its σ does not describe its errors"
@@ -41,61 +41,63 @@ FINDINGS: dict[str, Wording] = {
     # R and the receiver
     "R": Wording(
         "R",
-        "The innovations are {size} × as large as assumed: R of the position and the velocity is about "
-        "{factor} × {direction}.",
+        "The innovations are {size} times as large as assumed: R of the position and the velocity is about "
+        "{factor} times {direction}.",
         "Multiply navigator.r_scale by {multiply}.",
         (Change("navigator.r_scale", "{multiply}", True),),
     ),
     "R of a kind": Wording(
         "R {kind}",
-        "The {kind} innovations are {size} × as large as assumed: R {kind} is about {factor} × {direction}.",
+        "The {kind} innovations are {size} times as large as assumed: R {kind} is about {factor} times "
+        "{direction}.",
         "Multiply the {kind} variances of navigator.r by {multiply}.",
         (_R_KIND,),
     ),
     "R of one channel": Wording(
         "R {kind}",
-        "The {kind} innovations are {size} × as large as assumed: R {kind} is about {factor} × {direction}.",
+        "The {kind} innovations are {size} times as large as assumed: R {kind} is about {factor} times "
+        "{direction}.",
         "Multiply the {kind} variance of navigator.r by {multiply}.",
         (_R_KIND,),
     ),
     "R of a channel": Wording(
         "R {kind} {axis}",
-        "The {kind} errors {axis} of the fixes are {root} × as large as assumed, the others are right: "
-        "R {kind} {axis} is about {factor} × {direction}.",
+        "The {kind} errors {axis} of the fixes are {root} times as large as assumed, the others are right: "
+        "R {kind} {axis} is about {factor} times {direction}.",
         "Multiply the variance of the {kind} {axis} in navigator.r by {multiply}.",
         (_R_KIND,),
     ),
     "R in a stretch": Wording(
         "R {kind}",
-        "From {begin:.0f} s to {end:.0f} s the {kind} errors of the fixes are {root} × as large as assumed: "
-        "R {kind} is about {factor} × {direction}. Before and after, these errors are right.",
+        "From {begin:.0f} s to {end:.0f} s the {kind} errors of the fixes are {root} times as large as "
+        "assumed: R {kind} is about {factor} times {direction}. Before and after, these errors are right.",
         "Check the receiver in that time (satellites, multipath). A larger R of position and velocity, or "
         "navigator.robust, covers these errors.",
     ),
     "R in a stretch, by innovations": Wording(
         "R {kind}",
-        "From {begin:.0f} s to {end:.0f} s the {kind} innovations are {root} × as large as assumed. Before "
-        "and after, they are right.",
+        "From {begin:.0f} s to {end:.0f} s the {kind} innovations are {root} times as large as assumed. "
+        "Before and after, they are right.",
         "Check the receiver in that time (satellites, multipath), and outages before it.",
     ),
     "GPS or IMU in a stretch": Wording(
         EITHER,
-        "From {begin:.0f} s to {end:.0f} s the {kind} innovations are {root} × as large as assumed. Before "
-        "and after, they are right.",
+        "From {begin:.0f} s to {end:.0f} s the {kind} innovations are {root} times as large as assumed. "
+        "Before and after, they are right.",
         "Check the receiver in that time (satellites, multipath), and outages before it. Errors of the "
         "inertial sensors in manoeuvres may be the cause instead.",
     ),
     "R of a channel, by innovations": Wording(
         "R {kind} {axis}",
-        "The {kind} innovations {axis} are {root} × as large as assumed, the others are right: R {kind} "
-        "{axis} is about {factor} × {direction}.",
+        "The {kind} innovations {axis} are {root} times as large as assumed, the others are right: R {kind} "
+        "{axis} is about {factor} times {direction}.",
         "Multiply the variance of the {kind} {axis} in navigator.r by {multiply}.",
         (_R_KIND,),
     ),
     "GPS or IMU in a channel": Wording(
         EITHER,
-        "The {kind} innovations {axis} are {root} × as large as assumed, the others are right: R {kind} "
-        "{axis} is about {factor} × {direction}, or an error of the IMU shows in this direction.",
+        "The {kind} innovations {axis} are {root} times as large as assumed, the others are right: R {kind} "
+        "{axis} is about {factor} times {direction}, or an error of the IMU shows in this direction.",
         "Multiply the variance of the {kind} {axis} in navigator.r by {multiply}. Errors of the inertial "
         "sensors in manoeuvres may be the cause instead.",
         (_R_KIND,),
@@ -153,7 +155,7 @@ FINDINGS: dict[str, Wording] = {
     # other measurements
     "noise of a measurement": Wording(
         "R {aid}",
-        "The innovations of the {aid} are {root} × as large as the filter says: their assumed noise is "
+        "The innovations of the {aid} are {root} times as large as the filter says: their assumed noise is "
         "{direction}.",
     ),
     # inertial sensors, by their true errors
@@ -197,26 +199,26 @@ FINDINGS: dict[str, Wording] = {
     "Earth rate": Wording(
         EARTH_RATE,
         "The rate of the Earth is left out: the sensors seem to err by ω_ie in the axes of the body (gyros), "
-        "and by 2 ω_ie × v (accelerometers), {part:.2g} × as much.",
+        "and by 2 ω_ie × v (accelerometers), {part:.2g} times as much.",
         "Subtract C_bn ω_ie from the gyros, and 2 ω_ie × v from the acceleration.",
     ),
     "saturation": Wording(
         "{sensor} range",
-        "The {sensor}s saturated in {windows:.0f} windows of 1 s: their errors there are {root} × as large "
-        "as assumed.",
+        "The {sensor}s saturated in {windows:.0f} windows of 1 s: their errors there are {root} times as "
+        "large as assumed.",
         "Use {sensor}s with a larger range (sensors.{sensor}.range).",
     ),
     "more wander": Wording(
         "Q {sensor} bias",
-        "The biases of the {sensor}s wander more than assumed: their drive, and so Q, is about {factor} × "
-        "too small.",
+        "The biases of the {sensor}s wander more than assumed: their drive, and so Q, is about {factor} "
+        "times too small.",
         "Multiply the {sensor} bias drive in navigator.q by {multiply}.",
         (Change("navigator.q", "{multiply}", True),),
     ),
     "less wander": Wording(
         "Q {sensor} bias",
-        "The biases of the {sensor}s wander less than assumed: their drive, and so Q, is about {factor} × "
-        "too large.",
+        "The biases of the {sensor}s wander less than assumed: their drive, and so Q, is about {factor} "
+        "times too large.",
         "Multiply the {sensor} bias drive in navigator.q by {multiply}.",
         (Change("navigator.q", "{multiply}", True),),
     ),
@@ -241,14 +243,14 @@ FINDINGS: dict[str, Wording] = {
     # the start
     "P0": Wording(
         "P0",
-        "The error at the start is {root} × its assumed σ: P₀ is about {factor} × {direction}.",
+        "The error at the start is {root} times its assumed σ: P₀ is about {factor} times {direction}.",
         "Multiply navigator.p0_scale by {multiply}, or set the initial σ to the values that apply.",
         (Change("navigator.p0_scale", "{multiply}", True),),
     ),
     "P0 of a group": Wording(
         "P0 {group}",
-        "The error of the {group} at the start is {root} × its assumed σ: P₀ of the {group} is about "
-        "{factor} × {direction}.",
+        "The error of the {group} at the start is {root} times its assumed σ: P₀ of the {group} is about "
+        "{factor} times {direction}.",
         "Set {setting} to the values that apply, or change the rows of the {group} in navigator.p0.",
         (Change("navigator.p0", "{multiply}", True),),
     ),
@@ -280,32 +282,32 @@ FINDINGS: dict[str, Wording] = {
     ),
     "NIS": Wording(
         NIS,
-        "The innovations are {size} × as large as the filter says, and none of the tested causes explains "
-        "it.",
+        "The innovations are {size} times as large as the filter says, and none of the tested causes "
+        "explains it.",
         "Look for errors that the filter does not model.",
     ),
     "NIS, causes not compared": Wording(
         NIS,
-        "The innovations are {size} × as large as the filter says. Their causes are not compared: the filter "
-        "has further states, or measurements besides the fixes, or rounding spoils its covariance.",
+        "The innovations are {size} times as large as the filter says. Their causes are not compared: the "
+        "filter has further states, or measurements besides the fixes, or rounding spoils its covariance.",
         "Look for errors that the filter does not model.",
     ),
     # errors and innovations without a cause
     "unexplained": Wording(
         "{quantity}",
-        "The {values} are {size} × as large as the filter says. Neither R, Q, P₀ nor the timing or place of "
-        "the fixes is wrong by enough to explain it.",
+        "The {values} are {size} times as large as the filter says. Neither R, Q, P₀ nor the timing or place "
+        "of the fixes is wrong by enough to explain it.",
     ),
     "unexplained, fixes not judged": Wording(
         "{quantity}",
-        "The {values} are {size} × as large as the filter says. Neither Q nor P₀ is wrong by enough to "
+        "The {values} are {size} times as large as the filter says. Neither Q nor P₀ is wrong by enough to "
         "explain it.",
     ),
     "small innovations": Wording(
         "{quantity}",
-        "The {values} are {size} × as large as the filter says. R and the timing and place of the fixes are "
-        "not wrong by enough to explain it. A Q or P₀ that is too large hardly shows in innovations: one of "
-        "them may be.",
+        "The {values} are {size} times as large as the filter says. R and the timing and place of the fixes "
+        "are not wrong by enough to explain it. A Q or P₀ that is too large hardly shows in innovations: one "
+        "of them may be.",
         "Compare Q with the noise of the sensor at rest (Allan deviation), and P₀ with what is known of it.",
     ),
     # the model of the filter
@@ -337,20 +339,20 @@ FINDINGS: dict[str, Wording] = {
     "neglected products": Wording(
         LINEAR_MODEL,
         "The cause is beyond the linear model: products of attitude errors, which it neglects, act like "
-        "accelerometer biases of {size:.2g} × their σ. {effect}",
+        "accelerometer biases of {size:.2g} times their σ. {effect}",
         *ADVICE["hold large errors"],
     ),
     # a user's algorithm
     "covariance": Wording(
         "covariance",
-        "The errors are {root} × as large as the algorithm states: its covariance is about {factor} × "
-        "{direction}.",
+        "The errors are {root} times as large as the algorithm states: its covariance is about {factor} "
+        "times {direction}.",
         "Check what the algorithm assumes about the sensors and its start.",
     ),
     "innovation covariance": Wording(
         "innovation covariance",
-        "The innovations are {root} × as large as the algorithm states: their covariance is about {factor} × "
-        "{direction}.",
+        "The innovations are {root} times as large as the algorithm states: their covariance is about "
+        "{factor} times {direction}.",
         "Check what the algorithm assumes about the fixes.",
     ),
     "low gain of an algorithm": Wording(
@@ -365,8 +367,8 @@ FINDINGS: dict[str, Wording] = {
     ),
     "unexplained of an algorithm": Wording(
         "{quantity}",
-        "The {values} are {size} × as large as the algorithm states. This is less than half too much or too "
-        "little for the flight as a whole.",
+        "The {values} are {size} times as large as the algorithm states. This is less than half too much or "
+        "too little for the flight as a whole.",
         "Check what the algorithm assumes about the sensors, its start and the fixes.",
     ),
     # faults of a log
@@ -478,7 +480,7 @@ EXPLANATIONS: dict[str, str] = {
     "accelerometer bandwidth": "a limited bandwidth of the accelerometers",
 }
 """What findings call the errors that may explain the innovations, each with its article."""
-VARIANCE = "{variance} {factor} × {direction}"
+VARIANCE = "{variance} {factor} times {direction}"
 """The same of a wrong variance."""
 
 VALUES: dict[str, str] = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from lab.analysis.fix_causes import gains
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.advice_table import ADVICE
+from lab.analysis.verdicts.advice_table import ADVICE, KEEP_R
 from lab.analysis.verdicts.finding import Change, Finding, Verdict, rounded, written
 from lab.analysis.verdicts.finding_table import CORRELATION, SENSORS
 from lab.analysis.verdicts.innovation_evidence import Record, normalised, offered
@@ -180,7 +180,7 @@ def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:
     beside white ones.
     """
     states = _STATES.get(finding.quantity)
-    if states is None or finding.advice == ADVICE["use fewer fixes"].text or experiment.get(states.switch):
+    if states is None or finding.advice.startswith(KEEP_R) or experiment.get(states.switch):
         return None
     return states
 

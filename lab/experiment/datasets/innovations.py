@@ -162,7 +162,7 @@ def larger_than_assumed(run: Run) -> list[str]:
         squares = squares[np.isfinite(squares)]
         if squares.size and squares.mean() > 1 + UNLIKELY * np.sqrt(2 / squares.size):
             remarks.append(
-                f"The innovations of {NAMES[kind]} are {np.sqrt(squares.mean()):.2g} × as large as the "
+                f"The innovations of {NAMES[kind]} are {np.sqrt(squares.mean()):.2g} times as large as the "
                 "filter says: these measurements, or the axes of the IMU in the vehicle, have other errors "
                 "than assumed, and σ is too small."
             )

@@ -135,4 +135,4 @@ def test_the_table_says_what_the_filter_assumes_then(wrong):
     assert rows["vertical position variance"].after == pytest.approx(then.R[2, 2])
     assert rows["gyro noise density"].after == pytest.approx(np.degrees(np.sqrt(then.noise[0])))
     assert rows["gyro noise density"].words == "chosen as a whole"
-    assert rows["latency"].words == "not observable in this run"
+    assert rows["latency"].words == "not observable in this flight"
