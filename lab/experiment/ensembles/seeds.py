@@ -94,7 +94,7 @@ def run_ensemble(
         Asked ten times a second; once it says so, no further run begins, and the ensemble is that of the runs
         that have begun.
     fast
-        Whether the filter propagates its covariance at `FAST_RATE` only; see `at_fast_rate`.
+        Whether the filter propagates its covariance less often than at each sample; see `at_fast_rate`.
 
     Raises
     ------
