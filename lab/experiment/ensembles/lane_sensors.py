@@ -172,9 +172,7 @@ def triads(
     ]
 
 
-def _processes(
-    seeds: Sequence[int], name: str, errors: Errors, dt: float, room: SensorRoom
-) -> FloatArray:
+def _processes(seeds: Sequence[int], name: str, errors: Errors, dt: float, room: SensorRoom) -> FloatArray:
     """Return the slow part of the bias of each run (LANES, 3, n) [rad/s] or [m/s²]; (LANES, 3, 0) without."""
     flicker = si(errors, "flicker")
     others = {"instability": any(errors.instability), "walk": any(errors.rate_random_walk)}

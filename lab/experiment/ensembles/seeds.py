@@ -44,9 +44,9 @@ from lab.run.memory import at_once
 EXPLAINED = 8
 """Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
 other runs add only to the remaining evidence."""
-FEW, MANY = 100, 1000
+FEW, MANY = 100, 300
 """Numbers of runs from which on they are run eight abreast: if their filter is ready, and if it is not.
-Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
+Compiling it takes as long as some hundred single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
 ASKED_EVERY = 0.1
