@@ -57,7 +57,7 @@ def _figures(experiment: Experiment, seeds: Sequence[int]) -> tuple[float, float
     runs = [run for block in blocks for run in lanes.measure(block) if run is not None]
     passed = time.process_time() - began
     assert len(runs) == len(seeds)
-    errors = [run.at_outage_ends for run in runs]
+    errors = [float(np.hypot(*run.at_outage_ends[0, :2])) for run in runs]
     nees = float(np.mean([run.nees.mean() / run.degrees for run in runs]))
     return float(np.quantile(errors, 0.95)), nees, 1e3 * passed / len(runs)
 
