@@ -280,8 +280,24 @@ QUANTISED: dict[str, object] = {
 }
 
 
+DRIFTING: dict[str, object] = ALIGNED | {
+    "sensors.gyro.flicker": 5.0,
+    "sensors.gyro.g_sensitivity": 0.01,
+    "sensors.gyro.bandwidth": 15.0,
+    "sensors.gyro.scale_factor_sigma": 1.0,
+    "sensors.gyro.rate_random_walk": 20.0,
+    "sensors.gyro.range": 20.0,
+    "sensors.accelerometer.instability": 0.1,
+    "sensors.accelerometer.bias_temperature": 0.1,
+    "sensors.accelerometer.scale_temperature": 0.01,
+    "sensors.temperature.profile": "warm_up",
+}
+
+
 @pytest.mark.parametrize(
-    "changes", [SATURATED, QUANTISED, ALIGNED], ids=["saturated", "quantised", "aligned"]
+    "changes",
+    [SATURATED, QUANTISED, ALIGNED, DRIFTING],
+    ids=["saturated", "quantised", "aligned", "drifting"],
 )
 def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str, object]) -> None:
     experiment = of(changes)
