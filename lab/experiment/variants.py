@@ -68,12 +68,13 @@ def compile_variant(assignments: Assignments) -> bool:
 
 
 def compile_lanes() -> None:
-    """Compile runs eight abreast for the default filter, or load them."""
-    experiment = Experiment()
-    experiment.update({"trajectory.imu_rate": IMU_RATE})
-    lanes = SeedLanes.of(experiment)
-    assert lanes is not None
-    list(lanes.measure((experiment.seed,)))
+    """Compile runs eight abreast for the default filter and for those of cards, also fast, or load them."""
+    for states, rate in product(({}, *_OF_CARDS), (0.0, FILTER_RATE)):
+        experiment = Experiment()
+        experiment.update({"trajectory.imu_rate": IMU_RATE, "navigator.filter_rate": rate, **states})
+        lanes = SeedLanes.of(experiment)
+        assert lanes is not None
+        list(lanes.measure((experiment.seed,)))
 
 
 def compile_budget() -> None:

@@ -28,16 +28,18 @@ from lab.analysis.errors import position_error
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import seeds as many_seeds
-from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.ensembles.seed_lanes import SeedLanes
+from lab.experiment.ensembles.seeds import at_fast_rate, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE, start
 from lab.experiment.variants import compile_lanes
 from lab.missions import fly, mission
-from lab.navigation.belief import belief
+from lab.navigation.belief import FAST_RATE, belief
 from lab.navigation.filters import unscented
 from lab.navigation.filters.error_models import MODELS
 from lab.navigation.navigator import Fixes, Imu, navigate
+from lab.sensors.cards import card
 
 pytestmark = pytest.mark.benchmark
 
@@ -146,6 +148,59 @@ def test_many_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     abreast = row("the same, of 1,000 seeds, eight abreast", seconds[1000], alone / 3.5)
     print(f"{1 / alone:.0f} and {1 / abreast:.0f} runs per second and core: {alone / abreast:.1f} times")
     assert abreast < alone / 3.5
+
+
+BEFORE = {"the first 100": 2.25, "1,000 seeds": 0.83}
+"""Processor time of a run of an ensemble at commit 8cd95b72, in that of the navigation of a single run."""
+
+
+def test_ratios_of_ensembles(navigation: Callable[[], object]) -> None:
+    """Ratios to the navigation of a single run, which other work on the machine changes as it does these."""
+    experiment = Experiment(mission="montreal")
+    compile_lanes()
+    for one in (experiment, at_fast_rate(experiment)):
+        run_ensemble(one, range(500, 600))
+    found: dict[str, list[float]] = {}
+    for first in (30_000, 40_000):
+        alone = np.median([_on_the_processor(navigation) for _ in range(25)])
+        for fast in (False, True):
+            for what, runs in (("the first 100", 100), ("1,000 seeds", 1000)):
+                work = partial(run_ensemble, experiment, range(first, first + runs), fast=fast)
+                name = f"a run of {what}{', fast' * fast}"
+                found.setdefault(name, []).append(_on_the_processor(work) / runs / float(alone))
+    for name, ratios in found.items():
+        before = next(ratio for what, ratio in BEFORE.items() if what in name)
+        print(f"{name:<66}{np.median(ratios):>12.2f}{min(ratios):>12.2f}{'before':>12}{before:>8.2f}")
+        assert min(ratios) < 1.1 * before
+
+
+@pytest.mark.parametrize("name", ["BMI270", "ADIS16470", "HG9900"])
+def test_cards_abreast(name: str) -> None:
+    """A consumer, an industrial and a navigation-grade card: runs alone beside those abreast, also fast."""
+    experiment = Experiment(mission="montreal")
+    card(name).load(experiment)
+    seconds: list[float] = []
+    for rate in (0.0, FAST_RATE):
+        experiment.set("navigator.filter_rate", rate)
+        lanes = SeedLanes.of(experiment)
+        assert lanes is not None
+        list(lanes.measure(range(8)))
+        own = [experiment.copy().update({"seed": seed}) for seed in range(100, 104)]
+        own[0].run()
+        alone = [_on_the_processor(one.run) for one in own[1:]]
+        blocks = [partial(lanes.measure, range(first, first + 8)) for first in (200, 208, 216)]
+        abreast = [_on_the_processor(block) / 8 for block in blocks]
+        seconds += [float(np.median(alone)), float(np.median(abreast))]
+    print(f"{name}: {1e3 * seconds[0]:.0f} ms alone, {1e3 * seconds[1]:.1f} abreast", end="")
+    print(f"; fast {1e3 * seconds[2]:.0f} and {1e3 * seconds[3]:.1f} ms")
+    assert seconds[3] < seconds[1] < 0.8 * seconds[0]
+
+
+def _on_the_processor(work: Callable[[], object]) -> float:
+    """Return the processor time of a function [s]."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
 
 
 def pyins_filter(result: Result) -> Callable[[], FloatArray]:

@@ -62,6 +62,11 @@ def test_flicker_twice_integrated_by_halves_is_a_random_walk():
     assert np.allclose(flicker(flicker(draws)), np.cumsum(draws, axis=0), atol=1e-9)
 
 
+def test_flicker_along_the_last_axis_is_that_along_the_first():
+    draws = np.random.default_rng(5).standard_normal((1000, 3))
+    np.testing.assert_allclose(flicker(draws.T, axis=-1), flicker(draws).T, rtol=1e-12, atol=1e-13)
+
+
 def test_no_draws_make_no_flicker():
     assert flicker(np.zeros((0, 3))).shape == (0, 3)
 

@@ -44,9 +44,9 @@ from lab.run.memory import at_once
 EXPLAINED = 8
 """Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
 other runs add only to the remaining evidence."""
-FEW, MANY = 100, 1000
+FEW, MANY = 100, 300
 """Numbers of runs from which on they are run eight abreast: if their filter is ready, and if it is not.
-Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
+Compiling it takes as long as some hundred single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
 ASKED_EVERY = 0.1
@@ -70,6 +70,7 @@ def run_ensemble(
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    fast: bool = False,
 ) -> Ensemble:
     """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
@@ -92,6 +93,8 @@ def run_ensemble(
     cancelled
         Asked ten times a second; once it says so, no further run begins, and the ensemble is that of the runs
         that have begun.
+    fast
+        Whether the filter propagates its covariance less often than at each sample; see `at_fast_rate`.
 
     Raises
     ------
@@ -101,6 +104,7 @@ def run_ensemble(
         If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
         Runs that diverge are left out (`Ensemble.diverged`), unless all do.
     """
+    experiment = at_fast_rate(experiment) if fast else experiment
     numbers = seed_numbers(experiment, seeds)
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
