@@ -22,11 +22,13 @@ from lab.cli.options import (
     Fast,
     Force,
     Mission,
+    Scheduler,
     Seed,
     Seeds,
     Workers,
     algorithms,
     check_out,
+    cluster_of,
     experiment,
 )
 from lab.cli.run import verdict_text
@@ -74,6 +76,7 @@ def ensemble(
     own: AlgorithmFile = None,
     fast: Fast = False,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -92,7 +95,11 @@ def ensemble(
     from lab.experiment.ensembles.seeds import StoppedError, at_fast_rate, run_ensemble  # noqa: PLC0415
 
     began = time.monotonic()
-    with working(chosen.mission) as progress, interrupted() as pressed:
+    with (
+        cluster_of(scheduler) as client,
+        working(chosen.mission) as progress,
+        interrupted() as pressed,
+    ):
         navigators = algorithms([own] if own else None)
         try:
             found = run_ensemble(
@@ -102,6 +109,7 @@ def ensemble(
                 workers=workers,
                 algorithm=next(iter(navigators.values()), None),
                 cancelled=pressed.is_set,
+                client=client,
             )
         except StoppedError as error:
             print(f"ins-lab: {error}", file=sys.stderr)

@@ -58,6 +58,10 @@ class ErrorHistogram:
         place = row * float(_BINS) + (steps + _HALF)
         np.add.at(self.counts.reshape(-1), place[~np.isnan(steps)].astype(np.intp), 1)
 
+    def join(self, other: ErrorHistogram) -> None:
+        """Add the errors of other runs of the same flight."""
+        self.counts += other.counts
+
     def percentiles(self, percent: Sequence[float]) -> FloatArray:
         """Return percentiles (percent, parts, channels) in σ, interpolated within a bin; NaN without errors.
 
@@ -81,3 +85,10 @@ class ErrorHistogram:
     def copy(self) -> Self:
         """Return the histogram so far, which further errors do not change."""
         return type(self)(self.edges, self.counts.copy())
+
+    def __getstate__(self) -> tuple[FloatArray, NDArray[np.unsignedinteger]]:
+        """Return what travels to another process: the counts of a block of runs mostly fit into a byte."""
+        return self.edges, self.counts.astype(np.min_scalar_type(self.counts.max()))
+
+    def __setstate__(self, state: tuple[FloatArray, NDArray[np.unsignedinteger]]) -> None:
+        self.edges, self.counts = state[0], state[1].astype(np.int32)
