@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from clusters import PATIENCE, ROOT, scheduler, wait_for, worker
 from distributed import Client, LocalCluster
-from lab.navigation.filters.own_states import _DECLARED, declare_states
 from nbclient import NotebookClient
 
 import lab.experiment.ensembles.seeds as seeds_module
@@ -33,6 +32,7 @@ from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.parcel import MissionFiles, Parcel, VersionError
 from lab.missions import mission
 from lab.navigation.algorithm import load_algorithm
+from lab.navigation.filters.user_states import _DECLARED, declare_states
 from tests.simulated_logs import log_of
 
 SEEDS = 40
