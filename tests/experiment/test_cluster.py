@@ -30,6 +30,8 @@ from lab.experiment.ensembles import parcel as parcel_module
 from lab.experiment.ensembles import sweeping
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.parcel import MissionFiles, Parcel, VersionError
+from lab.experiment.ensembles.seeds import StoppedError
+from lab.experiment.ensembles.sweeping import sweep
 from lab.missions import mission
 from lab.navigation.algorithm import load_algorithm
 from lab.navigation.filters.user_states import _DECLARED, declare_states
@@ -255,6 +257,26 @@ def test_an_interrupt_cancels_what_is_left(two_workers: Client) -> None:
 
     wait_for(lambda: not two_workers.run_on_scheduler(left))
     assert len(run_ensemble(short(), 8, client=two_workers).seeds) == 8
+
+
+@pytest.mark.proof
+def test_cancelled_work_is_what_was_done(two_workers: Client) -> None:
+    """As `ins-lab ensemble` and `ins-lab sweep` do on Ctrl-C."""
+    told: list[float] = []
+    found = run_ensemble(
+        short(seed=300),
+        200,
+        lambda _step, fraction: told.append(fraction),
+        client=two_workers,
+        cancelled=lambda: any(told),
+    )
+    assert 8 <= len(found.seeds) < 200
+    assert list(found.seeds) == sorted(set(range(300, 500)) & set(found.seeds))
+    assert not found.ended
+    with pytest.raises(StoppedError, match="stopped before the first of 200 runs"):
+        run_ensemble(short(seed=600), 200, client=two_workers, cancelled=lambda: True)
+    with pytest.raises(StoppedError, match="stopped before the first of 9 runs"):
+        sweep(short(seed=600), OVER, 3, None, None, client=two_workers, cancelled=lambda: True)
 
 
 DEADLY = """
