@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from lab.cli.app import CommandError
-from lab.cli.options import AlgorithmFiles, algorithms
+from lab.cli.options import AlgorithmFiles, Scheduler, algorithms, cluster_of
 
 EXAMPLES = """\b
 Examples:
@@ -26,6 +26,7 @@ Examples:
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
+  ins-lab serve --scheduler tcp://192.168.1.5:8786
 Only this computer reaches the page, unless you name another address. Visitors may
 then run missions and change settings; --visitors edit lets them change missions too.
 The page Compare shows your algorithm beside the error models."""
@@ -54,6 +55,7 @@ def serve(
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
     own: AlgorithmFiles = None,
+    scheduler: Scheduler = None,
     origin: Annotated[
         list[str] | None,
         typer.Option(
@@ -133,25 +135,27 @@ def serve(
     password = None if password_file is None else read_password(password_file)
     _check_origins(address, port, origin or ())
     _allow_devices(devices or ())
-    # Last, so that another server on the port does not hide what is wrong with the other options.
-    _check_port(address, port)
-    if phone:
-        _take_phones(address, phone_port)
-    from dashboards import server  # noqa: PLC0415 - takes a second
+    with cluster_of(scheduler) as client:
+        # Last, so that another server on the port does not hide what is wrong with the other options.
+        _check_port(address, port)
+        if phone:
+            _take_phones(address, phone_port)
+        from dashboards import server  # noqa: PLC0415 - takes a second
 
-    server.serve(
-        port=port,
-        address=address,
-        show=not no_browser and _has_screen(),
-        algorithms=own or (),
-        origins=origin or (),
-        visitors=None if visitors is None else visitors.value,
-        password=password,
-        lessons=lessons,
-        homework=homework,
-        teacher=teacher,
-        warm=warm,
-    )
+        server.serve(
+            port=port,
+            address=address,
+            show=not no_browser and _has_screen(),
+            algorithms=own or (),
+            origins=origin or (),
+            visitors=None if visitors is None else visitors.value,
+            password=password,
+            lessons=lessons,
+            homework=homework,
+            teacher=teacher,
+            warm=warm,
+            client=client,
+        )
 
 
 def _check_origins(address: str, port: int, origins: Sequence[str]) -> None:

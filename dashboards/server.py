@@ -9,7 +9,10 @@ import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 APP = Path(__file__).with_name("simulator.py")
 
@@ -32,6 +35,7 @@ def serve(
     homework: Path | None = None,
     teacher: bool = False,
     warm: bool = True,
+    client: Client | None = None,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
 
@@ -60,12 +64,15 @@ def serve(
         Whether somebody may teach: a link for teachers is printed, with which they lead classes.
     warm
         Whether a process beside the server compiles the filter ahead.
+    client
+        A client of a Dask cluster, on which pages run what has many runs; None for threads.
     """
     # These take a second; the first visitor should not wait for them.
     import panel as pn  # noqa: PLC0415
     from tornado.ioloop import IOLoop  # noqa: PLC0415
 
     import dashboards.page  # noqa: F401, PLC0415
+    from dashboards.ensembles import use_cluster  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
     from dashboards.origins import is_loopback  # noqa: PLC0415
@@ -76,6 +83,7 @@ def serve(
     from dashboards.warming import Warming  # noqa: PLC0415
 
     _offer(algorithms, lessons, homework)
+    use_cluster(client)
     loopback = is_loopback(address)
     _protect(address, visitors or ("edit" if loopback else "run"))
     warming = Warming() if warm else None

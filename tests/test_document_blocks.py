@@ -37,6 +37,7 @@ NOT_RUN = {
         "docs/live.md",
         "tcp:192.168.1.20:5555",
     ): "a device sends until it is off; tests/data/streams/test_source.py",
+    ("docs/cluster.md", "SSHCluster("): "needs computers that are reached by SSH",
     ("docs/live.md", "drive.inslab"): "compares the recording of that device; tests/live/test_twin.py",
 }
 """Python that is not run, by document and a part of its text, and why; its imports are made."""
@@ -177,6 +178,11 @@ def files_exist(words: list[str]) -> None:
         assert (ROOT / (f"notebooks/{copied.stem}.py" if of_a_copy else word)).is_file(), word
 
 
+def dask_has_the_options(words: list[str]) -> None:
+    command = importlib.import_module(f"distributed.cli.dask_{words[1]}").main
+    command.make_context(words[1], words[2:])
+
+
 OTHER_PROGRAMS: dict[str, tuple[str, Callable[[list[str]], None]]] = {
     "make": ("installs, serves, or runs all tests for minutes", make_has_the_target),
     "pip": ("needs the network", extras_exist),
@@ -185,6 +191,10 @@ OTHER_PROGRAMS: dict[str, tuple[str, Callable[[list[str]], None]]] = {
     "python3": ("makes an environment", module_exists),
     "py": ("makes an environment on Windows", module_exists),
     "panel": ("serves until it is stopped; tests/test_notebooks.py serves them", files_exist),
+    "dask": (
+        "serves until it is stopped; tests/experiment/test_cluster.py starts both",
+        dask_has_the_options,
+    ),
     "jupyter": ("serves until it is stopped; tests/test_notebooks.py runs the notebooks", lambda words: None),
 }
 """Programs that no test runs from a document: why not, and what is checked of their words."""

@@ -15,7 +15,7 @@ import panel_material_ui as pmui
 from dashboards.algorithms import served_algorithm, served_names
 from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
-from dashboards.ensembles import WORKERS, ensemble
+from dashboards.ensembles import ensemble, who_runs
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
@@ -310,7 +310,8 @@ class Compare(ComputedPage):
         assert isinstance(experiment, Experiment)
         seeds = 1
         while True:
-            outcome = attempt(partial(experiment.sweep, plan.values, seeds, progress, workers=WORKERS))
+            who = who_runs(experiment)
+            outcome = attempt(partial(experiment.sweep, plan.values, seeds, progress, **who))
             if outcome.result is None:
                 self._swept = Swept(key, None, problem=outcome.problem)
                 return

@@ -18,8 +18,10 @@ from lab.cli.options import (
     Card,
     Config,
     Mission,
+    Scheduler,
     Seed,
     algorithms,
+    cluster_of,
     experiment,
 )
 from lab.cli.terminal import table
@@ -33,6 +35,7 @@ Examples:
   ins-lab compare montreal --models phi,psi --seeds 20
   ins-lab compare montreal --algorithm my_filter.py:MyFilter
   ins-lab compare los_angeles --set navigator.attitude_sigma=20 --json
+  ins-lab compare montreal --seeds 1000 --scheduler scheduler.json
 Every model gets the same flights: same sensors, same draws. Errors are root mean squares over all runs. NEES
 and NIS stand beside their expected values. The time is the navigator's for one flight."""
 
@@ -57,6 +60,7 @@ def compare(
     assignments: Assignments = None,
     seed: Seed = None,
     own: AlgorithmFiles = None,
+    scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare error models on the same flights: errors, consistency, time, verdict."""
@@ -64,8 +68,8 @@ def compare(
     from lab.experiment.ensembles import comparison  # noqa: PLC0415 - takes a second
 
     names = None if models is None else [name.strip() for name in models.split(",")]
-    with working(chosen.mission) as progress:
-        rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own))
+    with cluster_of(scheduler) as client, working(chosen.mission) as progress:
+        rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own), client=client)
     if as_json:
         gaps = {"assumed": chosen.sensors.assumed_terms(), "lacking": chosen.sensors.lacking_terms()}
         print_json([{**asdict(row), **gaps} for row in rows])

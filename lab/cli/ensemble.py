@@ -22,11 +22,13 @@ from lab.cli.options import (
     Fast,
     Force,
     Mission,
+    Scheduler,
     Seed,
     Seeds,
     Workers,
     algorithms,
     check_out,
+    cluster_of,
     experiment,
 )
 from lab.cli.run import verdict_text
@@ -74,6 +76,7 @@ def ensemble(
     own: AlgorithmFile = None,
     fast: Fast = False,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -89,19 +92,25 @@ def ensemble(
     """Navigate a mission with many seeds; show the errors, and whether the filter states them correctly."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
-    from lab.experiment.ensembles.seeds import StoppedError, at_fast_rate, run_ensemble  # noqa: PLC0415
+    from lab.experiment.ensembles.seeds import StoppedError, run_ensemble  # noqa: PLC0415
 
     began = time.monotonic()
-    with working(chosen.mission) as progress, interrupted() as pressed:
+    with (
+        cluster_of(scheduler) as client,
+        working(chosen.mission) as progress,
+        interrupted() as pressed,
+    ):
         navigators = algorithms([own] if own else None)
         try:
             found = run_ensemble(
-                at_fast_rate(chosen) if fast else chosen,
+                chosen,
                 seeds,
                 progress,
                 workers=workers,
                 algorithm=next(iter(navigators.values()), None),
                 cancelled=pressed.is_set,
+                fast=fast,
+                client=client,
             )
         except StoppedError as error:
             print(f"ins-lab: {error}", file=sys.stderr)

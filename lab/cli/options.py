@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,8 @@ from lab.missions import missions as find_missions
 from lab.missions.log_mission import is_log_folder
 
 if TYPE_CHECKING:
+    from distributed import Client
+
     from lab.experiment.experiment import Experiment
     from lab.navigation.algorithm import Algorithm
 
@@ -89,6 +92,16 @@ Workers = Annotated[
 Fast = Annotated[
     bool,
     typer.Option("--fast", help="Propagate the covariance at 20 Hz: σ differs by some 0.1 %."),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS|FILE",
+        help="Run on a Dask cluster: the address of its scheduler, such as tcp://192.168.1.5:8786, or the "
+        "file that it wrote.",
+        show_default=False,
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace existing files.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table; > FILE.json keeps it.")]
@@ -171,6 +184,32 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
         return load_algorithms(places)
     except ValueError as error:
         raise CommandError(f"--algorithm {error}") from error
+
+
+@contextlib.contextmanager
+def cluster_of(scheduler: str | None) -> Iterator[Client | None]:
+    """Yield a client of the scheduler that --scheduler names; None without one.
+
+    Raises
+    ------
+    CommandError
+        If Dask is not installed, or no scheduler answers.
+    """
+    if scheduler is None:
+        yield None
+        return
+    with contextlib.ExitStack() as stack:
+        try:
+            from lab.experiment.ensembles.cluster import connected  # noqa: PLC0415 - imports Dask
+
+            client = stack.enter_context(connected(scheduler))
+        except ImportError as error:
+            raise CommandError(
+                f'--scheduler: needs Dask, which is not installed: pip install "ins-lab[cluster]" ({error})'
+            ) from error
+        except ValueError as error:
+            raise CommandError(f"--scheduler {error}") from error
+        yield client
 
 
 def single_mission(mission: str) -> str:

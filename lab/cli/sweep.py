@@ -23,9 +23,11 @@ from lab.cli.options import (
     Config,
     Fast,
     Force,
+    Scheduler,
     Seed,
     Workers,
     check_out,
+    cluster_of,
     experiment,
     single_mission,
 )
@@ -93,6 +95,7 @@ def sweep(
     seed: Seed = None,
     fast: Fast = False,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -128,7 +131,11 @@ def sweep(
     from lab.experiment.ensembles.seeds import StoppedError  # noqa: PLC0415
 
     began = time.monotonic()
-    with working(chosen.mission) as progress, interrupted() as pressed:
+    with (
+        cluster_of(scheduler) as client,
+        working(chosen.mission) as progress,
+        interrupted() as pressed,
+    ):
         try:
             found = sweeping.sweep(
                 base,
@@ -139,6 +146,7 @@ def sweep(
                 fast=fast,
                 fixed=_fixed(chosen, assignments or []) if has_cards else {},
                 cancelled=pressed.is_set,
+                client=client,
             )
         except StoppedError as error:
             print(f"ins-lab: {error}", file=sys.stderr)

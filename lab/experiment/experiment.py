@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lab.base.parameters.setting_kinds import is_changed
 from lab.base.progress import Progress
@@ -15,6 +15,9 @@ from lab.experiment.stages import Stages
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 class Experiment(Runnable):
@@ -65,6 +68,7 @@ class Experiment(Runnable):
         *,
         workers: int | None = None,
         fast: bool = False,
+        client: Client | None = None,
     ) -> Sweep:
         """Run all combinations of values of settings over seeds, on all processors.
 
@@ -91,6 +95,9 @@ class Experiment(Runnable):
         fast
             True propagates the covariance of the filter at 20 Hz, where no rate is set and no smoother needs
             it at every sample: σ differs by some 0.1 %.
+        client
+            A client of a Dask cluster, whose workers do the runs in place of this computer's threads. If the
+            cluster is lost on the way, the runs that were done stay in the cache.
 
         Raises
         ------
@@ -103,7 +110,9 @@ class Experiment(Runnable):
             some runs are impossible, their values are NaN, and `Sweep.refused` has the reasons.
         """
         with find("experiment", "progress")(progress) as tell:
-            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers, fast=fast)
+            found: Sweep = find("experiment", "sweep")(
+                self, settings, seeds, tell, workers, fast=fast, client=client
+            )
         return found
 
     def __repr__(self) -> str:

@@ -35,6 +35,7 @@ WRITES = {
 """Options of commands that name a file to write: another document may have written it."""
 NOT_RUN = {
     r"serve\b.*": "serves until it is stopped; the tests of the page serve",
+    r".* --scheduler .*": "needs a cluster; tests/experiment/test_cluster.py has one",
     r"warm": "compiles for minutes; tests/cli/test_warm.py",
     r"record .*": "needs an X-Plane that runs; tests/cli/test_record_command.py has a stand-in",
     r"live \w+ \"?(serial|xplane):.*": "needs a sensor at a port, or an X-Plane that runs",

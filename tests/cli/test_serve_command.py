@@ -69,7 +69,7 @@ def test_the_page_opens_where_there_is_a_screen(
             "homework": None,
             "teacher": False,
         }
-        | {"warm": True}
+        | {"warm": True, "client": None}
     ]
 
 

@@ -16,7 +16,8 @@ from scipy import stats
 import lab.experiment.ensembles.seeds as seeds_module
 from lab.analysis.verdicts.innovation_evidence import LAGS
 from lab.base.parameters.setting_error import SettingError
-from lab.experiment.ensembles.ensemble import QUANTITIES, Collected, Ensemble
+from lab.experiment.ensembles.collected import Collected
+from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
 from lab.experiment.ensembles.seeds import StoppedError, _keep, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -156,10 +157,10 @@ def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
     gap.set("sensors.gps.outages", [[9.5, 12.5]])
     runs = [_keep(short.run()), _keep(gap.run())]
     for order in (runs, runs[::-1]):  # the epochs of the second run are new, or are not
-        collected = Collected(short)
+        collected = Collected()
         for run in order:
             collected.add(1, run)
-        both = collected.ensemble()
+        both = collected.ensemble(short)
         missing = (both.time > 9.5) & (both.time < 12.5)
         assert both.at_fixes.count["nees"].tolist() == np.where(missing, 1, 2).tolist()
         assert np.array_equal(both.consistency.anees[missing], runs[0].nees[missing])

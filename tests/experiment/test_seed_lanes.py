@@ -22,7 +22,8 @@ from lab.analysis.verdicts.verdict import judge
 from lab.base.cache import _freeze
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
-from lab.experiment.ensembles.ensemble import Collected, Ensemble
+from lab.experiment.ensembles.collected import Collected
+from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import _keep, run_ensemble
@@ -264,10 +265,10 @@ def test_the_memory_of_many_runs_is_that_of_few() -> None:
     run = alone(of({}), 1)._replace(evidence=None)
     sizes = []
     for runs in (100, 1000):
-        collected = Collected(of({}))
+        collected = Collected()
         for seed in range(runs):
             collected.add(seed, run)
-        sizes.append(_freeze(collected.ensemble()))
+        sizes.append(_freeze(collected.ensemble(of({}))))
     assert sizes[1] - sizes[0] < 900 * 250
 
 

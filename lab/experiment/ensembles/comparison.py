@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from lab.experiment.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.checks import DivergedError
 from lab.navigation.filters.kalman import MEASUREMENTS
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ def compare(
     progress: Progress | None = None,
     *,
     algorithms: Mapping[str, Algorithm] | None = None,
+    client: Client | None = None,
 ) -> Comparison:
     """Run an experiment with several error models: same flight, same sensors, same draws.
 
@@ -88,6 +92,8 @@ def compare(
     algorithms
         The user's navigators by name, compared after the models; one that fails is a refusal. Their first run
         is timed too, including compilation and loading.
+    client
+        A client of a Dask cluster, whose workers do the runs; see `run_ensemble`.
 
     Raises
     ------
@@ -112,8 +118,10 @@ def compare(
                 progress(f"{name}, {step}", (index + fraction) / len(rivals))
 
         try:
-            seconds = np.inf if algorithm is not None else _warm_up(variant)
-            row = _compared(name, run_ensemble(variant, seeds, tell, algorithm=algorithm))
+            elsewhere = algorithm is not None or client is not None
+            seconds = np.inf if elsewhere else _warm_up(variant)
+            many = run_ensemble(variant, seeds, tell, algorithm=algorithm, client=client)
+            row = _compared(name, many)
             # The compared run may be cached, with a time that includes compilation.
             found.append(replace(row, seconds=min(row.seconds, seconds)))
         except (SettingError, AlgorithmError, DivergedError) as error:

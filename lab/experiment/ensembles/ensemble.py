@@ -29,10 +29,9 @@ from lab.base.result_files import write_netcdf
 from lab.experiment.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.ensembles.run_at_fixes import ChannelSums
 from lab.experiment.experiment import Experiment
 from lab.navigation.belief import belief
-from lab.navigation.checks import DivergedError
 from lab.navigation.settings import NavigatorSettings
 
 if TYPE_CHECKING:
@@ -108,6 +107,8 @@ class Ensemble(NotebookCard):
         Name of the user's own navigator; empty for those of the lab.
     diverged : dict of int to str
         The seeds whose runs diverged, each with the reason: these runs are left out of everything else.
+    ended : str
+        Why there are fewer runs than asked for: what ended the work of a cluster; empty if nothing did.
     """
 
     CARD: ClassVar[str] = "ensemble"
@@ -132,14 +133,15 @@ class Ensemble(NotebookCard):
     free: tuple[feedforward.FreeRun, ...]
     algorithm: str
     diverged: dict[int, str] = field(default_factory=dict)
+    ended: str = ""
 
     @property
     def remark(self) -> str:
-        """Sentences about runs that diverged, or whose attitude errors are beyond the linear model."""
+        """Sentences about runs that are missing or diverged, or are beyond the linear model."""
         beyond = feedforward.remark(self._farthest, self._navigator)
         starts = [float(one.linearity.start.values.max()) for one in self.evidence if one.linearity]
         wide = linear_verdict.remark(max(starts, default=0.0), self._navigator)
-        return " ".join(filter(None, (self._diverged_runs(), beyond, wide)))
+        return " ".join(filter(None, (self.ended, self._diverged_runs(), beyond, wide)))
 
     def _diverged_runs(self) -> str:
         """Return a sentence about the runs that diverged; empty if none did."""
@@ -428,129 +430,9 @@ class Ensemble(NotebookCard):
         return f"Ensemble of {self.experiment.mission}, " + "\n".join(filter(None, lines))
 
 
-class Collected:
-    """The sums of the runs of an ensemble, and what is kept of each.
-
-    Parameters
-    ----------
-    experiment
-        The experiment.
-    """
-
-    def __init__(self, experiment: Experiment) -> None:
-        self._experiment = experiment.copy()
-        self._seeds: list[int] = []
-        self._last: RunAtFixes | None = None
-        self._at_fixes, self._between = EpochSums(), EpochSums()
-        self._histogram: ErrorHistogram | None = None
-        self._innovations: ChannelSums | None = None
-        self._of_runs: list[tuple[FloatArray | float, ...]] = []
-        self._evidence: list[Evidence] = []
-        self._free: list[feedforward.FreeRun] = []
-        self._diverged: dict[int, str] = {}
-        self._count = 0
-
-    def leave_out(self, seed: int, reason: str) -> None:
-        """Note that the run of a seed diverged."""
-        self._diverged[seed] = reason
-        self._count += 1
-
-    def add(self, seed: int, run: RunAtFixes) -> None:
-        """Add the run of a seed; runs are added in the order of the ensemble's seeds."""
-        if self._histogram is None or self._innovations is None:
-            self._histogram = ErrorHistogram.over(*run.span, len(QUANTITIES))
-            self._innovations = run.innovations
-        else:
-            self._innovations += run.innovations
-        error, sigma = run.error, run.sigma
-        with np.errstate(divide="ignore", invalid="ignore"):
-            normalised = error / sigma
-        unknown = np.isnan(error)
-        within = {
-            f"within {factor}": np.where(unknown, np.nan, np.abs(error) <= factor * sigma)
-            for factor in (1, 3)
-        }
-        self._at_fixes.add(
-            run.time,
-            {
-                "nees": run.nees,
-                "nis": run.nis,
-                "error": error,
-                "product": error[:, :, None] * error[:, None, :],
-                "variance": sigma**2,
-                "normalised": normalised,
-                **within,
-            },
-        )
-        self._histogram.add(run.time, normalised)
-        self._between.add(run.grid, {"nees": run.between})
-        of_horizontal = run.most, run.at_outage_ends
-        of_run = run.rms, run.largest, *of_horizontal, _mean(run.nees), _mean(run.nis), run.seconds
-        self._of_runs.append(of_run)
-        if run.evidence is not None:
-            self._evidence.append(run.evidence)
-            self._free.append(run.free)
-        self._seeds.append(seed)
-        self._count += 1
-        self._last = run
-
-    def __len__(self) -> int:
-        """Return the number of runs so far, with those that diverged."""
-        return self._count
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether all runs so far have diverged, or there is none."""
-        return self._last is None
-
-    def ensemble(self) -> Ensemble:
-        """Return the ensemble of the runs so far, of which there must be one.
-
-        Raises
-        ------
-        DivergedError
-            If all of them diverged.
-        """
-        last = self._last
-        if last is None:
-            raise DivergedError(next(iter(self._diverged.values())))
-        assert self._histogram is not None
-        assert self._innovations is not None
-        kept = [np.array(values) for values in zip(*self._of_runs, strict=True)]
-        rms, largest, most, at_outage_ends, nees, nis, seconds = kept
-        return Ensemble(
-            experiment=self._experiment,
-            seeds=tuple(self._seeds),
-            at_fixes=self._at_fixes.copy(),
-            between=self._between.copy(),
-            histogram=self._histogram.copy(),
-            innovations=self._innovations,
-            degrees=last.degrees,
-            nis_degrees=last.nis_degrees,
-            between_degrees=last.between_degrees,
-            rms=rms,
-            largest=largest,
-            most=most,
-            at_outage_ends=at_outage_ends,
-            mean_nees=nees,
-            mean_nis=nis,
-            seconds=seconds,
-            evidence=tuple(self._evidence),
-            free=tuple(self._free),
-            algorithm=last.algorithm,
-            diverged=dict(self._diverged),
-        )
-
-
 def _farthest(free: Sequence[feedforward.FreeRun]) -> feedforward.FreeRun:
     """Return that of the navigator which runs farthest beyond what is linear."""
     return max(free, key=lambda one: one.excess, default=feedforward.CORRECTED)
-
-
-def _mean(values: FloatArray) -> float:
-    """Return the mean of the known values; NaN without any."""
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if known.size else float("nan")
 
 
 def _averages(sums: EpochSums, name: str, degrees: int) -> tuple[FloatArray, FloatArray, FloatArray]:

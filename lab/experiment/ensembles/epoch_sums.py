@@ -1,7 +1,8 @@
 """Epoch sums: values of many runs at the same times, added run by run.
 
 Only sums are kept, so that the memory does not grow with the number of runs. Runs are added one after the
-other in the order of their seeds: the sums are then the same bits, however many runs came together.
+other in the order of their seeds, and so are the sums of blocks of runs: the result is then the same bits,
+whoever computed which block.
 """
 
 from __future__ import annotations
@@ -55,6 +56,15 @@ class EpochSums:
                 value = np.where(known, value, 0.0)  # noqa: PLW2901
             self.total[name][at] += value
             self.count[name][at] += known
+
+    def join(self, other: EpochSums) -> None:
+        """Add the sums of other runs, which stay as they are."""
+        at = self._places(other.time)
+        for mine, theirs in ((self.total, other.total), (self.count, other.count)):
+            for name, values in theirs.items():
+                if name not in mine:
+                    mine[name] = np.zeros((self.time.size, *values.shape[1:]))
+                mine[name][at] += values
 
     def mean(self, name: str) -> FloatArray:
         """Return the mean over the runs at each epoch (m, ...); NaN where no run has a value."""

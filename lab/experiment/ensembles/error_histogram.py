@@ -59,6 +59,10 @@ class ErrorHistogram:
         # A number of another type takes twenty times as long.
         np.add.at(self.counts.reshape(-1), place[~np.isnan(steps)].astype(np.intp), np.int32(1))
 
+    def join(self, other: ErrorHistogram) -> None:
+        """Add the errors of other runs of the same flight."""
+        self.counts += other.counts
+
     def percentiles(self, percent: Sequence[float]) -> FloatArray:
         """Return percentiles (percent, parts, channels) in σ, interpolated within a bin; NaN without errors.
 
@@ -82,3 +86,10 @@ class ErrorHistogram:
     def copy(self) -> Self:
         """Return the histogram so far, which further errors do not change."""
         return type(self)(self.edges, self.counts.copy())
+
+    def __getstate__(self) -> tuple[FloatArray, NDArray[np.unsignedinteger]]:
+        """Return what travels to another process: the counts of a block of runs mostly fit into a byte."""
+        return self.edges, self.counts.astype(np.min_scalar_type(self.counts.max()))
+
+    def __setstate__(self, state: tuple[FloatArray, NDArray[np.unsignedinteger]]) -> None:
+        self.edges, self.counts = state[0], state[1].astype(np.int32)

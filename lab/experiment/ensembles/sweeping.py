@@ -43,11 +43,19 @@ from lab.sensors.cards import Card, card
 
 if TYPE_CHECKING:
     import xarray as xr
+    from distributed import Client
+
+    from lab.experiment.ensembles.parcel import Unpacked
 
 
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 256 bytes each."""
 WIDE = len(QUANTITIES)
+NUMBERS = 3 * WIDE + 5
+"""How many numbers are kept of a run; see `measure`."""
+SHARES, LEAST_SHARE, LARGEST_SHARE = 64, 4, 64
+"""Number of shares that the runs of a sweep are cut into for a cluster, and the fewest and most runs in each:
+some 0.2 to 5 s of work."""
 REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
 CARD = "card"
@@ -82,12 +90,13 @@ def sweep(
     fast: bool = False,
     fixed: Mapping[str, Any] = MappingProxyType({}),
     cancelled: Callable[[], bool] | None = None,
+    client: Client | None = None,
 ) -> Sweep:
     """Run all combinations of values with all seeds; see `Experiment.sweep`.
 
     Parameters
     ----------
-    experiment, settings, seeds, progress, workers, fast
+    experiment, settings, seeds, progress, workers, fast, client
         As of `Experiment.sweep`.
     fixed
         Values of settings that override those of a swept card.
@@ -116,9 +125,12 @@ def sweep(
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
     tasks = [(index, seed) for seed in numbers for index in range(len(points))]
     found: dict[tuple[int, int], Numbers] = {}
+    if client is not None:
+        keyed = {task: f"{keys[task[0]]} {task[1]}" for task in tasks}
+        found = run_on_cluster(client, workers, points, keyed, progress, cancelled)
     threads = at_once(max(map(memory_of, points)), thread_count(workers))
     pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
-    left, running = deque(tasks), dict[Future[Numbers], tuple[int, int]]()
+    left, running = deque(tasks if client is None else ()), dict[Future[Numbers], tuple[int, int]]()
     is_cancelled = cancelled or (lambda: False)
     began = reported = time.monotonic()
     try:
@@ -142,7 +154,7 @@ def sweep(
     if refusals.total() == len(found):
         raise ValueError(f"No run of the sweep is possible: {refusals.most_common(1)[0][0]}")
     refusals[STOPPED] = len(tasks) - len(found)
-    missing = Numbers(np.full(3 * WIDE + 5, np.nan), STOPPED)
+    missing = Numbers(np.full(NUMBERS, np.nan), STOPPED)
     values = np.array(
         [[found.get((index, seed), missing).values for seed in numbers] for index in range(len(points))]
     )
@@ -157,6 +169,80 @@ def sweep(
         tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items() if count),
         refusals[STOPPED],
     )
+
+
+def run_on_cluster(
+    client: Client,
+    workers: int | None,
+    points: Sequence[Experiment],
+    keyed: Mapping[tuple[int, int], str],
+    progress: Progress | None,
+    cancelled: Callable[[], bool] | None = None,
+) -> dict[tuple[int, int], Numbers]:
+    """Return the numbers of the runs, done on the workers of a cluster unless they are kept.
+
+    Parameters
+    ----------
+    client, workers, progress, cancelled
+        As of `sweep`.
+    points
+        The experiments.
+    keyed
+        Experiment and seed of each run, and its key in the cache.
+    """
+    from lab.experiment.ensembles import cluster  # noqa: PLC0415 - imports Dask, which need not be installed
+
+    cluster.check_client(client, workers)
+    found = {task: one for task, key in keyed.items() if (one := kept(key)) is not None}
+    left = [task for task in keyed if task not in found]
+    size = min(max(-(-len(left) // SHARES), LEAST_SHARE), LARGEST_SHARE)
+    shares = [tuple(left[first : first + size]) for first in range(0, len(left), size)]
+
+    began = time.monotonic()
+
+    def done(index: int, numbers: list[Numbers]) -> None:
+        for task, one in zip(shares[index], numbers, strict=True):
+            found[task] = one
+            keep(keyed[task], one)
+        if progress is not None:
+            progress(counted(len(found), len(keyed), began), len(found) / len(keyed))
+
+    if not shares:
+        return found
+    ended = cluster.run_pieces(
+        client,
+        cluster.Parcel.of(points),
+        run_share,
+        [(share,) for share in shares],
+        done,
+        tell=lambda step: None if progress is None else progress(step, 0.0),
+        warming=(((0, 0),),),
+        cancelled=cancelled,
+    )
+    lost = {task: Numbers(np.full(NUMBERS, np.nan), ended) for task in keyed} if ended else {}
+    return lost | found
+
+
+def run_share(given: Unpacked, share: Sequence[tuple[int, int]]) -> list[Numbers]:
+    """Return the numbers of some runs on a worker; each is given by its experiment and its seed."""
+    return [run(given.experiments[index], seed) for index, seed in share]
+
+
+def keep(key: str, one: Numbers) -> None:
+    """Keep the numbers of a run that another process did."""
+    KEPT.get("run", key, lambda: one)
+
+
+def kept(key: str) -> Numbers | None:
+    """Return the numbers of a run that was done before; None if it was not."""
+
+    def missing() -> Numbers:
+        raise LookupError(key)
+
+    try:
+        return KEPT.get("run", key, missing)
+    except LookupError:
+        return None
 
 
 def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[Swept]:
@@ -277,7 +363,7 @@ def run(point: Experiment, seed: int) -> Numbers:
     try:
         return Numbers(measure(mine.run()), "")
     except ValueError as error:
-        return Numbers(np.full(3 * WIDE + 5, np.nan), str(error))
+        return Numbers(np.full(NUMBERS, np.nan), str(error))
 
 
 def measure(result: Result) -> FloatArray:

@@ -1,0 +1,164 @@
+"""Collected: the sums of runs, added run by run, and block by block.
+
+A block is a fixed piece of the seeds, and its sums are made in the order of its seeds, by a thread here or by
+a process elsewhere. The blocks are then joined in their order. Rounding is therefore always the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lab.analysis import feedforward
+from lab.analysis.verdicts.evidence import Evidence
+from lab.base.arrays import FloatArray
+from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
+from lab.experiment.ensembles.epoch_sums import EpochSums
+from lab.experiment.ensembles.error_histogram import ErrorHistogram
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.experiment import Experiment
+from lab.navigation.checks import DivergedError
+
+
+class Collected:
+    """The sums of the runs of an ensemble, and what is kept of each."""
+
+    def __init__(self) -> None:
+        self._seeds: list[int] = []
+        self._degrees = 0, 0, 0
+        self._algorithm = ""
+        self._at_fixes, self._between = EpochSums(), EpochSums()
+        self._histogram: ErrorHistogram | None = None
+        self._innovations: ChannelSums | None = None
+        self._of_runs: list[tuple[FloatArray | float, ...]] = []
+        self._evidence: list[Evidence] = []
+        self._free: list[feedforward.FreeRun] = []
+        self._diverged: dict[int, str] = {}
+        self._count = 0
+
+    def leave_out(self, seed: int, reason: str) -> None:
+        """Note that the run of a seed diverged."""
+        self._diverged[seed] = reason
+        self._count += 1
+
+    def add(self, seed: int, run: RunAtFixes) -> None:
+        """Add the run of a seed; runs are added in the order of the ensemble's seeds."""
+        if self._histogram is None or self._innovations is None:
+            self._histogram = ErrorHistogram.over(*run.span, len(QUANTITIES))
+            self._innovations = run.innovations
+        else:
+            self._innovations += run.innovations
+        error, sigma = run.error, run.sigma
+        with np.errstate(divide="ignore", invalid="ignore"):
+            normalised = error / sigma
+        unknown = np.isnan(error)
+        within = {
+            f"within {factor}": np.where(unknown, np.nan, np.abs(error) <= factor * sigma)
+            for factor in (1, 3)
+        }
+        self._at_fixes.add(
+            run.time,
+            {
+                "nees": run.nees,
+                "nis": run.nis,
+                "error": error,
+                "product": error[:, :, None] * error[:, None, :],
+                "variance": sigma**2,
+                "normalised": normalised,
+                **within,
+            },
+        )
+        self._histogram.add(run.time, normalised)
+        self._between.add(run.grid, {"nees": run.between})
+        of_horizontal = run.most, run.at_outage_ends
+        of_run = run.rms, run.largest, *of_horizontal, _mean(run.nees), _mean(run.nis), run.seconds
+        self._of_runs.append(of_run)
+        if run.evidence is not None:
+            self._evidence.append(run.evidence)
+            self._free.append(run.free)
+        self._seeds.append(seed)
+        self._count += 1
+        self._degrees, self._algorithm = (run.degrees, run.nis_degrees, run.between_degrees), run.algorithm
+
+    def join(self, block: Collected) -> None:
+        """Add the sums of the next block of runs, which stay as they are."""
+        self._diverged |= block._diverged
+        self._count += block._count
+        if block._histogram is None or block._innovations is None:
+            return
+        if self._histogram is None or self._innovations is None:
+            self._histogram, self._innovations = block._histogram.copy(), block._innovations
+        else:
+            self._histogram.join(block._histogram)
+            self._innovations += block._innovations
+        self._at_fixes.join(block._at_fixes)
+        self._between.join(block._between)
+        self._of_runs += block._of_runs
+        self._evidence += block._evidence
+        self._free += block._free
+        self._seeds += block._seeds
+        self._degrees, self._algorithm = block._degrees, block._algorithm
+
+    def copy(self) -> Collected:
+        """Return the sums so far, which further runs do not change."""
+        twin = Collected()
+        twin.join(self)
+        return twin
+
+    def __len__(self) -> int:
+        """Return the number of runs so far, with those that diverged."""
+        return self._count
+
+    @property
+    def has_evidence(self) -> bool:
+        """Whether there is evidence for a verdict: not if all runs so far have diverged, or there is none."""
+        return bool(self._evidence)
+
+    def ensemble(self, experiment: Experiment, ended: str = "") -> Ensemble:
+        """Return the ensemble of the runs so far, of which there must be one.
+
+        Parameters
+        ----------
+        experiment
+            The experiment.
+        ended
+            Why further runs are missing; see `Ensemble`.
+
+        Raises
+        ------
+        DivergedError
+            If all of them diverged.
+        """
+        if self._histogram is None or self._innovations is None:
+            raise DivergedError(next(iter(self._diverged.values())))
+        degrees, nis_degrees, between_degrees = self._degrees
+        kept = [np.array(values) for values in zip(*self._of_runs, strict=True)]
+        rms, largest, most, at_outage_ends, nees, nis, seconds = kept
+        return Ensemble(
+            experiment=experiment.copy(),
+            seeds=tuple(self._seeds),
+            at_fixes=self._at_fixes.copy(),
+            between=self._between.copy(),
+            histogram=self._histogram.copy(),
+            innovations=self._innovations,
+            degrees=degrees,
+            nis_degrees=nis_degrees,
+            between_degrees=between_degrees,
+            rms=rms,
+            largest=largest,
+            most=most,
+            at_outage_ends=at_outage_ends,
+            mean_nees=nees,
+            mean_nis=nis,
+            seconds=seconds,
+            evidence=tuple(self._evidence),
+            free=tuple(self._free),
+            algorithm=self._algorithm,
+            diverged=dict(self._diverged),
+            ended=ended,
+        )
+
+
+def _mean(values: FloatArray) -> float:
+    """Return the mean of the known values; NaN without any."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")
