@@ -16,10 +16,11 @@ from sensor_logs import tables, write
 
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles import sweeping
-from lab.experiment.ensembles.seeds import FAST_RATE, StoppedError, run_ensemble
+from lab.experiment.ensembles.seeds import StoppedError, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import MissionError
+from lab.navigation.belief import FAST_RATE
 from lab.sensors.cards import card
 
 DENSITIES = [0.3, 0.02]
