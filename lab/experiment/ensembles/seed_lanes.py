@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time as clock
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,11 +21,11 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
-from lab.experiment.ensembles.lane_results import LaneResults, Sensed
+from lab.experiment.ensembles.lane_results import LaneResults, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
-from lab.experiment.sensor_stages import SensorStages
+from lab.experiment.sensor_stages import SampledFlight, SensorStages
 from lab.experiment.stages import start
 from lab.missions import LogMission, mission
 from lab.navigation.aiding import needs_rest
@@ -58,12 +59,14 @@ class SeedLanes:
     ----------
     experiment
         The experiment; its seed has no effect.
+    until
+        Time after which nothing is wanted [s]; by default, the end of the flight.
     """
 
-    def __init__(self, experiment: Experiment) -> None:
+    def __init__(self, experiment: Experiment, until: float = np.inf) -> None:
         self._stages = SensorStages(experiment.copy(), mission(experiment.mission))
         self._sensors, self._navigator = self._stages.sensors, self._stages.navigator
-        flight = self._stages.kept_flight()
+        flight = _until(self._stages.kept_flight(), until)
         self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
         self._model = chosen_model(self._navigator, self._sensors)
         self._belief = belief(self._sensors, self._navigator)
@@ -75,7 +78,7 @@ class SeedLanes:
         self._results = LaneResults(self._sensors, self._navigator, self._model, flight, self._fix_truth.time)
 
     @classmethod
-    def of(cls, experiment: Experiment) -> SeedLanes | None:
+    def of(cls, experiment: Experiment, until: float = np.inf) -> SeedLanes | None:
         """Return the runs of an experiment; None if runs abreast would not be those of its seeds alone."""
         navigator, sensors = experiment.navigator, experiment.sensors
         if (
@@ -89,7 +92,7 @@ class SeedLanes:
             or set(chosen_blocks(navigator, sensors)) - set(SCALES)
         ):
             return None
-        found = cls(experiment)
+        found = cls(experiment, until)
         turn = float(si(sensors.gyro, "range")) * found._ideal.dt
         usable = (
             can_batch(found._model, found._schedule, found._belief)
@@ -131,10 +134,31 @@ class SeedLanes:
         """
         return self._each(seeds, judged=False)
 
-    def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
-        """Run up to eight seeds, and return what is kept of each."""
+    def navigate(self, seeds: Sequence[int], samples: Samples) -> list[LaneSolution | None]:
+        """Navigate up to eight seeds; of each, only the solution at some samples is computed.
+
+        Parameters
+        ----------
+        seeds
+            The seeds.
+        samples : (k,) array
+            The samples, increasing.
+
+        Returns
+        -------
+        list of LaneSolution or None
+            The solution of each seed; None if it must be run alone.
+        """
         increments = self._increments()
         sensed = self._sense(seeds, increments)
+        usable = self._usable(sensed)
+        if not usable:
+            return [None] * len(seeds)
+        found = self._navigate(sensed, usable, increments, samples, samples)
+        return [one if index in usable else None for index, one in enumerate(found)]
+
+    def _usable(self, sensed: Sequence[Sensed]) -> list[int]:
+        """Return the runs that can be abreast of the first one."""
         first, usable = sensed[0].belief, []
         for index, one in enumerate(sensed):
             same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
@@ -142,10 +166,18 @@ class SeedLanes:
             )
             if same and not self._rests(one):
                 usable.append(index)
+        return usable
+
+    def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
+        """Run up to eight seeds, and return what is kept of each."""
+        increments = self._increments()
+        sensed = self._sense(seeds, increments)
+        usable = self._usable(sensed)
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
-            solutions = self._navigate(sensed, usable, increments)
+            stored, path = self._results.stored, self._results.path
+            solutions = self._navigate(sensed, usable, increments, stored, path)
             seconds = (clock.perf_counter() - began) / len(usable)
             means = self._results.means(increments) if judged else None
             for index in usable:
@@ -210,7 +242,12 @@ class SeedLanes:
         )
 
     def _navigate(
-        self, sensed: Sequence[Sensed], usable: Sequence[int], increments: FloatArray
+        self,
+        sensed: Sequence[Sensed],
+        usable: Sequence[int],
+        increments: FloatArray,
+        stored: Samples,
+        path: Samples,
     ) -> list[LaneSolution]:
         """Navigate a block; in the place of a run that is not usable, another is navigated."""
         lanes = []
@@ -227,9 +264,17 @@ class SeedLanes:
             lanes,
             self._schedule,
             self._model,
-            self._results.stored,
-            self._results.path,
+            stored,
+            path,
         )
+
+
+def _until(flight: SampledFlight, end: float) -> SampledFlight:
+    """Return a flight up to the first sample that is not before a time [s]."""
+    samples = int(np.searchsorted(flight.ideal.time, end)) + 1
+    if samples >= flight.ideal.time.size:
+        return flight
+    return replace(flight, truth=flight.truth.taken(slice(samples)), ideal=flight.ideal.part(0, samples))
 
 
 def _evidence_of(run: RunAtFixes) -> Evidence:
