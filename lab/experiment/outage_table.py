@@ -130,10 +130,12 @@ class OutageRow:
         """Whether the filter knows its errors: ``"yes"`` if what it believes is in the interval of `most`."""
         if not np.isfinite(self.believed) or not self.runs:
             return "unknown"
-        if self.most.low <= self.believed <= self.most.high:
-            return "yes"
         if not np.isfinite(self.most.value):
             return "diverges"
+        if self.believed > self.most.value and not np.isfinite(self.most.high):
+            return "too few runs"
+        if self.most.low <= self.believed <= self.most.high:
+            return "yes"
         ratio = self.most.value / self.believed
         return f"errors {ratio:.2g} × larger" if ratio > 1 else f"errors {1 / ratio:.2g} × smaller"
 
@@ -326,9 +328,10 @@ def _tuning_of_log(row: OutageRow) -> str:
     """Return what the outages of a log say about tuning: the true motion and the true noise are unknown."""
     figures = f"{_metres(row.most.value)} (95 %) from the withheld fixes with this filter"
     unknown = "How far a perfect filter would be is unknown for a log; `ins-lab identify` finds better noise."
-    if row.honesty in ("yes", "unknown"):
-        return f"{figures}, which agrees with its own σ. {unknown}"
-    return f"{figures}, which believes {_metres(row.believed)}: its noise does not fit. {unknown}"
+    believed = f"which itself expects {_metres(row.believed)}"
+    if row.honesty.startswith("errors"):
+        return f"{figures}, {believed}: its assumptions do not fit. {unknown}"
+    return f"{figures}, {believed}. {unknown}"
 
 
 def _metres(value: float) -> str:

@@ -105,11 +105,11 @@ def outage(
     wish = None if wish is None else _number("wish", wish, 0.0)
     numbers, threads = tuple(dict.fromkeys(seed_numbers(experiment, seeds))), thread_count(workers)
     rows, experiments = _rows(experiment, cards)
-    table = OutageTable(experiment.mission, seconds, wish, np.zeros(0), rows)
+    table = OutageTable(experiment.mission, seconds, wish, times_since(seconds), rows)
     if isinstance(mission(experiment.mission), LogMission):
         return log_outages(table, experiments, progress, partial)
     chosen = [at_fast_rate(one) if fast else one for one in experiments]
-    work = _Work(replace(table, since=times_since(seconds)), chosen, progress, partial)
+    work = _Work(table, chosen, progress, partial)
     return work.run(numbers, at_once(max(map(memory_of, chosen)), threads))
 
 
