@@ -30,6 +30,10 @@ COMMANDS |= {
         "lab.cli.compare:compare",
         "Compare error models on the same flights: errors, consistency, time, verdict.",
     ),
+    "outage": (
+        "lab.cli.outage:outage",
+        "Show which error a time without GPS leaves, sensor by sensor, with its own interval.",
+    ),
     "budget": (
         "lab.cli.budget:error_budget",
         "Show the contribution of each source of error to the errors of a mission's solution.",

@@ -7,6 +7,9 @@ import signal
 import threading
 from collections.abc import Iterator
 
+STOPPED = 130
+"""Exit code of work that Ctrl-C ended before all of it was done: that of a program that the signal ends."""
+
 
 @contextlib.contextmanager
 def interrupted() -> Iterator[threading.Event]:

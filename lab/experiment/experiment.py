@@ -111,6 +111,7 @@ class Experiment(Runnable):
         workers: int | None = None,
         progress: Progress | None = None,
         partial: Callable[[OutageTable], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
     ) -> OutageTable:
         """Return which errors outages of GPS leave, sensor by sensor; each run has one outage.
 
@@ -141,8 +142,10 @@ class Experiment(Runnable):
             Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
             notebook shows a bar. An exception that it raises ends the work.
         partial
-            Called every two seconds with the table of the runs that are done, and if an exception ends the
-            work.
+            Called every two seconds with the table of the runs that are done.
+        cancelled
+            Asked ten times a second; once it says so, no further run begins, and the table is that of the
+            runs that are done.
 
         Raises
         ------
@@ -155,8 +158,9 @@ class Experiment(Runnable):
             If a number is not accepted, or the outage does not fit into the flight or the log.
         """
         with find("experiment", "progress")(progress) as tell:
+            told = {"progress": tell, "partial": partial, "cancelled": cancelled}
             found: OutageTable = find("experiment", "outage")(
-                self, seconds, cards, seeds, wish, fast=fast, workers=workers, progress=tell, partial=partial
+                self, seconds, cards, seeds, wish, fast=fast, workers=workers, **told
             )
         return found
 

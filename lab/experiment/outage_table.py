@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.quantile import QuantileInterval, quantile_interval
+from lab.analysis.quantile import CONFIDENCE, QuantileInterval, quantile_interval
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
+from lab.base.plain_data import plain
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+SCHEMA, VERSION = "ins-lab outages", 1
+"""Name and number of the form for JSON."""
 MOST = 0.95
 """Part of the outages whose errors a figure of the table bounds."""
 HALF = 0.5
@@ -153,7 +156,7 @@ class OutageRow:
         return interval.low <= wish < interval.high
 
     def curve(self, part: float = MOST) -> FloatArray:
-        """Return the horizontal error that a part of the outages does not exceed, with its interval (k, 3)."""
+        """Return the horizontal error that a part of the outages does not exceed, with interval (k, 3)."""
         if self.errors is None:
             return np.zeros((0, 3))
         columns = (one[~np.isnan(one)] for one in self.errors.horizontal.T)
@@ -228,12 +231,10 @@ class OutageTable(NotebookCard):
             f"{_metres(row.most.value)} with yours"
         )
         basis = "its linear covariance" if perfect.basis == "covariance" else "an ensemble of it"
+        said = f"better tuning can gain up to a factor {gain:.2g}"
         if gain < NO_GAIN or row.most.low <= perfect.most:
-            return f"{figures}: tuning gains nothing beyond chance. The perfect filter's figure is from {basis}."
-        return (
-            f"{figures}: better tuning can gain up to a factor {gain:.2g}. "
-            f"The perfect filter's figure is from {basis}."
-        )
+            said = f"tuning gains nothing beyond the chance of {row.runs} runs"
+        return f"{figures}: {said}. The perfect filter's figure is from {basis}."
 
     def to_frame(self) -> pd.DataFrame:
         """Return the table of the figures, a row for each sensor."""
@@ -259,6 +260,68 @@ class OutageTable(NotebookCard):
         if row.perfect is not None:
             found |= {"perfect_95_m": row.perfect.most, "perfect_from": row.perfect.basis}
         return found | ({"refusal": row.refusal} if row.refusal else {})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, which JSON can hold; ends of intervals may be None."""
+        found: dict[str, Any] = plain(
+            {
+                "schema": SCHEMA,
+                "schema_version": VERSION,
+                "mission": self.mission,
+                "seconds": self.seconds,
+                "wish_m": self.wish,
+                "fix_sigma_m": self.fix_sigma if self.is_log else None,
+                "rows": [self.figures(row) for row in self.rows],
+                "tuning": self.tuning,
+                "remarks": self.remarks,
+            }
+        )
+        return found
+
+    def cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Return the titles of the columns, and the texts of each row: what a table shows to a person."""
+        titles = ("card", "grade", "runs", "CEP [m]", "95 % [m]", "its interval", "vertical 95 % [m]")
+        titles += (
+            "filter's 95 % [m]",
+            "honest",
+            *(() if self.wish is None else (f"within {self.wish:g} m",)),
+        )
+        return titles, [self._cells_of(row, len(titles)) for row in self.rows]
+
+    def _cells_of(self, row: OutageRow, width: int) -> tuple[str, ...]:
+        if not row.runs:
+            missing = f"Does not run: {row.refusal}" if row.refusal else "…"
+            return (row.name, row.grade, *("–",) * (width - 3), missing)
+        high = digits(row.most.high) if np.isfinite(row.most.high) else "?"
+        figures = (
+            digits(row.cep.value),
+            digits(row.most.value),
+            f"{digits(row.most.low)} to {high}",
+            digits(row.vertical.value),
+            digits(row.believed),
+            row.honesty,
+        )
+        wished = () if self.wish is None else (row.decision(self.wish),)
+        return (row.name, row.grade, str(row.runs), *figures, *wished)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the table must know besides."""
+        found = []
+        if self.is_log:
+            found.append(
+                "The errors are differences from withheld fixes, whose own σ is "
+                f"{digits(self.fix_sigma)} m (horizontal), as the filter assumes it."
+            )
+        few = [row for row in self.rows if row.runs and not np.isfinite(row.most.high)]
+        if any(np.isfinite(row.most.value) for row in few):
+            found.append(
+                f"A question mark: too few runs for an upper end. {fewest(MOST)} give one; without it, no "
+                "sensor passes."
+            )
+        if any(np.isinf(row.most.value) for row in self.rows):
+            found.append("Runs that diverge have infinite errors.")
+        return tuple(found)
 
     @cached_property
     def dataset(self) -> xr.Dataset:
@@ -300,6 +363,18 @@ class OutageTable(NotebookCard):
         return f"Outages of {self.seconds:g} s, {self.mission}\n{frame}\n{self.tuning}"
 
 
+def digits(value: float) -> str:
+    """Return a number with three digits; what is infinite or unknown as a word."""
+    if np.isnan(value):
+        return "unknown"
+    return "∞" if np.isinf(value) else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def fewest(part: float) -> int:
+    """Return the number of values from which on a quantile has an upper end with a confidence of 95 %."""
+    return int(np.ceil(np.log((1 - CONFIDENCE) / 2) / np.log(part)))
+
+
 def believed_radius(covariance: FloatArray, part: float) -> float:
     """Return the radius that holds a part of plane normal errors with covariances drawn from some.
 
@@ -335,7 +410,7 @@ def _tuning_of_log(row: OutageRow) -> str:
 
 
 def _metres(value: float) -> str:
-    return f"{value:.2g} m" if value < 100 else f"{value:.0f} m"
+    return f"{digits(value)} m"
 
 
 def _filled(values: NDArray[Any], rows: int) -> FloatArray:
@@ -343,5 +418,3 @@ def _filled(values: NDArray[Any], rows: int) -> FloatArray:
     out = np.full((rows, *values.shape[1:]), np.nan)
     out[: len(values)] = values
     return out
-
-

@@ -20,6 +20,7 @@ from lab.analysis.identification.withheld import innovations_of_withheld
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
+from lab.experiment.ensembles.seeds import StoppedError
 from lab.experiment.experiment import Experiment
 from lab.experiment.outage_table import OutageErrors, OutageTable
 from lab.navigation.checks import DivergedError
@@ -37,6 +38,7 @@ def log_outages(
     experiments: Sequence[Experiment],
     progress: Progress | None,
     partial: Callable[[OutageTable], None] | None,
+    cancelled: Callable[[], bool] | None,
 ) -> OutageTable:
     """Return the outages of a log, of the filter of each experiment.
 
@@ -46,8 +48,8 @@ def log_outages(
         The table, whose rows are empty.
     experiments
         The experiment of each row: its sensors are assumptions of the filter.
-    progress, partial
-        As of `Experiment.outage`; `partial` is called after each row.
+    progress, partial, cancelled
+        As of `Experiment.outage`; `partial` is called after each row, and `cancelled` asked before it.
 
     Raises
     ------
@@ -56,6 +58,8 @@ def log_outages(
     """
     rows = list(table.rows)
     for number, experiment in enumerate(experiments):
+        if cancelled is not None and cancelled():
+            break
 
         def tell(part: float, number: int = number) -> None:
             if progress is not None:
@@ -70,6 +74,8 @@ def log_outages(
         table = replace(table, rows=tuple(rows))
         if partial is not None:
             partial(table)
+    if not any(row.errors or row.refusal for row in rows):
+        raise StoppedError(f"stopped before the first of {len(rows)} filters was done")
     if all(row.refusal for row in rows):
         raise SettingError("; ".join(dict.fromkeys(row.refusal for row in rows)))
     return table
@@ -100,8 +106,8 @@ def _outages_of(
         ]
     if not found:
         raise ValueError(
-            f"seconds: no outage of {seconds:g} s fits into the log, which is navigated for {last - first:.0f} s; "
-            f"accepted is at most {int(max(last - settled, 0))} s, with fixes to compare with"
+            f"seconds: no outage of {seconds:g} s fits into the log, which is navigated for "
+            f"{last - first:.0f} s; accepted is at most {int(max(last - settled, 0))} s"
         )
     R = np.median(run.belief.R.reshape(-1, *run.belief.R.shape[-2:]), axis=0)
     return OutageErrors.joined(found), float(np.sqrt(R[0, 0] + R[1, 1]))
@@ -116,7 +122,12 @@ def _fixes_of(stamps: FloatArray, begin: float, seconds: float) -> Indices:
 
 
 def _errors_of(
-    innovation: FloatArray, covariance: FloatArray, stamps: FloatArray, rows: Indices, since: FloatArray, turn: int
+    innovation: FloatArray,
+    covariance: FloatArray,
+    stamps: FloatArray,
+    rows: Indices,
+    since: FloatArray,
+    turn: int,
 ) -> OutageErrors:
     """Return the errors of an outage: at each time since its begin, from the withheld fix nearest to it."""
     ages = stamps[rows] - stamps[rows[0] - 1]
@@ -125,7 +136,7 @@ def _errors_of(
     apart = np.abs(ages[nearest] - since)
     apart[-1] = 0.0
     at = rows[nearest]
-    known = apart <= np.diff(since).max() / 2 
+    known = apart <= np.diff(since).max() / 2
     north, east, down = np.where(known, innovation[at, :3].T, np.nan)
     S = covariance[at]
     sigma = np.sqrt(S[:, 0, 0] + S[:, 1, 1])

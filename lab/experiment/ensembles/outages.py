@@ -11,10 +11,11 @@ its length. A run that diverges counts with an infinite error.
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -30,7 +31,16 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.log_outages import log_outages
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
-from lab.experiment.ensembles.seeds import MANY, at_fast_rate, memory_of, seed_numbers, thread_count
+from lab.experiment.ensembles.seeds import (
+    ASKED_EVERY,
+    MANY,
+    StoppedError,
+    at_fast_rate,
+    counted,
+    memory_of,
+    seed_numbers,
+    thread_count,
+)
 from lab.experiment.experiment import Experiment
 from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, Perfect
 from lab.experiment.sensor_stages import SensorStages
@@ -61,7 +71,19 @@ SHOWN_EVERY = 2.0
 """Time between two partial tables [s]."""
 KEPT = StageCache(limit=64 * 2**20)
 """The errors of blocks of runs by their settings: 12 kB for eight runs with an outage of a minute."""
-TUNING = ("q_scale", "r_scale", "p0_scale", "r_factors", "q", "r", "p0", "lever_arm", "latency", "gate", "robust")
+TUNING = (
+    "q_scale",
+    "r_scale",
+    "p0_scale",
+    "r_factors",
+    "q",
+    "r",
+    "p0",
+    "lever_arm",
+    "latency",
+    "gate",
+    "robust",
+)
 """Settings of the navigator whose defaults are those of a filter that is matched to its sensors."""
 AS_SET = "as set"
 """Name of the sensors of the settings, if they are those of no card."""
@@ -99,6 +121,7 @@ def outage(
     workers: int | None = None,
     progress: Progress | None = None,
     partial: Callable[[OutageTable], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
 ) -> OutageTable:
     """Return which errors outages of GPS leave; see `Experiment.outage`."""
     seconds = _number("seconds", seconds, SHORTEST)
@@ -107,9 +130,9 @@ def outage(
     rows, experiments = _rows(experiment, cards)
     table = OutageTable(experiment.mission, seconds, wish, times_since(seconds), rows)
     if isinstance(mission(experiment.mission), LogMission):
-        return log_outages(table, experiments, progress, partial)
+        return log_outages(table, experiments, progress, partial, cancelled)
     chosen = [at_fast_rate(one) if fast else one for one in experiments]
-    work = _Work(table, chosen, progress, partial)
+    work = _Work(table, chosen, progress, partial, cancelled)
     return work.run(numbers, at_once(max(map(memory_of, chosen)), threads))
 
 
@@ -137,14 +160,12 @@ def matched(experiment: Experiment) -> Experiment:
 
 
 def times_since(seconds: float) -> FloatArray:
-    """Return the times since the begin of an outage at which its errors are kept: each second, and its end."""
+    """Return the times since the begin of an outage at which errors are kept: each second, and the end."""
     step = max(1.0, math.ceil(seconds / CURVE))
     return np.append(np.arange(0, seconds - _ROUNDING, step), seconds)
 
 
-def blocks_of(
-    experiment: Experiment, seconds: float, seeds: Sequence[int], turn: int = 0
-) -> list[Block]:
+def blocks_of(experiment: Experiment, seconds: float, seeds: Sequence[int], turn: int = 0) -> list[Block]:
     """Return the runs with their begins, which are spread evenly over the fixes of the flight.
 
     Parameters
@@ -180,7 +201,7 @@ def blocks_of(
 
 
 def _place(turn: int) -> float:
-    """Return the place of the begins of a set between those of the others: 1/2, 1/4, 3/4, 1/8, …"""
+    """Return the place of the begins of a set between those of the others: 1/2, 1/4, 3/4, 1/8 and so on."""
     place, weight, number = 0.0, 0.5, turn + 1
     while number:
         place += weight * (number % 2)
@@ -211,7 +232,9 @@ def errors_in(experiment: Experiment, block: Block, since: FloatArray, *, many: 
     truth = flight.truth.taken(samples)
     lanes = SeedLanes.of(one, end)
     abreast = lanes is not None and (many or lanes.is_compiled)
-    solved = lanes.navigate(block.seeds, samples) if lanes is not None and abreast else [None] * len(block.seeds)
+    solved = (
+        lanes.navigate(block.seeds, samples) if lanes is not None and abreast else [None] * len(block.seeds)
+    )
     figures = [
         _alone(one, seed, samples, truth)
         if run is None or not np.isfinite(run.solution.variance).all()
@@ -232,13 +255,15 @@ def _alone(experiment: Experiment, seed: int, samples: Samples, truth: Truth) ->
     except DivergedError:
         lost = np.full(samples.size, np.inf)
         return lost, lost, np.full(samples.size, np.nan), np.full(3, np.nan)
-    return _figures(solution.position[samples], solution.variance[samples], solution.covariance[samples], truth)
+    return _figures(
+        solution.position[samples], solution.variance[samples], solution.covariance[samples], truth
+    )
 
 
 def _figures(
     position: FloatArray, variance: FloatArray, covariance: FloatArray, truth: Truth
 ) -> tuple[FloatArray, ...]:
-    """Return horizontal and vertical errors and horizontal σ (k,), and variances and covariance at the end."""
+    """Return horizontal and vertical errors, horizontal σ (k,), and P of north and east at the end (3,)."""
     north, east, down = position_error(position, truth).T
     own = variance[:, POS].astype(np.float64)
     at_end = np.array([own[-1, 0], own[-1, 1], covariance[-1, 0, 0]])
@@ -272,29 +297,30 @@ class _Work:
         experiments: Sequence[Experiment],
         progress: Progress | None,
         partial: Callable[[OutageTable], None] | None,
+        cancelled: Callable[[], bool] | None,
     ) -> None:
         self._empty, self._progress, self._partial = table, progress, partial
+        self._is_cancelled = cancelled or (lambda: False)
+        self._patience = None if cancelled is None else ASKED_EVERY
         self._filters = [one for row, given in enumerate(experiments) for one in _filters(row, given, table)]
         self._done, self._wanted = 0, 0
         self._began = self._shown = time.monotonic()
 
     def run(self, seeds: tuple[int, ...], threads: int) -> OutageTable:
-        """Run all filters, then those on the border again; an exception ends it with a partial table."""
+        """Run all filters, then those on the border again, until all is done or cancelled."""
         pool = ThreadPoolExecutor(threads, thread_name_prefix="outage")
         try:
             chosen = self._filters
             for turn in range(ENLARGED):
                 self._run(pool, chosen, seeds, turn)
                 chosen = self._undecided()
-                if not chosen:
+                if not chosen or self._is_cancelled():
                     break
                 seeds = tuple(range(max(seeds) + 1, max(seeds) + 1 + len(seeds)))
-        except BaseException:
-            if self._partial is not None and self._done:
-                self._partial(self._table())
-            raise
         finally:
             pool.shutdown(cancel_futures=True)
+        if not self._done:
+            raise StoppedError(f"stopped before the first of {self._wanted:,} runs was done")
         refusals = {one.row: one.refusal for one in self._filters if one.refusal}
         if len(refusals) == len(self._empty.rows):
             raise SettingError("; ".join(dict.fromkeys(refusals.values())))
@@ -311,21 +337,26 @@ class _Work:
             for number, block in enumerate(blocks_of(one.experiment, self._empty.seconds, seeds, turn))
         ]
         self._wanted += sum(len(block.seeds) for *_, block in tasks)
-        running = {}
+        running: dict[Future[OutageErrors], tuple[_Filter, tuple[int, int], int]] = {}
         for number, one, block in sorted(tasks, key=lambda task: _place(task[0])):
-            key = f"{one.key} {block}"
-            task = pool.submit(
-                KEPT.get, "outage", key, lambda one=one, block=block: errors_in(one.experiment, block, since, many=many)
-            )
+            compute = functools.partial(errors_in, one.experiment, block, since, many=many)
+            task = pool.submit(KEPT.get, "outage", f"{one.key} {block}", compute)
             running[task] = one, (turn, number), len(block.seeds)
-        for task in as_completed(running):
-            one, at, count = running.pop(task)
-            try:
-                one.blocks[at] = task.result()
-            except ValueError as error:  # the lab refuses these settings
-                one.refusal = str(error)
-            self._done += count
-            self._report()
+        while running and not self._is_cancelled():
+            for task in wait(running, self._patience, FIRST_COMPLETED).done:
+                self._add(task, *running.pop(task))
+        for task, about in running.items():  # of cancelled work: what was begun is done soon
+            if not task.cancel():
+                self._add(task, *about)
+
+    def _add(self, task: Future[OutageErrors], one: _Filter, at: tuple[int, int], count: int) -> None:
+        """Add the runs of a block, or why the lab refuses them."""
+        try:
+            one.blocks[at] = task.result()
+        except ValueError as error:
+            one.refusal = str(error)
+        self._done += count
+        self._report()
 
     def _undecided(self) -> list[_Filter]:
         """Return the filters whose 95 % is too close to the wish."""
@@ -337,9 +368,7 @@ class _Work:
     def _report(self) -> None:
         now = time.monotonic()
         if self._progress is not None:
-            rate = self._done / max(now - self._began, _ROUNDING)
-            left = f"{rate:.3g} per second, {(self._wanted - self._done) / rate:.0f} s left"
-            self._progress(f"{self._done:,} of {self._wanted:,} runs, {left}", self._done / self._wanted)
+            self._progress(counted(self._done, self._wanted, self._began), self._done / self._wanted)
         if self._partial is not None and now - self._shown > SHOWN_EVERY:
             self._shown = now
             self._partial(self._table())
@@ -371,7 +400,7 @@ def perfect_of(errors: OutageErrors) -> Perfect:
 def _filters(row: int, experiment: Experiment, table: OutageTable) -> list[_Filter]:
     """Return the filter of a row, and the perfect one on its sensors unless it is the same."""
     content = mission(experiment.mission).content_hash
-    found = []
+    found: list[_Filter] = []
     for is_perfect, one in enumerate((experiment, matched(experiment))):
         settings = {**one.to_dict(), "seed": None}
         key = digest(content, settings, experiment.hidden, table.seconds)

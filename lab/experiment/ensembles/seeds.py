@@ -50,9 +50,15 @@ SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
 FAST_RATE = 20.0
 """Rate of the covariance in fast ensembles [Hz]: σ differs by some 0.1 %, and P costs a fifth or less."""
+ASKED_EVERY = 0.1
+"""Longest time between two questions whether the work is cancelled [s]."""
 AHEAD = 16
 """Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
 wait in memory until they are added."""
+
+
+class StoppedError(ValueError):
+    """Work that was cancelled before any run of it was done."""
 
 
 @OneBlasThread()
@@ -117,6 +123,21 @@ def run_ensemble(
     finally:
         pool.shutdown(cancel_futures=True)
     return done.ensemble()
+
+
+def counted(done: int, wanted: int, began: float) -> str:
+    """Return how many runs are done, and if some are not, their rate and the time left.
+
+    Parameters
+    ----------
+    done, wanted
+        Numbers of runs.
+    began
+        When the first began, in the clock of `time.monotonic`.
+    """
+    rate = done / max(time.monotonic() - began, 1e-9)
+    left = f", {rate:.3g} per second, {(wanted - done) / rate:.0f} s left" if done < wanted else ""
+    return f"{done:,} of {wanted:,} runs{left}"
 
 
 def at_fast_rate(experiment: Experiment) -> Experiment:
@@ -258,9 +279,7 @@ class _Done:
     def _report(self) -> None:
         count, wanted, now = len(self), len(self._seeds), time.monotonic()
         if self._progress is not None:
-            rate = count / max(now - self._began, 1e-9)
-            left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
-            self._progress(f"{count:,} of {wanted:,} runs{left}", count / wanted)
+            self._progress(counted(count, wanted, self._began), count / wanted)
         some = 1 < count < wanted and not self._collected.is_empty
         if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now
