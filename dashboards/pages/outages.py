@@ -28,8 +28,8 @@ SEEDS, MOST_SEEDS = 100, 1000
 LONGEST = 3600.0
 """Longest outage that the page offers [s]."""
 OLD = "This table is of earlier settings; Run makes it anew."
-PALE = {"opacity": "0.45"}
-"""Style of what is of earlier settings."""
+PALE, PLAIN = {"opacity": "0.45"}, {"opacity": "1"}
+"""Styles of what is of earlier settings, and of what is not: a style that is taken away stays in a browser."""
 _STYLE = "p { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 6px 0; opacity: .85; }"
 
 
@@ -75,7 +75,12 @@ class Outages:
         self._experiment: Experiment | None = None
         self._plan: Plan | None = None
         self._cards = pmui.Select(
-            label="Sensors", options=list(_choices()), value=PRESENT, size="small", width=220, margin=(6, 6)
+            label="Which sensors",
+            options=list(_choices()),
+            value=PRESENT,
+            size="small",
+            width=220,
+            margin=(6, 6),
         )
         self._seconds = pmui.FloatInput(
             label="Without GPS [s]", value=60.0, start=1, end=LONGEST, size="small", width=150, margin=(6, 6)
@@ -101,8 +106,8 @@ class Outages:
         self.view = pn.Column(
             pn.FlexBox(*choices, margin=0, align_items="center"),
             self._words,
-            self._figure,
             self._table,
+            self._figure,
             margin=(0, 10),
             sizing_mode="stretch_width",
             visible=False,
@@ -118,7 +123,7 @@ class Outages:
         """Take the experiment of which the next table is; one that is shown and not of it turns pale."""
         self._experiment, self._seeds.visible = experiment, not is_log
         is_old = self._plan is not None and not _are_alike(self._plan.experiment, experiment)
-        self._table.styles = self._figure.styles = PALE if is_old else {}
+        self._age(is_old=is_old)
         if is_old:
             self._work.cancel()
             self._stop.visible = False
@@ -136,7 +141,7 @@ class Outages:
         seconds, wish = self._seconds.value or 0.0, self._wish.value or None
         plan = self._plan = Plan(self._experiment, seconds, wish, chosen, seeds)
         self._stop.visible = True
-        self._table.styles = self._figure.styles = PALE
+        self._age(is_old=True)
         self._say("Computing …")
         self._work.submit(plan)
 
@@ -181,14 +186,17 @@ class Outages:
         if plan is not self._plan or self._document is None:
             return
         with together(self._document):
-            self._table.param.update(object=table_html(table), styles={})
             rows = curves_of(table)
-            figure = pn.pane.Bokeh(
-                drift_figure(table, rows), sizing_mode="stretch_width", height=420, margin=0
-            )
-            words = f"<p>{escape(curve_words(table))}</p>"
-            about = pn.pane.HTML(words, sizing_mode="stretch_width", margin=(2, 8), stylesheets=[_STYLE])
-            self._figure.param.update(objects=[figure, about] if rows else [], styles={})
+            self._table.object = table_html(table) + (f"<p>{escape(curve_words(table))}</p>" if rows else "")
+            figure = drift_figure(table, rows)
+            self._figure[:] = [pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)][
+                : len(rows)
+            ]
+            self._age(is_old=False)
+
+    def _age(self, *, is_old: bool) -> None:
+        """Mark what is shown as that of earlier settings, or no longer."""
+        self._table.styles = self._figure.styles = PALE if is_old else PLAIN
 
     def _say(self, text: str) -> None:
         self._words.object = f"<p>{escape(text)}</p>" if text else ""
