@@ -3,7 +3,7 @@
 Between how many of n values a quantile lies is binomial, whatever their distribution: two of the sorted
 values are the ends of an interval. They alone give intervals with some confidences only. The ends are
 therefore interpolated between neighbours, as if the density fell exponentially beyond the quantile, as the
-tails of errors do. Of 1,000 samples of 1 to 400 errors with a Rayleigh or exponential distribution, 93 to
+tails of errors do. Of 1,000 samples of 3 to 400 errors with a Rayleigh or exponential distribution, 93 to
 97 % have an interval that holds the quantile (`tests/analysis/test_quantile.py`).
 
 References

@@ -396,7 +396,7 @@ def believed_radius(covariance: FloatArray, part: float) -> float:
     across = np.outer(np.maximum(middle - half, 0), np.sin(angles) ** 2)
     # The square of the radius of two standard normal numbers is exponential.
     squares = (along + across)[..., None] * (-2 * np.log1p(-ranks))
-    return float(np.sqrt(np.quantile(squares, part)))
+    return float(np.sqrt(np.quantile(squares, part, method="hazen")))
 
 
 def _tuning_of_log(row: OutageRow) -> str:

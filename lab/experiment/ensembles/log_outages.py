@@ -29,8 +29,11 @@ Indices = NDArray[np.intp]
 
 TURNS = 3
 """Number of turns, and from one begin of a turn to the next, in lengths of an outage."""
-LEAST_PART = 0.9
-"""Smallest part of an outage that a withheld fix must end: a log may have gaps of its own."""
+AS_LONG = 0.1
+"""Largest difference, as a fraction, of the time without fixes at the last withheld one from the length of the
+outage: a log may have gaps of its own."""
+_ROUNDING = 1e-9
+"""Of times [s]."""
 
 
 def log_outages(
@@ -93,7 +96,7 @@ def _outages_of(
     found: list[OutageErrors] = []
     for turn in range(TURNS):
         tell((1 + turn) / (1 + TURNS))
-        begins = np.arange(settled + turn * seconds, last - seconds, TURNS * seconds)
+        begins = np.arange(settled + turn * seconds, last - seconds + _ROUNDING, TURNS * seconds)
         withheld = [_fixes_of(again.stamps, begin, seconds) for begin in begins]
         withheld = [rows for rows in withheld if rows.size]
         if not withheld:
@@ -114,11 +117,12 @@ def _outages_of(
 
 
 def _fixes_of(stamps: FloatArray, begin: float, seconds: float) -> Indices:
-    """Return the fixes that an outage withholds; none if no fix is close to its end."""
+    """Return the fixes that an outage withholds; none if it ends without a fix, or began long before."""
     rows = np.flatnonzero((stamps >= begin) & (stamps < begin + seconds))
-    if not rows.size or not rows[0] or stamps[rows[-1]] - stamps[rows[0] - 1] < LEAST_PART * seconds:
+    if not rows.size or not rows[0]:
         return rows[:0]
-    return rows
+    longest = stamps[rows[-1]] - stamps[rows[0] - 1]
+    return rows if abs(longest - seconds) <= AS_LONG * seconds else rows[:0]
 
 
 def _errors_of(

@@ -339,15 +339,17 @@ class _Work:
         self._wanted += sum(len(block.seeds) for *_, block in tasks)
         running: dict[Future[OutageErrors], tuple[_Filter, tuple[int, int], int]] = {}
         for number, one, block in sorted(tasks, key=lambda task: _place(task[0])):
+            if self._is_cancelled():
+                break
             compute = functools.partial(errors_in, one.experiment, block, since, many=many)
             task = pool.submit(KEPT.get, "outage", f"{one.key} {block}", compute)
             running[task] = one, (turn, number), len(block.seeds)
         while running and not self._is_cancelled():
             for task in wait(running, self._patience, FIRST_COMPLETED).done:
                 self._add(task, *running.pop(task))
-        for task, about in running.items():  # of cancelled work: what was begun is done soon
-            if not task.cancel():
-                self._add(task, *about)
+        # Of cancelled work, what was begun is done soon.
+        for task in [task for task in running if not task.cancel()]:
+            self._add(task, *running[task])
 
     def _add(self, task: Future[OutageErrors], one: _Filter, at: tuple[int, int], count: int) -> None:
         """Add the runs of a block, or why the lab refuses them."""
