@@ -30,6 +30,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "fly",
         "cards",
         "allan",
+        "outage",
         "budget",
         "live",
         "lesson",
@@ -56,7 +57,7 @@ def test_the_version_is_the_one_installed() -> None:
             ["sail"],
             [
                 "no command 'sail'",
-                "missions, run, report, compare, budget, identify, fly",
+                "missions, run, report, compare, outage, budget, identify, fly",
                 "cards",
                 "allan",
                 "serve",

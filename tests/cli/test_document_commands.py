@@ -24,6 +24,7 @@ from dashboards.command_line import app
 WRITES = {
     "run": {"--out", "--export"},
     "export": {"--to"},
+    "outage": {"--out"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
     "homework make": {"--out"},
@@ -45,6 +46,7 @@ ADDED = {
     "budget": ["--set", "trajectory.imu_rate=50"],
     "compare": ["--set", "trajectory.imu_rate=50"],
     "compare --seeds": ["--seeds", "2"],
+    "outage": ["--set", "trajectory.imu_rate=50", "--seeds", "3"],
     "live watch": ["--seconds", "1"],
     "live navigate": ["--seconds", "15"],
     "delete": ["--yes"],  # nobody is here to be asked

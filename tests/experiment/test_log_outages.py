@@ -49,7 +49,9 @@ def test_the_error_is_that_of_a_run_without_these_fixes(drive, table):
         result = alone.run()
         fixes = result.recorded.log.gnss
         for begin, horizontal, vertical in zip(
-            begins, *(part[errors.seeds == turn, -1] for part in (errors.horizontal, errors.vertical)), strict=True
+            begins,
+            *(part[errors.seeds == turn, -1] for part in (errors.horizontal, errors.vertical)),
+            strict=True,
         ):
             last = int(np.flatnonzero(fixes.time < begin + SECONDS + 0.1)[-1])
             sample = int(np.searchsorted(result.time, fixes.time[last] - 1e-6))
@@ -97,7 +99,9 @@ def test_a_gap_of_the_log_is_not_an_outage(tmp_path, drive):
     assert np.isfinite(errors.horizontal[:, -1]).all()
 
 
-@pytest.mark.parametrize(("seconds", "words"), [(500, "no outage of 500 s fits into the log"), (0.5, "1 or more")])
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(500, "no outage of 500 s fits into the log"), (0.5, "1 or more")]
+)
 def test_an_outage_that_does_not_fit_is_refused(drive, seconds, words):
     with pytest.raises(ValueError, match=words):
         drive.outage(seconds)

@@ -49,7 +49,11 @@ def test_a_table_of_three_cards_is_that_of_single_runs(fast):
         card(row.name).load(experiment)
         experiment = at_fast_rate(experiment) if fast else experiment
         for seed, begin, horizontal, vertical in zip(
-            errors.seeds.tolist(), errors.begins, errors.horizontal[:, -1], errors.vertical[:, -1], strict=True
+            errors.seeds.tolist(),
+            errors.begins,
+            errors.horizontal[:, -1],
+            errors.vertical[:, -1],
+            strict=True,
         ):
             assert (horizontal, vertical) == pytest.approx(alone(experiment, seed, begin), rel=1e-7)
 
