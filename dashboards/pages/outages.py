@@ -29,7 +29,7 @@ LONGEST = 3600.0
 """Longest outage that the page offers [s]."""
 OLD = "This table is of earlier settings; Run makes it anew."
 PALE, PLAIN = {"opacity": "0.45"}, {"opacity": "1"}
-"""Styles of what is of earlier settings, and of what is not: a style that is taken away stays in a browser."""
+"""Styles of what is of earlier settings, and of what is not; a browser keeps a style that is taken away."""
 _STYLE = "p { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 6px 0; opacity: .85; }"
 
 

@@ -30,8 +30,8 @@ Indices = NDArray[np.intp]
 TURNS = 3
 """Number of turns, and from one begin of a turn to the next, in lengths of an outage."""
 AS_LONG = 0.1
-"""Largest difference, as a fraction, of the time without fixes at the last withheld one from the length of the
-outage: a log may have gaps of its own."""
+"""Largest difference, as a fraction, of the time without fixes at the last withheld one from the length of
+the outage: a log may have gaps of its own."""
 _ROUNDING = 1e-9
 """Of times [s]."""
 
