@@ -252,7 +252,7 @@ def test_an_exception_of_the_progress_ends_the_work():
     ],
 )
 def test_wrong_arguments_are_answered(arguments, words):
-    with pytest.raises(ValueError, match=".*") as found:
+    with pytest.raises(ValueError, match=r".*") as found:
         made().outage(**arguments)
     assert words in str(found.value)
 
