@@ -26,6 +26,8 @@ CONFIDENCE = 0.95
 """Probability that an interval holds the quantile."""
 _ROUNDING = 1e-12
 """Of probabilities."""
+_THIRD = 1 / 3
+"""Of a value, in the place of the median-unbiased quantile."""
 _FAR = 30.0
 """Exponent beyond which an exponential is zero for this purpose."""
 
@@ -79,7 +81,7 @@ def _median_unbiased(ordered: FloatArray, part: float) -> float:
     """Return the quantile of sorted values that is too large as often as too small (Hyndman and Fan, 8)."""
     if not ordered.size:
         return float("nan")
-    place = min(max((ordered.size + 1 / 3) * part + 1 / 3, 1.0), float(ordered.size))
+    place = min(max((ordered.size + _THIRD) * part + _THIRD, 1.0), float(ordered.size))
     return _between(ordered, int(place), place - int(place))
 
 

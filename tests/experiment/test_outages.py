@@ -11,6 +11,7 @@ import pytest
 from lab import Experiment, SettingError, card
 from lab.experiment.ensembles import outages
 from lab.experiment.ensembles.outages import Block, blocks_of, errors_in, matched, perfect_of, times_since
+from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import StoppedError, at_fast_rate
 from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, believed_radius, fewest
 from lab.navigation.checks import DivergedError
@@ -60,25 +61,13 @@ def test_a_table_of_three_cards_is_that_of_single_runs(fast):
 
 def test_runs_abreast_are_single_runs():
     experiment, block, since = made(), Block(40.0, (1, 2, 5, 6)), times_since(SECONDS)
-    together = errors_in(experiment, block, since, many=True)
-    for seed, errors in zip(block.seeds, together.horizontal, strict=True):
-        single = outages._alone(
-            _with_outage(experiment, 40.0), seed, *_samples_and_truth(experiment, 40.0, since)
-        )
-        assert np.allclose(errors, single[0], rtol=1e-7)
-    assert together.sigma.shape == together.horizontal.shape == (4, since.size)
-
-
-def _with_outage(experiment: Experiment, begin: float) -> Experiment:
-    found = experiment.copy()
-    found.set("sensors.gps.outages", [(begin + 0.5, begin + SECONDS + 0.01)])
-    return found
-
-
-def _samples_and_truth(experiment, begin, since):
-    result = experiment.run()
-    samples = np.searchsorted(result.time, begin + since - 0.01)
-    return samples, result.truth_arrays.taken(samples)
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    together, single = (errors_in(experiment, block, since, one) for one in (lanes, None))
+    for mine, other in zip(together, single, strict=True):
+        assert np.allclose(mine, other, rtol=1e-7)
+    again = errors_in(experiment, block, since, lanes)
+    assert np.array_equal(again.horizontal, together.horizontal)
 
 
 def test_begins_are_spread_evenly_over_the_usable_part():
@@ -153,7 +142,10 @@ def test_the_covariance_of_a_perfect_filter_is_the_error_budget():
     experiment = made()
     (block,) = blocks_of(experiment, SECONDS, [2])
     errors = errors_in(experiment, block, times_since(SECONDS))
-    budget = _with_outage(experiment, block.begin).run().budget
+    experiment.update(
+        {"seed": 2, "sensors": {"gps": {"outages": [(block.begin + 0.5, block.begin + SECONDS)]}}}
+    )
+    budget = experiment.run().budget
     total = budget.total.sel(time=block.begin + SECONDS, method="nearest")
     assert abs(float(total.time) - block.begin - SECONDS) < 0.03
     level = np.hypot(*total.sel(quantity=["position east", "position north"]).values)

@@ -11,12 +11,12 @@ its length. A run that diverges counts with an infinite error.
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,7 @@ from lab.missions import LogMission, mission
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.checks import DivergedError
 from lab.navigation.filters.error_models import POS
+from lab.navigation.kernels.lanes import LaneSolution
 from lab.run.memory import at_once
 from lab.sensors import gps
 from lab.sensors.cards import card, card_in_force
@@ -131,6 +132,8 @@ def outage(
     table = OutageTable(experiment.mission, seconds, wish, times_since(seconds), rows)
     if isinstance(mission(experiment.mission), LogMission):
         return log_outages(table, experiments, progress, partial, cancelled)
+    for one in experiments:
+        one.set("sensors.gps.outages", [])
     chosen = [at_fast_rate(one) if fast else one for one in experiments]
     work = _Work(table, chosen, progress, partial, cancelled)
     return work.run(numbers, at_once(max(map(memory_of, chosen)), threads))
@@ -209,34 +212,32 @@ def _place(turn: int) -> float:
     return place
 
 
-def errors_in(experiment: Experiment, block: Block, since: FloatArray, *, many: bool = False) -> OutageErrors:
+def errors_in(
+    experiment: Experiment, block: Block, since: FloatArray, lanes: SeedLanes | None = None
+) -> OutageErrors:
     """Return the errors of runs that share a begin.
 
     Parameters
     ----------
     experiment
-        The experiment; its seed and its outages have no effect.
+        The experiment; its seed has no effect, and it has no outages.
     block
         The runs.
     since : (k,) array
         Times since the begin [s]; the last is the end of the outage.
-    many
-        Whether so many runs are wanted that runs abreast are worth waiting for their compilation.
+    lanes
+        The runs of the experiment abreast; None runs each alone.
     """
-    one = experiment.copy()
-    receiver, step = one.sensors.gps, 1 / float(one.trajectory.imu_rate)
+    receiver, step = experiment.sensors.gps, 1 / float(experiment.trajectory.imu_rate)
     end = block.begin + float(since[-1])
-    one.set("sensors.gps.outages", [(block.begin + receiver.period / 2, end + receiver.latency + step / 2)])
-    flight = SensorStages(one, mission(one.mission)).kept_flight()
+    outage = block.begin + receiver.period / 2, end + receiver.latency + step / 2
+    flight = SensorStages(experiment, mission(experiment.mission)).kept_flight()
     samples = np.searchsorted(flight.ideal.time, block.begin + since - step / 2)
     truth = flight.truth.taken(samples)
-    lanes = SeedLanes.of(one, end)
-    abreast = lanes is not None and (many or lanes.is_compiled)
-    solved = (
-        lanes.navigate(block.seeds, samples) if lanes is not None and abreast else [None] * len(block.seeds)
-    )
+    nothing: list[LaneSolution | None] = [None] * len(block.seeds)
+    solved = nothing if lanes is None else lanes.during(outage, end).navigate(block.seeds, samples)
     figures = [
-        _alone(one, seed, samples, truth)
+        _alone(experiment, outage, seed, samples, truth)
         if run is None or not np.isfinite(run.solution.variance).all()
         else _figures(run.solution.position, run.solution.variance, run.solution.covariance, truth)
         for seed, run in zip(block.seeds, solved, strict=True)
@@ -246,10 +247,13 @@ def errors_in(experiment: Experiment, block: Block, since: FloatArray, *, many: 
     return OutageErrors(np.array(block.seeds), begins, horizontal, vertical, sigma, covariance)
 
 
-def _alone(experiment: Experiment, seed: int, samples: Samples, truth: Truth) -> tuple[FloatArray, ...]:
+def _alone(
+    experiment: Experiment, outage: tuple[float, float], seed: int, samples: Samples, truth: Truth
+) -> tuple[FloatArray, ...]:
     """Return the figures of a single run; infinite errors if it diverges."""
     mine = experiment.copy()
     mine.set("seed", seed)
+    mine.set("sensors.gps.outages", [outage])
     try:
         solution = mine.run().solution_arrays
     except DivergedError:
@@ -280,6 +284,20 @@ class _Filter:
     key: str
     blocks: dict[tuple[int, int], OutageErrors] = field(default_factory=dict)
     refusal: str = ""
+
+    @cached_property
+    def lanes(self) -> SeedLanes | None:
+        """The runs of the filter abreast; None if they would not be those of its seeds alone."""
+        return SeedLanes.of(self.experiment)
+
+    def block(self, block: Block, since: FloatArray, *, many: bool) -> OutageErrors:
+        """Return the errors of a block; with `many` runs, it is worth waiting for a compiler."""
+        lanes = self.lanes
+        if lanes is not None and not (many or lanes.is_ready):
+            lanes = None
+        return KEPT.get(
+            "outage", f"{self.key} {block}", lambda: errors_in(self.experiment, block, since, lanes)
+        )
 
     def errors(self) -> OutageErrors | None:
         """Return the errors of its runs so far, in their order."""
@@ -341,8 +359,7 @@ class _Work:
         for number, one, block in sorted(tasks, key=lambda task: _place(task[0])):
             if self._is_cancelled():
                 break
-            compute = functools.partial(errors_in, one.experiment, block, since, many=many)
-            task = pool.submit(KEPT.get, "outage", f"{one.key} {block}", compute)
+            task = pool.submit(one.block, block, since, many=many)
             running[task] = one, (turn, number), len(block.seeds)
         while running and not self._is_cancelled():
             for task in wait(running, self._patience, FIRST_COMPLETED).done:

@@ -7,6 +7,7 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 
 from __future__ import annotations
 
+import copy
 import threading
 import time as clock
 from collections.abc import Iterator, Sequence
@@ -59,26 +60,25 @@ class SeedLanes:
     ----------
     experiment
         The experiment; its seed has no effect.
-    until
-        Time after which nothing is wanted [s]; by default, the end of the flight.
     """
 
-    def __init__(self, experiment: Experiment, until: float = np.inf) -> None:
+    def __init__(self, experiment: Experiment) -> None:
         self._stages = SensorStages(experiment.copy(), mission(experiment.mission))
         self._sensors, self._navigator = self._stages.sensors, self._stages.navigator
-        flight = _until(self._stages.kept_flight(), until)
+        flight = self._stages.kept_flight()
         self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
         self._model = chosen_model(self._navigator, self._sensors)
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._room = threading.local()
+        self._withheld: list[tuple[float, float]] = []
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._latency = assumed_latency(self._navigator, self._sensors.gps.latency)
         self._fix_truth, self._seen = self._stages.fix_truth(flight)
         self._results = LaneResults(self._sensors, self._navigator, self._model, flight, self._fix_truth.time)
 
     @classmethod
-    def of(cls, experiment: Experiment, until: float = np.inf) -> SeedLanes | None:
+    def of(cls, experiment: Experiment) -> SeedLanes | None:
         """Return the runs of an experiment; None if runs abreast would not be those of its seeds alone."""
         navigator, sensors = experiment.navigator, experiment.sensors
         if (
@@ -92,7 +92,7 @@ class SeedLanes:
             or set(chosen_blocks(navigator, sensors)) - set(SCALES)
         ):
             return None
-        found = cls(experiment, until)
+        found = cls(experiment)
         turn = float(si(sensors.gyro, "range")) * found._ideal.dt
         usable = (
             can_batch(found._model, found._schedule, found._belief)
@@ -105,10 +105,22 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
+        return self.is_ready and fix_figures.is_ready()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether `navigate` needs not wait for a compiler."""
         triads = (self._sensors.gyro, self._sensors.accelerometer)
         plain = any(are_constant(errors, self._sensors) for errors in triads)
-        ready = is_compiled(self._model) and fix_figures.is_ready()
-        return ready and (lane_sensors.is_ready() or not plain)
+        return is_compiled(self._model) and (lane_sensors.is_ready() or not plain)
+
+    def during(self, outage: tuple[float, float], until: float) -> SeedLanes:
+        """Return these runs with an outage, and up to a time [s]; for `navigate` alone."""
+        found = copy.copy(self)
+        found._flight = _until(self._flight, until)
+        found._truth, found._ideal = found._flight.truth, found._flight.ideal
+        found._withheld, found._room = [outage], threading.local()
+        return found
 
     def run(self, seeds: Sequence[int], *, explain: bool = False) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
@@ -154,7 +166,7 @@ class SeedLanes:
         usable = self._usable(sensed)
         if not usable:
             return [None] * len(seeds)
-        found = self._navigate(sensed, usable, increments, samples, samples)
+        found = self._navigate(sensed, usable, increments, samples)
         return [one if index in usable else None for index, one in enumerate(found)]
 
     def _usable(self, sensed: Sequence[Sensed]) -> list[int]:
@@ -176,8 +188,7 @@ class SeedLanes:
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
-            stored, path = self._results.stored, self._results.path
-            solutions = self._navigate(sensed, usable, increments, stored, path)
+            solutions = self._navigate(sensed, usable, increments)
             seconds = (clock.perf_counter() - began) / len(usable)
             means = self._results.means(increments) if judged else None
             for index in usable:
@@ -206,6 +217,9 @@ class SeedLanes:
             constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
+            if self._withheld:
+                kept = ~gps.within(self._withheld, fixes.time)
+                fixes = gps.GpsFixes(*(part[kept] for part in fixes))
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
             found.append(Sensed(begun, assumed, constants, gyro, accelerometer, fixes, seen))
         return found
@@ -246,8 +260,7 @@ class SeedLanes:
         sensed: Sequence[Sensed],
         usable: Sequence[int],
         increments: FloatArray,
-        stored: Samples,
-        path: Samples,
+        samples: Samples | None = None,
     ) -> list[LaneSolution]:
         """Navigate a block; in the place of a run that is not usable, another is navigated."""
         lanes = []
@@ -264,8 +277,8 @@ class SeedLanes:
             lanes,
             self._schedule,
             self._model,
-            stored,
-            path,
+            self._results.stored if samples is None else samples,
+            self._results.path if samples is None else samples,
         )
 
 
