@@ -17,7 +17,7 @@ from lab.base.parameters.units import si
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
 from lab.navigation.kernels.compilation import entry_kernel, kernel
-from lab.navigation.kernels.lane_step import LANES
+from lab.navigation.kernels.lane_views import LANES
 from lab.sensors import imu
 from lab.sensors.draws import generator
 from lab.sensors.suite import SensorSuite

@@ -7,6 +7,7 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 
 from __future__ import annotations
 
+import math
 import threading
 import time as clock
 from collections.abc import Iterator, Sequence
@@ -36,8 +37,9 @@ from lab.navigation.belief import (
     is_aided,
     schedule_of,
 )
-from lab.navigation.filters.blocks import SCALES
-from lab.navigation.kernels.lane_step import LANES
+from lab.navigation.checks import check_bias_decay
+from lab.navigation.filters.blocks import CONSIDERED, SCALES
+from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.kernels.lanes import Lane, LaneSolution, can_batch, is_compiled, navigate_lanes
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import NO_VECTOR, Fixes, Start
@@ -72,7 +74,7 @@ class SeedLanes:
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._latency = assumed_latency(self._navigator, self._sensors.gps.latency)
         self._fix_truth, self._seen = self._stages.fix_truth(flight)
-        self._results = LaneResults(self._sensors, self._navigator, self._model, flight, self._fix_truth.time)
+        self._results = LaneResults(self._stages.experiment, self._model, flight, self._fix_truth.time)
 
     @classmethod
     def of(cls, experiment: Experiment) -> SeedLanes | None:
@@ -86,15 +88,13 @@ class SeedLanes:
             or sensors.own_errors
             or experiment.hidden
             or is_aided(navigator, sensors)
-            or set(chosen_blocks(navigator, sensors)) - set(SCALES)
+            or set(chosen_blocks(navigator, sensors)) - {*SCALES, *CONSIDERED}
         ):
             return None
         found = cls(experiment)
-        turn = float(si(sensors.gyro, "range")) * found._ideal.dt
         usable = (
             can_batch(found._model, found._schedule, found._belief)
             and found._truth.time.size <= LONG
-            and turn < LARGEST_TURN
             and np.abs(found._truth.latitude).max() < MAX_LATITUDE
         )
         return found if usable else None
@@ -104,7 +104,7 @@ class SeedLanes:
         """Whether these runs need not wait for a compiler."""
         triads = (self._sensors.gyro, self._sensors.accelerometer)
         plain = any(are_constant(errors, self._sensors) for errors in triads)
-        ready = is_compiled(self._model) and fix_figures.is_ready()
+        ready = is_compiled(self._model, summed=self._schedule.stride > 1) and fix_figures.is_ready()
         return ready and (lane_sensors.is_ready() or not plain)
 
     def run(self, seeds: Sequence[int], *, explain: bool = False) -> Iterator[RunAtFixes | None]:
@@ -135,13 +135,7 @@ class SeedLanes:
         """Run up to eight seeds, and return what is kept of each."""
         increments = self._increments()
         sensed = self._sense(seeds, increments)
-        first, usable = sensed[0].belief, []
-        for index, one in enumerate(sensed):
-            same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
-                one.belief.decay, first.decay
-            )
-            if same and not self._rests(one):
-                usable.append(index)
+        usable = [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
@@ -175,7 +169,8 @@ class SeedLanes:
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
-            found.append(Sensed(begun, assumed, constants, gyro, accelerometer, fixes, seen))
+            check_bias_decay(self._schedule.stride * self._ideal.dt, assumed.decay)
+            found.append(Sensed(seed, begun, assumed, constants, gyro, accelerometer, fixes, seen))
         return found
 
     def _aligned(self, begun: Start, seed: int) -> tuple[Start, FloatArray, FloatArray | None]:
@@ -202,6 +197,13 @@ class SeedLanes:
             measured.append(one)
         increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
         return measured
+
+    def _turns(self, one: Sensed) -> bool:
+        """Return whether the gyros show a rotation within a sample that may be too large for runs abreast."""
+        largest = float(si(self._sensors.gyro, "range")) * self._ideal.dt
+        if largest >= LARGEST_TURN:
+            largest = math.sqrt(3) * max(float(one.gyro.increments.max()), -float(one.gyro.increments.min()))
+        return not largest < LARGEST_TURN
 
     def _rests(self, one: Sensed) -> bool:
         """Return whether the filter would find that the vehicle stands still."""

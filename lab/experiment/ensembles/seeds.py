@@ -63,6 +63,7 @@ def run_ensemble(
     workers: int | None = None,
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
+    fast: bool = False,
 ) -> Ensemble:
     """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
@@ -82,6 +83,8 @@ def run_ensemble(
         The user's navigator; it is called from one thread only.
     partial
         Called every two seconds with the ensemble of the runs that are done so far.
+    fast
+        Whether the filter propagates its covariance at `FAST_RATE` only; see `at_fast_rate`.
 
     Raises
     ------
@@ -89,6 +92,7 @@ def run_ensemble(
         If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
         Runs that diverge are left out (`Ensemble.diverged`), unless all do.
     """
+    experiment = at_fast_rate(experiment) if fast else experiment
     numbers = seed_numbers(experiment, seeds)
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
