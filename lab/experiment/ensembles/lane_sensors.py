@@ -1,7 +1,7 @@
 """Lane sensors: the output of the IMUs of a block of runs, drawn and computed in one pass over the flight.
 
-A triad whose errors stay the same during a flight needs no more than a few products for each sample, once its
-noise is drawn. The draws are those of a single run, from the same generators.
+The draws are those of a single run, from the same generators. White noise is drawn where it is used; of the
+slow processes of a bias, the samples are drawn before.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
+from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
 from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.kernels.lane_views import LANES
-from lab.sensors import imu
+from lab.sensors import imu, processes
+from lab.sensors import temperature as thermal
 from lab.sensors.draws import generator
 from lab.sensors.suite import SensorSuite
 
@@ -29,15 +31,32 @@ AT_ONCE = 64
 """Samples drawn together: those of eight runs take 12 kB, a part of the processor's first cache."""
 
 
-class _Constants(NamedTuple):
+class _Triad(NamedTuple):
     """What changes the samples of a triad; of each run of a block, in the last dimension."""
 
-    added: FloatArray  # bias times dt (3, LANES)
+    bias: FloatArray  # constant part of the bias (3, LANES)
     mixing: FloatArray  # I + M (3, 3, LANES)
-    taken: FloatArray  # the bias found by an alignment, times dt (3, LANES)
+    taken: FloatArray  # the bias found by an alignment (3, LANES)
     noise: FloatArray  # σ of a sample (3,)
     step: FloatArray  # quantisation of a sample, or zero (3,)
     limit: float
+    dt: float
+    process: FloatArray  # slow part of the bias (LANES, 3, n), or (LANES, 3, 0) without any
+    warmer: FloatArray  # temperature above that of calibration (n,) [K], or (0,) without an effect
+    bias_by_temperature: FloatArray  # (3,)
+    scale_by_temperature: FloatArray  # (3,)
+    dvelocity: FloatArray  # specific force that acts on gyros (n, 3) [m/s], or (0, 3)
+    bias_by_force: FloatArray  # (3,)
+    held: FloatArray  # mean of a step after a lag (3,), or one without a lag; see `processes.lagged`
+    forget: FloatArray  # what is left of a value after a sample with that lag (3,)
+
+
+class _Room(NamedTuple):
+    """Room for some samples of a run, (3, AT_ONCE): noise, biases, and true quantities with them."""
+
+    drawn: FloatArray
+    bias: FloatArray
+    biased: FloatArray
 
 
 def empty_increments(samples: int) -> FloatArray:
@@ -45,34 +64,31 @@ def empty_increments(samples: int) -> FloatArray:
     return aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
 
 
-def are_constant(errors: Errors, sensors: SensorSuite) -> bool:
-    """Return whether the errors of a triad stay the same during a flight, apart from its white noise."""
-    shaken = isinstance(errors, imu.AccelerometerErrors) and any(errors.vibration_density)
-    return not (
-        imu.is_drifting(errors) or shaken or any(errors.bandwidth) or sensors.temperature.compensation
-    )
+def can_sense(errors: Errors, sensors: SensorSuite) -> bool:
+    """Return whether `triads` simulates these errors: without vibration, and without a thermometer."""
+    feels = isinstance(errors, imu.AccelerometerErrors) or any(errors.g_sensitivity)
+    shaken = feels and any(sensors.accelerometer.vibration_density)
+    return not (shaken or sensors.temperature.compensation)
 
 
-def constant_triads(
+def triads(
     seeds: Sequence[int],
     errors: Errors,
-    ideal: FloatArray,
-    dt: float,
+    sensors: SensorSuite,
+    flight: SampledFlight,
     found: Sequence[FloatArray],
     out: FloatArray,
 ) -> list[imu.Measured]:
-    """Simulate the gyros or the accelerometers of up to eight runs, whose errors `are_constant`.
+    """Simulate the gyros or the accelerometers of up to eight runs, whose errors `can_sense` admits.
 
     Parameters
     ----------
     seeds
         Seeds of the runs.
-    errors
-        The errors of the triad.
-    ideal : (n, 3) array
-        True increments over each sample interval [rad] or [m/s].
-    dt
-        Length of the intervals [s].
+    errors, sensors
+        The errors of the triad, and the suite that it is a part of.
+    flight
+        The flight.
     found
         The bias that an alignment found for each run (3,) [rad/s] or [m/s²]; it is subtracted.
     out : (n, 6, LANES) array
@@ -84,30 +100,80 @@ def constant_triads(
         The output of each run; its increments are views into `out`.
     """
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
+    ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
     lanes = [*range(len(seeds)), *[len(seeds) - 1] * (LANES - len(seeds))]
     draws = [imu.ImuDraws.of(seed, name, 0, instability=False) for seed in seeds]
     bias = [imu.turn_on_bias(errors, one) for one in draws]
     M = [imu.cross_coupling(errors, one) for one in draws]
-    constants = _Constants(
-        np.stack([bias[lane] * dt for lane in lanes], axis=-1),
+    process = _processes(seeds, name, errors, ideal.shape[0], dt)
+    warmer = _warmer(errors, sensors, flight)
+    felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
+    cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
+    lags = cutoff > 0
+    forget = np.where(lags, np.exp(-cutoff), 0.0)
+    given = _Triad(
+        np.stack([bias[lane] for lane in lanes], axis=-1),
         np.stack([np.eye(3) + M[lane] for lane in lanes], axis=-1),
-        np.stack([found[lane] * dt for lane in lanes], axis=-1),
+        np.stack([found[lane] for lane in lanes], axis=-1),
         np.asarray(si(errors, "noise_density") * np.sqrt(dt), dtype=np.float64),
         np.asarray(si(errors, "quantisation") * dt, dtype=np.float64),
         float(si(errors, "range")) * dt,
+        dt,
+        process,
+        warmer,
+        si(errors, "bias_temperature"),
+        si(errors, "scale_temperature"),
+        flight.ideal.dvelocity if felt.any() else np.zeros((0, 3)),
+        felt,
+        np.where(lags, -np.expm1(-cutoff) / np.where(lags, cutoff, 1.0), 1.0),
+        forget,
     )
+    varies = process.shape[2] > 0 or warmer.size > 0 or felt.any()
+    shown = np.empty((LANES, ideal.shape[0] if varies else 0, 3))
     saturated = np.zeros(LANES, dtype=np.int64)
     noise = tuple(generator(seeds[lane], f"{name}.noise") for lane in lanes)
-    _sense(noise, ideal, constants, out, first, saturated)
+    _sense(noise, ideal, given, out, first, shown, saturated)
+    warming = warmer[:, None] * given.scale_by_temperature
     return [
         imu.Measured(
             out[:, first : first + 3, lane],
-            np.broadcast_to((np.eye(3) + M[lane]) @ bias[lane] - found[lane], ideal.shape),
-            np.broadcast_to(np.diag(M[lane]), ideal.shape),
+            shown[lane]
+            if varies
+            else np.broadcast_to((np.eye(3) + M[lane]) @ bias[lane] - found[lane], ideal.shape),
+            np.diag(M[lane]) + warming if warming.any() else np.broadcast_to(np.diag(M[lane]), ideal.shape),
             int(saturated[lane]),
         )
         for lane in range(len(seeds))
     ]
+
+
+def _processes(seeds: Sequence[int], name: str, errors: Errors, samples: int, dt: float) -> FloatArray:
+    """Return the slow part of the bias of each run (LANES, 3, n) [rad/s] or [m/s²]; (LANES, 3, 0) without."""
+    flicker = si(errors, "flicker")
+    others = {"instability": any(errors.instability), "walk": any(errors.rate_random_walk)}
+    if not (flicker.any() or any(others.values())):
+        return np.zeros((LANES, 3, 0))
+    total = np.zeros((LANES, 3, samples))
+    if flicker.any():
+        for lane, seed in enumerate(seeds):
+            _draw_rows(generator(seed, f"{name}.flicker"), total[lane])
+            total[lane] = flicker[:, None] * processes.flicker(total[lane], axis=-1)
+    if any(others.values()):
+        rest = errors.copy()
+        rest.set("flicker", 0.0)
+        for lane, seed in enumerate(seeds):
+            draws = imu.ImuDraws.of(seed, name, samples, **others)
+            total[lane] += imu.drift(rest, draws, dt).T
+    return total
+
+
+def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> FloatArray:
+    """Return the temperature above that of calibration (n,) [K]; (0,) if it changes nothing."""
+    if not (any(errors.bias_temperature) or any(errors.scale_temperature)):
+        return np.zeros(0)
+    height = flight.truth.height[1:] - flight.truth.height[0]
+    warmer = thermal.temperature(sensors.temperature, flight.ideal.time[1:], height) - thermal.REFERENCE
+    return warmer if warmer.any() else np.zeros(0)
 
 
 def is_ready() -> bool:
@@ -116,21 +182,34 @@ def is_ready() -> bool:
 
 
 @entry_kernel
+def _draw_rows(noise: np.random.Generator, out: FloatArray) -> None:
+    """Draw (3, n) unit values, sample by sample."""
+    for k in range(out.shape[1]):
+        for i in range(3):
+            out[i, k] = noise.standard_normal()
+
+
+@entry_kernel
 def _sense(
     noise: tuple[np.random.Generator, ...],
     ideal: FloatArray,
-    given: _Constants,
+    given: _Triad,
     out: FloatArray,
     first: int,
+    shown: FloatArray,
     saturated: NDArray[np.int64],
 ) -> None:
     """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
-    drawn = np.empty((AT_ONCE, 3))
+    room = _Room(np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)))
+    lag = np.zeros((LANES, 3))
     for start in range(0, ideal.shape[0], AT_ONCE):
         count = min(AT_ONCE, ideal.shape[0] - start)
         for lane in range(LANES):
-            _draw(noise[lane], drawn, count)
-            saturated[lane] += _measure(ideal, start, count, given, drawn, out, first, lane)
+            _draw(noise[lane], room.drawn, count)
+            _bias(ideal, start, count, given, room, lane)
+            saturated[lane] += _measure(start, count, given, room, out, first, lag[lane], lane)
+            if shown.shape[1] > 0:
+                _show(start, count, given, room, shown, lane)
 
 
 @kernel
@@ -138,32 +217,80 @@ def _draw(noise: np.random.Generator, drawn: FloatArray, count: int) -> None:
     """Draw the next samples of a run; nothing else in the loop, which takes twice as long otherwise."""
     for k in range(count):
         for i in range(3):
-            drawn[k, i] = noise.standard_normal()
+            drawn[i, k] = noise.standard_normal()
+
+
+@kernel
+def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, room: _Room, lane: int) -> None:
+    """Write biases and true quantities with them for some samples of a run."""
+    bias, biased, dt = room.bias, room.biased, given.dt
+    for i in range(3):
+        for k in range(count):
+            bias[i, k] = given.bias[i, lane]
+        if given.process.shape[2] > 0:
+            for k in range(count):
+                bias[i, k] += given.process[lane, i, start + k]
+        if given.warmer.size > 0:
+            for k in range(count):
+                bias[i, k] += given.bias_by_temperature[i] * given.warmer[start + k]
+        if given.dvelocity.shape[0] > 0:
+            for k in range(count):
+                bias[i, k] += given.bias_by_force[i] * given.dvelocity[start + k, i] / dt
+        for k in range(count):
+            biased[i, k] = ideal[start + k, i] + bias[i, k] * dt
 
 
 @kernel
 def _measure(
-    ideal: FloatArray,
     start: int,
     count: int,
-    given: _Constants,
-    drawn: FloatArray,
+    given: _Triad,
+    room: _Room,
     out: FloatArray,
     first: int,
+    lag: FloatArray,
     lane: int,
 ) -> int:
-    """Write some samples of a run, given their unit noise; return how many values are saturated."""
-    saturated, limit = 0, given.limit
+    """Write some samples of a run; return how many values are saturated. `lag` is kept from part to part."""
+    saturated, limit, drawn, biased = 0, given.limit, room.drawn, room.biased
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
-        offset = x * given.added[0, lane] + y * given.added[1, lane] + z * given.added[2, lane]
-        sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane]
+        sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane] * given.dt
+        settled = x * biased[0, 0] + y * biased[1, 0] + z * biased[2, 0]
         for k in range(count):
-            true = ideal[start + k]
-            value = x * true[0] + y * true[1] + z * true[2] + offset + sigma * drawn[k, i]
+            true = x * biased[0, k] + y * biased[1, k] + z * biased[2, k]
+            drawn[i, k] = true + sigma * drawn[i, k]
+        if given.warmer.size > 0:
+            warming = given.scale_by_temperature[i]
+            settled += warming * given.warmer[start] * biased[i, 0]
+            for k in range(count):
+                drawn[i, k] += warming * given.warmer[start + k] * biased[i, k]
+        held, forget = given.held[i], given.forget[i]
+        if held < 1:
+            if start == 0:
+                lag[i] = held * settled
+            for k in range(count):
+                entered = drawn[i, k]
+                drawn[i, k] = (1 - held) * entered + lag[i]
+                lag[i] = (held - forget) * entered + forget * drawn[i, k]
+        for k in range(count):
+            value = drawn[i, k]
             saturated += abs(value) > limit
             value = min(max(value, -limit), limit)
             if step > 0:
                 value = np.rint(value / step) * step
             out[start + k, first + i, lane] = value - taken
     return saturated
+
+
+@kernel
+def _show(start: int, count: int, given: _Triad, room: _Room, shown: FloatArray, lane: int) -> None:
+    """Write the true bias of some samples of a run as its output shows it."""
+    bias = room.bias
+    for i in range(3):
+        x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
+        for k in range(count):
+            value = x * bias[0, k] + y * bias[1, k] + z * bias[2, k] - given.taken[i, lane]
+            if given.warmer.size > 0:
+                value += given.scale_by_temperature[i] * given.warmer[start + k] * bias[i, k]
+            shown[lane, start + k, i] = value

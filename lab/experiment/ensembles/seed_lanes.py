@@ -22,7 +22,7 @@ from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
 from lab.experiment.ensembles.lane_results import LaneResults, Sensed
-from lab.experiment.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
+from lab.experiment.ensembles.lane_sensors import can_sense, empty_increments, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SensorStages
@@ -102,8 +102,8 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
-        triads = (self._sensors.gyro, self._sensors.accelerometer)
-        plain = any(are_constant(errors, self._sensors) for errors in triads)
+        both = (self._sensors.gyro, self._sensors.accelerometer)
+        plain = any(can_sense(errors, self._sensors) for errors in both)
         ready = is_compiled(self._model, summed=self._schedule.stride > 1) and fix_figures.is_ready()
         return ready and (lane_sensors.is_ready() or not plain)
 
@@ -186,9 +186,8 @@ class SeedLanes:
         """Simulate the gyros or the accelerometers of some runs, minus the bias that an alignment found."""
         errors = self._sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-        if are_constant(errors, self._sensors):
-            ideal = self._ideal.dtheta if sensor == "gyro" else self._ideal.dvelocity
-            return constant_triads(seeds, errors, ideal, self._ideal.dt, found, increments)
+        if can_sense(errors, self._sensors):
+            return triads(seeds, errors, self._sensors, self._flight, found, increments)
         measured = []
         own = slice(0, 3) if sensor == "gyro" else slice(3, 6)
         for lane, (seed, bias) in enumerate(zip(seeds, found, strict=True)):
