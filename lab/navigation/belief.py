@@ -95,7 +95,12 @@ def is_aided(navigator: NavigatorSettings, sensors: SensorSuite) -> bool:
     return bool(fitted or navigator.no_slip or navigator.zero_velocity)
 
 
-def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:
+def belief(
+    sensors: SensorSuite,
+    navigator: NavigatorSettings,
+    constants: FloatArray | None = None,
+    single: SensorSuite | None = None,
+) -> Belief:
     """Return the filter's assumptions: P0, Q and R, matched or given, and scaled.
 
     Parameters
@@ -105,6 +110,8 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     constants : (21, 21) or (36, 36) array
         Covariance of the constant errors after an alignment, also with that of the errors that it considered
         (`blocks.CONSIDERED`); by default, those before any alignment.
+    single
+        The sensors as `of_bias_states` returns them, if they are at hand: making them takes a millisecond.
 
     Raises
     ------
@@ -113,7 +120,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     """
     aligned = constants is not None
     constants = constant_errors(sensors, navigator) if constants is None else constants
-    single = of_bias_states(sensors, navigator)
+    single = of_bias_states(sensors, navigator) if single is None else single
     drive, decay = bias_processes(single, np.diag(constants))
     noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
     R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)

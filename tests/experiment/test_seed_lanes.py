@@ -287,7 +287,7 @@ def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str,
     experiment = of(changes)
     lanes = SeedLanes.of(experiment)
     assert lanes is not None
-    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._increments()), strict=True):
+    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._sensor_room()), strict=True):
         result = experiment.copy().update({"seed": seed}).run()
         for abreast, single in ((one.gyro, result.gyro), (one.accelerometer, result.accelerometer)):
             largest = float(np.abs(single.increments).max())
@@ -325,7 +325,7 @@ def test_a_run_that_turns_too_far_within_a_sample_runs_alone(monkeypatch: pytest
     lanes = SeedLanes.of(of({"sensors.gyro.range": 2000.0}))
     assert lanes is not None
     assert all(run is not None for run in lanes.measure((1, 2)))
-    largest = [float(np.abs(one.gyro.increments).max()) for one in lanes._sense((1, 2), lanes._increments())]
+    largest = [float(np.abs(one.gyro.increments).max()) for one in lanes._sense((1, 2), lanes._sensor_room())]
     monkeypatch.setattr(seed_lanes_module, "LARGEST_TURN", math.sqrt(3) * sum(largest) / 2)
     assert [run is not None for run in lanes.measure((1, 2))] == [one < max(largest) for one in largest]
 
@@ -345,8 +345,8 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     list(lanes.run(range(8)))
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
-    increments = lanes._increments()
-    sensed = lanes._sense(range(8), increments)
+    room = lanes._sensor_room()
+    sensed = lanes._sense(range(8), room)
     one: list[float] = []
     eight: list[float] = []
     single: list[float] = []
@@ -356,7 +356,7 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
         navigate(imu, fixes, result.aligned.start, result.belief, lanes._schedule, lanes._model)
         one.append(time.thread_time() - began)
         began = time.thread_time()
-        lanes._navigate(sensed, range(8), increments)
+        lanes._navigate(sensed, range(8), room.increments)
         eight.append((time.thread_time() - began) / 8)
         began = time.thread_time()
         alone(experiment, 100 + turn)

@@ -7,6 +7,7 @@ slow processes of a bias, the samples are drawn before.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -51,17 +52,41 @@ class _Triad(NamedTuple):
     forget: FloatArray  # what is left of a value after a sample with that lag (3,)
 
 
-class _Room(NamedTuple):
-    """Room for some samples of a run, (3, AT_ONCE): noise, biases, and true quantities with them."""
+class _Part(NamedTuple):
+    """Some samples of a run, (3, AT_ONCE): noise, biases, and true quantities with them."""
 
     drawn: FloatArray
     bias: FloatArray
     biased: FloatArray
 
 
-def empty_increments(samples: int) -> FloatArray:
-    """Return room for the increments of a block, (samples, 6, LANES), zero and aligned for vectors."""
-    return aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
+class SensorRoom:
+    """Room for the output of the sensors of a block; each use takes the same, because new memory takes time.
+
+    Parameters
+    ----------
+    samples
+        Number n of samples.
+
+    Attributes
+    ----------
+    increments : (n, 6, LANES) array
+        Aligned for vectors.
+    """
+
+    def __init__(self, samples: int) -> None:
+        self.increments = aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
+        self._samples = samples
+
+    @cached_property
+    def process(self) -> FloatArray:
+        """Slow part of the biases of a triad (LANES, 3, n)."""
+        return np.empty((LANES, 3, self._samples))
+
+    @cached_property
+    def shown(self) -> FloatArray:
+        """Biases of gyros and accelerometers as their output shows them (2, LANES, n, 3)."""
+        return np.empty((2, LANES, self._samples, 3))
 
 
 def can_sense(errors: Errors, sensors: SensorSuite) -> bool:
@@ -77,7 +102,7 @@ def triads(
     sensors: SensorSuite,
     flight: SampledFlight,
     found: Sequence[FloatArray],
-    out: FloatArray,
+    room: SensorRoom,
 ) -> list[imu.Measured]:
     """Simulate the gyros or the accelerometers of up to eight runs, whose errors `can_sense` admits.
 
@@ -91,13 +116,13 @@ def triads(
         The flight.
     found
         The bias that an alignment found for each run (3,) [rad/s] or [m/s²]; it is subtracted.
-    out : (n, 6, LANES) array
-        Receives the increments of the block: three of the six. Unused lanes repeat the last run.
+    room
+        Receives the output: of the increments, three of the six. Unused lanes repeat the last run.
 
     Returns
     -------
     list of Measured
-        The output of each run; its increments are views into `out`.
+        The output of each run: views into the room.
     """
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
     ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
@@ -105,7 +130,7 @@ def triads(
     draws = [imu.ImuDraws.of(seed, name, 0, instability=False) for seed in seeds]
     bias = [imu.turn_on_bias(errors, one) for one in draws]
     M = [imu.cross_coupling(errors, one) for one in draws]
-    process = _processes(seeds, name, errors, ideal.shape[0], dt)
+    out, process = room.increments, _processes(seeds, name, errors, dt, room)
     warmer = _warmer(errors, sensors, flight)
     felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
     cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
@@ -129,7 +154,7 @@ def triads(
         forget,
     )
     varies = process.shape[2] > 0 or warmer.size > 0 or felt.any()
-    shown = np.empty((LANES, ideal.shape[0] if varies else 0, 3))
+    shown = room.shown[first // 3] if varies else np.empty((LANES, 0, 3))
     saturated = np.zeros(LANES, dtype=np.int64)
     noise = tuple(generator(seeds[lane], f"{name}.noise") for lane in lanes)
     _sense(noise, ideal, given, out, first, shown, saturated)
@@ -147,22 +172,25 @@ def triads(
     ]
 
 
-def _processes(seeds: Sequence[int], name: str, errors: Errors, samples: int, dt: float) -> FloatArray:
+def _processes(
+    seeds: Sequence[int], name: str, errors: Errors, dt: float, room: SensorRoom
+) -> FloatArray:
     """Return the slow part of the bias of each run (LANES, 3, n) [rad/s] or [m/s²]; (LANES, 3, 0) without."""
     flicker = si(errors, "flicker")
     others = {"instability": any(errors.instability), "walk": any(errors.rate_random_walk)}
     if not (flicker.any() or any(others.values())):
         return np.zeros((LANES, 3, 0))
-    total = np.zeros((LANES, 3, samples))
+    total = room.process
+    total[:] = 0.0
     if flicker.any():
         for lane, seed in enumerate(seeds):
             _draw_rows(generator(seed, f"{name}.flicker"), total[lane])
-            total[lane] = flicker[:, None] * processes.flicker(total[lane], axis=-1)
+            np.multiply(flicker[:, None], processes.flicker(total[lane], axis=-1), out=total[lane])
     if any(others.values()):
         rest = errors.copy()
         rest.set("flicker", 0.0)
         for lane, seed in enumerate(seeds):
-            draws = imu.ImuDraws.of(seed, name, samples, **others)
+            draws = imu.ImuDraws.of(seed, name, total.shape[2], **others)
             total[lane] += imu.drift(rest, draws, dt).T
     return total
 
@@ -200,16 +228,16 @@ def _sense(
     saturated: NDArray[np.int64],
 ) -> None:
     """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
-    room = _Room(np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)))
+    part = _Part(np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)))
     lag = np.zeros((LANES, 3))
     for start in range(0, ideal.shape[0], AT_ONCE):
         count = min(AT_ONCE, ideal.shape[0] - start)
         for lane in range(LANES):
-            _draw(noise[lane], room.drawn, count)
-            _bias(ideal, start, count, given, room, lane)
-            saturated[lane] += _measure(start, count, given, room, out, first, lag[lane], lane)
+            _draw(noise[lane], part.drawn, count)
+            _bias(ideal, start, count, given, part, lane)
+            saturated[lane] += _measure(start, count, given, part, out, first, lag[lane], lane)
             if shown.shape[1] > 0:
-                _show(start, count, given, room, shown, lane)
+                _show(start, count, given, part, shown, lane)
 
 
 @kernel
@@ -221,9 +249,9 @@ def _draw(noise: np.random.Generator, drawn: FloatArray, count: int) -> None:
 
 
 @kernel
-def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, room: _Room, lane: int) -> None:
+def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, part: _Part, lane: int) -> None:
     """Write biases and true quantities with them for some samples of a run."""
-    bias, biased, dt = room.bias, room.biased, given.dt
+    bias, biased, dt = part.bias, part.biased, given.dt
     for i in range(3):
         for k in range(count):
             bias[i, k] = given.bias[i, lane]
@@ -245,14 +273,14 @@ def _measure(
     start: int,
     count: int,
     given: _Triad,
-    room: _Room,
+    part: _Part,
     out: FloatArray,
     first: int,
     lag: FloatArray,
     lane: int,
 ) -> int:
     """Write some samples of a run; return how many values are saturated. `lag` is kept from part to part."""
-    saturated, limit, drawn, biased = 0, given.limit, room.drawn, room.biased
+    saturated, limit, drawn, biased = 0, given.limit, part.drawn, part.biased
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
         sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane] * given.dt
@@ -284,9 +312,9 @@ def _measure(
 
 
 @kernel
-def _show(start: int, count: int, given: _Triad, room: _Room, shown: FloatArray, lane: int) -> None:
+def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray, lane: int) -> None:
     """Write the true bias of some samples of a run as its output shows it."""
-    bias = room.bias
+    bias = part.bias
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
         for k in range(count):

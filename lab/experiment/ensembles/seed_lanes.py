@@ -22,7 +22,7 @@ from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
 from lab.experiment.ensembles.lane_results import LaneResults, Sensed
-from lab.experiment.ensembles.lane_sensors import can_sense, empty_increments, triads
+from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SensorStages
@@ -35,6 +35,7 @@ from lab.navigation.belief import (
     belief,
     chosen_blocks,
     is_aided,
+    of_bias_states,
     schedule_of,
 )
 from lab.navigation.checks import check_bias_decay
@@ -68,6 +69,7 @@ class SeedLanes:
         flight = self._stages.kept_flight()
         self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
         self._model = chosen_model(self._navigator, self._sensors)
+        self._of_bias_states = of_bias_states(self._sensors, self._navigator)
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._room = threading.local()
@@ -133,8 +135,8 @@ class SeedLanes:
 
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
-        increments = self._increments()
-        sensed = self._sense(seeds, increments)
+        room = self._sensor_room()
+        increments, sensed = room.increments, self._sense(seeds, room)
         usable = [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
         found: dict[int, RunAtFixes | None] = {}
         if usable:
@@ -147,24 +149,24 @@ class SeedLanes:
                 found[index] = self._results.kept(sensed[index], solutions[index], seconds, own)
         return (found.get(index) for index in range(len(seeds)))
 
-    def _increments(self) -> FloatArray:
-        """Return room for the increments of a block, kept for each thread: new memory takes time."""
-        if not hasattr(self._room, "increments"):
-            self._room.increments = empty_increments(self._ideal.dtheta.shape[0])
-        found: FloatArray = self._room.increments
+    def _sensor_room(self) -> SensorRoom:
+        """Return room for the sensors of a block, kept for each thread."""
+        if not hasattr(self._room, "sensors"):
+            self._room.sensors = SensorRoom(self._ideal.dtheta.shape[0])
+        found: SensorRoom = self._room.sensors
         return found
 
-    def _sense(self, seeds: Sequence[int], increments: FloatArray) -> list[Sensed]:
-        """Simulate the sensors of some runs; their `increments` are written, and referred to."""
+    def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
+        """Simulate the sensors of some runs; the room is written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
         aligned = [self._aligned(start(truth, navigator, seed), seed) for seed in seeds]
-        gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], increments)
-        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), increments)
+        gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], room)
+        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), room)
         found = []
         for seed, (begun, _, P), gyro, accelerometer in zip(
             seeds, aligned, gyros, accelerometers, strict=True
         ):
-            assumed = self._belief if P is None else belief(sensors, navigator, P)
+            assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
@@ -177,18 +179,20 @@ class SeedLanes:
         """Return start, found gyro bias and covariance of a run after its alignment, if it has one."""
         if not self._navigator.alignment:
             return begun, NO_VECTOR, None
-        found = rest_alignment.begin(begun, self._true_start, self._sensors, self._navigator, seed)
+        found = rest_alignment.begin(
+            begun, self._true_start, self._sensors, self._navigator, seed, single=self._of_bias_states
+        )
         return found.start, found.gyro_bias, found.P
 
     def _triads(
-        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], increments: FloatArray
+        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], room: SensorRoom
     ) -> list[imu.Measured]:
         """Simulate the gyros or the accelerometers of some runs, minus the bias that an alignment found."""
         errors = self._sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
         if can_sense(errors, self._sensors):
-            return triads(seeds, errors, self._sensors, self._flight, found, increments)
-        measured = []
+            return triads(seeds, errors, self._sensors, self._flight, found, room)
+        measured, increments = [], room.increments
         own = slice(0, 3) if sensor == "gyro" else slice(3, 6)
         for lane, (seed, bias) in enumerate(zip(seeds, found, strict=True)):
             one = self._stages.measured_with(sensor, self._flight, seed, bias)
