@@ -54,6 +54,25 @@ def sum_of(model: ErrorModel) -> Written:
     return Written("add_to_sum", "\n".join(lines))
 
 
+power_times = Slot("power_times")
+"""``power_times(power, A, out)``: see `power_of`."""
+
+
+def power_of(model: ErrorModel) -> Written:
+    """Return the kernel `power_times` of a model.
+
+    It writes the navigation rows of the product of a power of A with A, the sum of F dt, of which only the
+    elements are multiplied that can be non-zero; without the decay of the driven states.
+    """
+    terms, n = terms_of(model), model.states
+    lines = ["@kernel", "def power_times(power, A, out):", f"    for at in range(0, {NAV * n}, {n}):"]
+    lines += [f"        p_{m} = power[at + {m}]" for m in range(NAV)]
+    for c in range(n):
+        products = [f"p_{m} * A[{n * m + c}]" for m in range(NAV) if c in terms[m]]
+        lines.append(f"        out[at + {c}] = {' + '.join(products) or '0.0'}")
+    return Written("power_times", "\n".join(lines))
+
+
 @inline_kernel
 def take_sample(buffer: FloatArray, increments: FloatArray, k: int) -> None:
     """Copy the increments of a sample into the block."""
@@ -195,23 +214,19 @@ def transition(buffer: FloatArray, elapsed: float) -> None:
     """Write the transition over a sum A, without the unit matrix, as `prediction.second_order` does."""
     A, E, square = wide(buffer, SUM), wide(buffer, STEP), wide(buffer, SQUARE)
     kept, decay = wide(buffer, KEPT), wide(buffer, DECAY)
-    for k in range(NAV * STATES):
-        square[k] = 0.0
-        E[k] = 0.0
-    for b in range(DRIVEN):
-        kept[b] = faded(decay[b], elapsed)
-    power_times(A, A, square, decay, elapsed)
-    power_times(square, A, E, decay, elapsed)
+    power_times(A, A, square)
+    decay_in_power(A, square, decay, elapsed)
+    power_times(square, A, E)
+    decay_in_power(square, E, decay, elapsed)
     for k in range(NAV * STATES):
         E[k] = A[k] + square[k] * (1 / 2) + E[k] * (1 / 6)
+    for b in range(DRIVEN):
+        kept[b] = faded(decay[b], elapsed)
 
 
 @inline_kernel
-def power_times(power: Any, A: Any, out: Any, decay: Any, elapsed: float) -> None:
-    """Add the navigation rows of the product of a power of A with A; the driven states only decay in A."""
-    for i in range(0, NAV, 3):
-        for j in range(0, STATES, 3):
-            add_product(out, STATES * i + j, power, STATES * i, A, j, STATES, 1, NAV)
+def decay_in_power(power: Any, out: Any, decay: Any, elapsed: float) -> None:
+    """Add to the product of a power of A with A that the driven states decay in A."""
     for i in range(NAV):
         for b in range(NAV, NAV + DRIVEN):
             out[STATES * i + b] -= power[STATES * i + b] * decay[b - NAV] * elapsed
@@ -266,6 +281,7 @@ def flight_of(model: ErrorModel, own: Variant, *, summed: bool) -> Generated:
         **own.kernels,
         propagate: propagation_of(model, abreast=True),
         add_to_sum: sum_of(model),
+        power_times: power_of(model),
         strapdown.rotation: strapdown.small_rotation,
     }
     if summed:
