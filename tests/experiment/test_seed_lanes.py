@@ -147,7 +147,7 @@ def test_a_fast_ensemble_propagates_the_covariance_less_often() -> None:
     """Its figures are those of the rate that it stands for, and not those of the full rate."""
     experiment = of({})
     fast, full = run_ensemble(experiment, 2, fast=True), run_ensemble(experiment, 2)
-    same = run_ensemble(experiment.copy().update({"navigator.filter_rate": seeds_module.FAST_RATE}), 2)
+    same = run_ensemble(seeds_module.at_fast_rate(experiment), 2)
     assert np.array_equal(fast.mean_nees, same.mean_nees)
     assert not np.array_equal(fast.mean_nees, full.mean_nees)
     assert not experiment.navigator.filter_rate

@@ -251,21 +251,25 @@ def _draw(noise: np.random.Generator, drawn: FloatArray, count: int) -> None:
 @kernel
 def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, part: _Part, lane: int) -> None:
     """Write biases and true quantities with them for some samples of a run."""
-    bias, biased, dt = part.bias, part.biased, given.dt
+    dt = given.dt
     for i in range(3):
+        bias, biased, constant = part.bias[i], part.biased[i], given.bias[i, lane]
         for k in range(count):
-            bias[i, k] = given.bias[i, lane]
+            bias[k] = constant
         if given.process.shape[2] > 0:
+            process = given.process[lane, i]
             for k in range(count):
-                bias[i, k] += given.process[lane, i, start + k]
+                bias[k] += process[start + k]
         if given.warmer.size > 0:
+            warmer, by_temperature = given.warmer, given.bias_by_temperature[i]
             for k in range(count):
-                bias[i, k] += given.bias_by_temperature[i] * given.warmer[start + k]
+                bias[k] += by_temperature * warmer[start + k]
         if given.dvelocity.shape[0] > 0:
+            dvelocity, by_force = given.dvelocity, given.bias_by_force[i]
             for k in range(count):
-                bias[i, k] += given.bias_by_force[i] * given.dvelocity[start + k, i] / dt
+                bias[k] += by_force * dvelocity[start + k, i] / dt
         for k in range(count):
-            biased[i, k] = ideal[start + k, i] + bias[i, k] * dt
+            biased[k] = ideal[start + k, i] + bias[k] * dt
 
 
 @kernel
@@ -280,45 +284,52 @@ def _measure(
     lane: int,
 ) -> int:
     """Write some samples of a run; return how many values are saturated. `lag` is kept from part to part."""
-    saturated, limit, drawn, biased = 0, given.limit, part.drawn, part.biased
+    saturated, limit, by_x, by_y, by_z = 0, given.limit, part.biased[0], part.biased[1], part.biased[2]
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
         sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane] * given.dt
-        settled = x * biased[0, 0] + y * biased[1, 0] + z * biased[2, 0]
+        values, biased = part.drawn[i], part.biased[i]
+        settled = x * by_x[0] + y * by_y[0] + z * by_z[0]
         for k in range(count):
-            true = x * biased[0, k] + y * biased[1, k] + z * biased[2, k]
-            drawn[i, k] = true + sigma * drawn[i, k]
+            values[k] = x * by_x[k] + y * by_y[k] + z * by_z[k] + sigma * values[k]
         if given.warmer.size > 0:
-            warming = given.scale_by_temperature[i]
-            settled += warming * given.warmer[start] * biased[i, 0]
+            warmer, warming = given.warmer, given.scale_by_temperature[i]
+            settled += warming * warmer[start] * biased[0]
             for k in range(count):
-                drawn[i, k] += warming * given.warmer[start + k] * biased[i, k]
+                values[k] += warming * warmer[start + k] * biased[k]
         held, forget = given.held[i], given.forget[i]
         if held < 1:
-            if start == 0:
-                lag[i] = held * settled
+            state = held * settled if start == 0 else lag[i]
             for k in range(count):
-                entered = drawn[i, k]
-                drawn[i, k] = (1 - held) * entered + lag[i]
-                lag[i] = (held - forget) * entered + forget * drawn[i, k]
+                entered = values[k]
+                values[k] = (1 - held) * entered + state
+                state = (held - forget) * entered + forget * values[k]
+            lag[i] = state
+        beyond = 0
         for k in range(count):
-            value = drawn[i, k]
-            saturated += abs(value) > limit
-            value = min(max(value, -limit), limit)
-            if step > 0:
-                value = np.rint(value / step) * step
-            out[start + k, first + i, lane] = value - taken
+            beyond += abs(values[k]) > limit
+        if beyond:
+            saturated += beyond
+            for k in range(count):
+                values[k] = min(max(values[k], -limit), limit)
+        if step > 0:
+            for k in range(count):
+                values[k] = np.rint(values[k] / step) * step
+        for k in range(count):
+            out[start + k, first + i, lane] = values[k] - taken
     return saturated
 
 
 @kernel
 def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray, lane: int) -> None:
     """Write the true bias of some samples of a run as its output shows it."""
-    bias = part.bias
+    by_x, by_y, by_z = part.bias[0], part.bias[1], part.bias[2]
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
+        bias, taken = part.bias[i], given.taken[i, lane]
         for k in range(count):
-            value = x * bias[0, k] + y * bias[1, k] + z * bias[2, k] - given.taken[i, lane]
-            if given.warmer.size > 0:
-                value += given.scale_by_temperature[i] * given.warmer[start + k] * bias[i, k]
-            shown[lane, start + k, i] = value
+            shown[lane, start + k, i] = x * by_x[k] + y * by_y[k] + z * by_z[k] - taken
+        if given.warmer.size > 0:
+            warmer, warming = given.warmer, given.scale_by_temperature[i]
+            for k in range(count):
+                shown[lane, start + k, i] += warming * warmer[start + k] * bias[k]

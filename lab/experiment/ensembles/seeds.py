@@ -84,7 +84,7 @@ def run_ensemble(
     partial
         Called every two seconds with the ensemble of the runs that are done so far.
     fast
-        Whether the filter propagates its covariance at `FAST_RATE` only; see `at_fast_rate`.
+        Whether the filter propagates its covariance less often than at each sample; see `at_fast_rate`.
 
     Raises
     ------
