@@ -221,6 +221,7 @@ def _at_fixes(
     there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
+    further: FloatArray,
     out: FixFigures,
 ) -> None:
     """Write errors, σ, NEES and NIS after the used fixes."""
@@ -239,6 +240,8 @@ def _at_fixes(
             x[9 + i] = solution.bias[s, i] - bias[s, i]
         for i in range(scale.shape[1]):
             x[15 + i] = solution.scale[s, i] - scale[s, i]
+        for i in range(further.size):
+            x[states - further.size + i] = solution.further[s, i] - further[i]
         turn = euler[0] - there.euler[s, 0], euler[1] - there.euler[s, 1], euler[2] - there.euler[s, 2]
         _put_errors(out.error[m], off, get(x, 3), turn)
         _put_sigma(out.sigma[m], euler, solution.variance[s], solution.covariance[s, 1])
@@ -294,11 +297,12 @@ def _measure(
     there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
+    further: FloatArray,
     motion: FloatArray,
     path: TruthArrays,
     out: FixFigures,
 ) -> None:
-    _at_fixes(solution, fixes, there, bias, scale, out)
+    _at_fixes(solution, fixes, there, bias, scale, further, out)
     _between(solution, before, there, out)
     _along(motion, path, out)
 
@@ -314,6 +318,7 @@ def fix_figures(
     there: TruthArrays,
     bias: FloatArray,
     scale: FloatArray,
+    further: FloatArray,
     motion: FloatArray,
     path: TruthArrays,
 ) -> FixFigures:
@@ -330,6 +335,8 @@ def fix_figures(
     bias, scale : (n, 6) arrays
         True biases [rad/s], [m/s²] and scale factors at these samples; (n, 0) for a filter without states for
         scale factors.
+    further : (k,) array
+        True values of the states after these, which are constants.
     motion : (l, 10) array
         Position, velocity and attitude along the path.
     path
@@ -337,5 +344,5 @@ def fix_figures(
     """
     fixes = np.flatnonzero(solution.fix_sample >= 0)
     out = FixFigures.empty(fixes.size, before.size, solution.states, motion.shape[0])
-    _measure(solution, fixes, before, there, bias, scale, motion, path, out)
+    _measure(solution, fixes, before, there, bias, scale, further, motion, path, out)
     return out

@@ -52,6 +52,8 @@ FLICKER_PEAK = 1.89
 SHORTEST_MEETING = 10.0
 """Shortest time of that peak [s]: changes within a few fixes average out."""
 
+FAST_RATE = 20.0
+"""Rate of a covariance that is propagated cheaply [Hz]: σ differs by some 0.1 % from that of each sample."""
 HIDDEN = np.sqrt(2)
 """Largest steady-state variance of a bias estimate, divided by the variance of an instability that the noise
 hides.
@@ -93,7 +95,12 @@ def is_aided(navigator: NavigatorSettings, sensors: SensorSuite) -> bool:
     return bool(fitted or navigator.no_slip or navigator.zero_velocity)
 
 
-def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:
+def belief(
+    sensors: SensorSuite,
+    navigator: NavigatorSettings,
+    constants: FloatArray | None = None,
+    single: SensorSuite | None = None,
+) -> Belief:
     """Return the filter's assumptions: P0, Q and R, matched or given, and scaled.
 
     Parameters
@@ -103,6 +110,8 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     constants : (21, 21) or (36, 36) array
         Covariance of the constant errors after an alignment, also with that of the errors that it considered
         (`blocks.CONSIDERED`); by default, those before any alignment.
+    single
+        The sensors as `of_bias_states` returns them, if they are at hand: making them takes a millisecond.
 
     Raises
     ------
@@ -111,7 +120,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     """
     aligned = constants is not None
     constants = constant_errors(sensors, navigator) if constants is None else constants
-    single = of_bias_states(sensors, navigator)
+    single = of_bias_states(sensors, navigator) if single is None else single
     drive, decay = bias_processes(single, np.diag(constants))
     noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
     R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
@@ -344,6 +353,16 @@ def flicker_process(
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
     """Return the second moment (3,) of the turn-on bias."""
     return np.asarray(si(errors, "bias") ** 2 + si(errors, "bias_sigma") ** 2)
+
+
+def fast_rate(sensors: SensorSuite, navigator: NavigatorSettings) -> float:
+    """Return the rate at which a covariance is propagated cheaply, with σ as at each sample [Hz].
+
+    It is 0, each sample, for a smoother, which refuses another. A rate that is set stays.
+    """
+    if navigator.filter_rate or navigator.smoother:
+        return float(navigator.filter_rate)
+    return max(FAST_RATE, float(belief(sensors, navigator).decay.max()))
 
 
 def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:

@@ -91,20 +91,19 @@ def bias_drift(experiment: ExperimentSettings, triad: int, time: FloatArray) -> 
     return shown[interval] if shown.ndim == 2 else np.broadcast_to(shown, (time.size, 3))
 
 
-def felt_by_gyros(experiment: ExperimentSettings, dvelocity: FloatArray, dt: float) -> FloatArray:
+def felt_by_gyros(errors: imu.GyroErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
     """Return the bias of the gyros (n, 3) from the specific force, as their output shows it [rad/s].
 
     Parameters
     ----------
-    experiment
-        The settings.
+    errors, seed
+        The errors of the gyros, and the seed of their draws.
     dvelocity : (n, 3) array
         True increments over sample intervals, without vibration [m/s].
     dt
         Length of the intervals [s].
     """
-    errors = experiment.sensors.gyro
-    draws = imu.ImuDraws.of(experiment.seed, "gyro", 0, instability=False)
+    draws = imu.ImuDraws.of(seed, "gyro", 0, instability=False)
     shown = np.eye(3) + imu.cross_coupling(errors, draws)
     return np.asarray(dvelocity / dt * si(errors, "g_sensitivity") @ shown.T)
 
@@ -179,7 +178,7 @@ def errors_of_states(
         if blocks.DRIFTS[triad] in names:
             total[:, part] += bias_drift(experiment, triad, time)
     if blocks.GYRO_G in names:
-        total[:, :3] += felt_by_gyros(experiment, ideal.dvelocity, ideal.dt)
+        total[:, :3] += felt_by_gyros(experiment.sensors.gyro, experiment.seed, ideal.dvelocity, ideal.dt)
     for one in own:
         total += np.einsum("nik,nk->ni", one.effects(rates, forces), own_errors(experiment, one, time))
     return total

@@ -223,7 +223,9 @@ class Run(ABC):
         """
         gyro, accelerometer = self.gyro.bias, self.accelerometer.bias
         if GYRO_G in self.blocks and self.ideal is not None:
-            gyro = gyro - felt_by_gyros(self.simulated_settings, self.ideal.dvelocity, self.ideal.dt)
+            settings = self.simulated_settings
+            felt = felt_by_gyros(settings.sensors.gyro, settings.seed, self.ideal.dvelocity, self.ideal.dt)
+            gyro = gyro - felt
         whole = at_samples(gyro, accelerometer)
         if DRIFTS[0] not in self.blocks or self.recorded is not None:
             return whole

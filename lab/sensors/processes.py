@@ -10,8 +10,11 @@ Integrated Navigation Systems*, 2nd ed. (cited as Groves).
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 
@@ -44,7 +47,7 @@ def gauss_markov(
     return np.asarray(process)
 
 
-def flicker(draws: FloatArray) -> FloatArray:
+def flicker(draws: FloatArray, axis: int = 0) -> FloatArray:
     """Return 1/f noise (n, 3) whose coefficient of bias instability B (IEEE 952) is 1.
 
     White noise integrated to order one half, (1 − z⁻¹)^(−1/2), by convolution with the coefficients of this
@@ -56,15 +59,26 @@ def flicker(draws: FloatArray) -> FloatArray:
     ----------
     draws : (n, 3) array
         Standard normal draws.
+    axis
+        The axis of time: the last of an array (…, n), or the first.
     """
-    samples = draws.shape[0]
+    samples = draws.shape[axis]
     if not samples:
         return draws
+    size, response = _flicker_response(samples)
+    spectrum = scipy.fft.rfft(draws, size, axis=axis)
+    spectrum *= response if axis else response[:, None]
+    whole = np.asarray(scipy.fft.irfft(spectrum, size, axis=axis))
+    return whole[..., :samples] if axis else whole[:samples]
+
+
+@lru_cache(maxsize=2)
+def _flicker_response(samples: int) -> tuple[int, NDArray[np.complex128]]:
+    """Return the length of the transform for some samples, and the spectrum of the filter of `flicker`."""
     k = np.arange(1.0, samples)
+    size = int(scipy.fft.next_fast_len(2 * samples, real=True))
     response = np.concatenate(([1.0], np.cumprod((k - 0.5) / k)))
-    size = scipy.fft.next_fast_len(2 * samples, real=True)
-    spectrum = scipy.fft.rfft(draws, size, axis=0) * scipy.fft.rfft(response, size)[:, None]
-    return np.asarray(scipy.fft.irfft(spectrum, size, axis=0)[:samples])
+    return size, np.asarray(scipy.fft.rfft(response, size))
 
 
 class Flicker:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 import time
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from polar_flights import over_the_pole
 
+import lab.experiment.ensembles.seed_lanes as seed_lanes_module
 import lab.experiment.ensembles.seeds as seeds_module
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.verdict import judge
@@ -28,6 +30,7 @@ from lab.experiment.experiment import Experiment
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
+from lab.sensors.cards import card, cards
 
 SLOW: dict[str, object] = {"mission": "los_angeles", "trajectory.imu_rate": 50.0}
 OUTAGE: dict[str, object] = {"sensors.gps.outages": [[30.0, 55.0]]}
@@ -43,6 +46,7 @@ MONTREAL: dict[str, object] = {
 ALIGNED: dict[str, object] = {"navigator.alignment": 30.0, "sensors.gps.period": 0.5}
 UNTOLD: dict[str, object] = {"sensors.gps.latency": 0.5, "navigator.latency": 0.0}
 """A latency that the filter does not know of: the evidence then compares the fixes with the earlier truth."""
+FAST: dict[str, object] = {"navigator.filter_rate": 10.0}
 LATE: dict[str, object] = {"sensors.gps.latency": 0.13, "navigator.gate": 0.9, "navigator.robust": "huber"}
 
 
@@ -79,7 +83,11 @@ def assert_same(abreast: RunAtFixes, single: RunAtFixes) -> None:
 
 def assert_abreast_as_alone(changes: dict[str, object]) -> None:
     """Assert that runs abreast are those of their seeds alone."""
-    experiment = of(changes)
+    assert_same_abreast(of(changes))
+
+
+def assert_same_abreast(experiment: Experiment) -> None:
+    """Assert that runs abreast of an experiment are those of its seeds alone."""
     lanes = SeedLanes.of(experiment)
     assert lanes is not None
     seeds = (5, 9, 6)
@@ -105,11 +113,44 @@ def assert_abreast_as_alone(changes: dict[str, object]) -> None:
         UNTOLD,
         UNTOLD | OUTAGE | {"sensors.gps.latency": 0.13},
         {"sensors.gps.correlated_sigma": 5.0},
+        FAST | ALIGNED,
+        FAST | UNTOLD | OUTAGE | {"sensors.gps.period": 0.7},
     ],
-    ids=["outage", "montreal", "aligned", "late", "late with an outage", "correlated"],
+    ids=[
+        *("outage", "montreal", "aligned", "late", "late with an outage", "correlated"),
+        *("fast and aligned", "fast and late with an outage"),
+    ],
 )
 def test_a_run_abreast_is_that_of_its_seed_alone(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("rate", [0.0, 10.0])
+@pytest.mark.parametrize("name", ["ADIS16470", "HG9900"])
+def test_so_it_is_with_the_states_that_cards_bring(name: str, rate: float) -> None:
+    """33 and 30 states, each run with an alignment and a belief of its own."""
+    experiment = of(OUTAGE)
+    card(name).load(experiment)
+    experiment.update({"trajectory.imu_rate": 50.0, "navigator.filter_rate": rate})
+    assert_same_abreast(experiment)
+
+
+def test_all_cards_run_abreast() -> None:
+    for name in cards():
+        experiment = of({})
+        card(name).load(experiment)
+        assert SeedLanes.of(experiment) is not None, name
+
+
+def test_a_fast_ensemble_propagates_the_covariance_less_often() -> None:
+    """Its figures are those of the rate that it stands for, and not those of the full rate."""
+    experiment = of({})
+    fast, full = run_ensemble(experiment, 2, fast=True), run_ensemble(experiment, 2)
+    same = run_ensemble(seeds_module.at_fast_rate(experiment), 2)
+    assert np.array_equal(fast.mean_nees, same.mean_nees)
+    assert not np.array_equal(fast.mean_nees, full.mean_nees)
+    assert not experiment.navigator.filter_rate
 
 
 def test_the_verdict_on_runs_abreast_names_the_causes_of_runs_alone() -> None:
@@ -246,7 +287,7 @@ def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str,
     experiment = of(changes)
     lanes = SeedLanes.of(experiment)
     assert lanes is not None
-    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._increments()), strict=True):
+    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._sensor_room()), strict=True):
         result = experiment.copy().update({"seed": seed}).run()
         for abreast, single in ((one.gyro, result.gyro), (one.accelerometer, result.accelerometer)):
             largest = float(np.abs(single.increments).max())
@@ -265,20 +306,28 @@ def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str,
     [
         {"navigator.correction": "feedforward"},
         {"navigator.correction_period": 5.0},
-        {"navigator.filter_rate": 10.0},
         {"navigator.smoother": True},
         {"navigator.model": "nonlinear"},
         {"navigator.mechanization": "wander azimuth"},
         {"navigator.engine": "filterpy"},
         {"sensors.gps.lever_arm": (1.0, 0.0, 0.0)},
         {"sensors.barometer.fitted": True},
-        {"navigator.estimate_misalignments": True},
-        {"sensors.gyro.range": 2000.0},
+        {"navigator.estimate_bias_drift": True},
     ],
     ids=lambda changes: next(iter(changes)),
 )
 def test_what_lanes_do_not_cover_runs_alone(changes: dict[str, object]) -> None:
     assert SeedLanes.of(of(changes)) is None
+
+
+def test_a_run_that_turns_too_far_within_a_sample_runs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What counts is what its gyros show, not what their range admits."""
+    lanes = SeedLanes.of(of({"sensors.gyro.range": 2000.0}))
+    assert lanes is not None
+    assert all(run is not None for run in lanes.measure((1, 2)))
+    largest = [float(np.abs(one.gyro.increments).max()) for one in lanes._sense((1, 2), lanes._sensor_room())]
+    monkeypatch.setattr(seed_lanes_module, "LARGEST_TURN", math.sqrt(3) * sum(largest) / 2)
+    assert [run is not None for run in lanes.measure((1, 2))] == [one < max(largest) for one in largest]
 
 
 def test_a_flight_over_a_pole_runs_alone(tmp_path: Path) -> None:
@@ -296,8 +345,8 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     list(lanes.run(range(8)))
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
-    increments = lanes._increments()
-    sensed = lanes._sense(range(8), increments)
+    room = lanes._sensor_room()
+    sensed = lanes._sense(range(8), room)
     one: list[float] = []
     eight: list[float] = []
     single: list[float] = []
@@ -307,7 +356,7 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
         navigate(imu, fixes, result.aligned.start, result.belief, lanes._schedule, lanes._model)
         one.append(time.thread_time() - began)
         began = time.thread_time()
-        lanes._navigate(sensed, range(8), increments)
+        lanes._navigate(sensed, range(8), room.increments)
         eight.append((time.thread_time() - began) / 8)
         began = time.thread_time()
         alone(experiment, 100 + turn)

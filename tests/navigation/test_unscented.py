@@ -31,7 +31,7 @@ from lab.navigation.filters import sigma_points, unscented
 from lab.navigation.filters.schedule import Schedule
 from lab.navigation.kernels.generation import Variant, interpreted
 from lab.navigation.kernels.lane_points import MOST_TURN, step_kernel
-from lab.navigation.kernels.lane_step import LANES
+from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
 from lab.navigation.wander import LENGTH

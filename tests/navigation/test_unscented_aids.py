@@ -26,7 +26,7 @@ from lab.navigation.filters.unscented_aids import observe_aid
 from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.frames import keep_radii
 from lab.navigation.kernels.generation import Variant, interpreted
-from lab.navigation.kernels.lane_step import numbers, plain_numbers
+from lab.navigation.kernels.lane_views import numbers, plain_numbers
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
 

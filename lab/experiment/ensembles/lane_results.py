@@ -19,13 +19,10 @@ from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, horizontal_figures
+from lab.experiment.result import Runnable
 from lab.experiment.sensor_stages import SampledFlight
-from lab.navigation.belief import (
-    assumed_latency,
-    bias_processes,
-    hidden_by_fixes,
-)
-from lab.navigation.filters.blocks import SCALES
+from lab.navigation.belief import assumed_latency, bias_processes, hidden_by_fixes, of_bias_states
+from lab.navigation.filters.blocks import GYRO_G, SCALES
 from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
@@ -33,6 +30,7 @@ from lab.navigation.kernels.lanes import LaneSolution
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import MAX_LATITUDE
+from lab.run.further_truth import errors_of_states, felt_by_gyros, further_truth
 from lab.run.run import at_samples
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -44,6 +42,7 @@ Samples = NDArray[np.int64]
 class Sensed(NamedTuple):
     """What the sensors of one run measured, and what its filter assumes."""
 
+    seed: int
     start: Start
     belief: Belief
     constants: FloatArray | None
@@ -62,8 +61,8 @@ class LaneResults:
 
     Parameters
     ----------
-    sensors, navigator
-        The settings.
+    experiment
+        The settings; the seed has no effect.
     model
         The model of the filter.
     flight
@@ -79,16 +78,24 @@ class LaneResults:
 
     def __init__(
         self,
-        sensors: SensorSuite,
-        navigator: NavigatorSettings,
+        experiment: Runnable,
         model: ErrorModel,
         flight: SampledFlight,
         fix_time: FloatArray,
     ) -> None:
-        self._sensors, self._navigator, self._model = sensors, navigator, model
+        self._experiment, self._model = experiment, model
+        sensors: SensorSuite = experiment.sensors
+        navigator: NavigatorSettings = experiment.navigator
+        self._sensors, self._navigator = sensors, navigator
+        self._further = further_truth(experiment, model.blocks, np.zeros(1))[0]
+        # What gyros feel of the specific force depends on the seed, as their scale factors do.
+        self._feels = GYRO_G in model.blocks
+        same = tuple(name for name in model.blocks if name != GYRO_G)
+        self._of_states = errors_of_states(experiment, same, flight.ideal)
+        self._of_bias_states = of_bias_states(sensors, navigator)
         self._truth, self._ideal = flight.truth, flight.ideal
         self._latency = assumed_latency(navigator, sensors.gps.latency)
-        self._drive = bias_processes(sensors)[0]
+        self._drive = bias_processes(self._of_bias_states)[0]
         self._hidden = np.append(np.zeros(3), hidden_by_fixes(sensors))
         self._exact: tuple[Exact, Exact] | None = None
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
@@ -175,11 +182,10 @@ class LaneResults:
 
     def _figures(self, one: Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
         """Return the figures of a run."""
-        true = self._reference(one)
-        scale = np.zeros((self.stored.size, 0)) if true.scale is None else true.scale
+        bias, scale = self._true_errors(one)
         path = np.ascontiguousarray(motion[self._of_grid])
         return fix_figures.fix_figures(
-            solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
+            solution, self._of_before, self._true_there, bias, scale, self._further, path, self._true_path
         )
 
     def _in_stored(self, solution: Solution) -> Solution:
@@ -209,6 +215,7 @@ class LaneResults:
             gate=float(self._navigator.gate),
             latency=self._latency,
             explain=False,
+            names=self._model.blocks,
             motion=self._motion(one, solution, navigated, samples),
             sensors=sensor_errors(
                 one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), means
@@ -235,11 +242,28 @@ class LaneResults:
 
     def _reference(self, one: Sensed) -> Reference:
         """Return the truth at the stored samples, with that of the flight to interpolate in."""
-        whole = self._whole_reference(one)
-        scale = None if whole.scale is None else whole.scale[self.stored]
-        return whole._replace(
-            truth=self._there, bias=whole.bias[self.stored], scale=scale, flight=self._truth
+        bias, scale = self._true_errors(one)
+        return Reference(
+            self._there,
+            bias,
+            self._ideal.dtheta,
+            self._ideal.dvelocity,
+            scale,
+            further=np.broadcast_to(self._further, (self.stored.size, self._further.size)),
+            flight=self._truth,
         )
+
+    def _true_errors(self, one: Sensed) -> tuple[FloatArray, FloatArray]:
+        """Return true biases and scale factors (k, 6) at the stored samples; without states, (k, 0)."""
+        at = np.maximum(self.stored - 1, 0)
+        gyro, accelerometer = one.gyro, one.accelerometer
+        bias = np.concatenate((gyro.bias[at], accelerometer.bias[at]), axis=1)
+        if self._feels:
+            ideal = self._ideal
+            bias[:, :3] -= felt_by_gyros(self._sensors.gyro, one.seed, ideal.dvelocity[at], ideal.dt)
+        if not set(self._model.blocks) & set(SCALES):
+            return bias, np.zeros((at.size, 0))
+        return bias, np.concatenate((gyro.scale[at], accelerometer.scale[at]), axis=1)
 
     def _moved(self) -> tuple[Exact, Exact]:
         """Return the true motion in windows, which is that of all runs."""
@@ -258,15 +282,21 @@ class LaneResults:
     def _whole_reference(self, one: Sensed) -> Reference:
         """Return the truth at all samples."""
         scaled = set(self._model.blocks) & set(SCALES)
+        gyro, of_states, ideal = one.gyro.bias, self._of_states, self._ideal
+        if self._feels:
+            felt = felt_by_gyros(self._sensors.gyro, one.seed, ideal.dvelocity, ideal.dt)
+            gyro, of_gyros = gyro - felt, np.concatenate((felt, np.zeros_like(felt)), axis=1)
+            of_states = of_gyros if of_states is None else of_states + of_gyros
         return Reference(
             self._truth,
-            at_samples(one.gyro.bias, one.accelerometer.bias),
+            at_samples(gyro, one.accelerometer.bias),
             self._ideal.dtheta,
             self._ideal.dvelocity,
             at_samples(one.gyro.scale, one.accelerometer.scale) if scaled else None,
             self._temperature,
             (one.gyro.saturated, one.accelerometer.saturated),
-            self._drive if one.constants is None else bias_processes(self._sensors, one.constants)[0],
+            self._drive if one.constants is None else bias_processes(self._of_bias_states, one.constants)[0],
+            of_states=of_states,
             hidden=self._hidden,
         )
 

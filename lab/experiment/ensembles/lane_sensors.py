@@ -1,12 +1,13 @@
 """Lane sensors: the output of the IMUs of a block of runs, drawn and computed in one pass over the flight.
 
-A triad whose errors stay the same during a flight needs no more than a few products for each sample, once its
-noise is drawn. The draws are those of a single run, from the same generators.
+The draws are those of a single run, from the same generators. White noise is drawn where it is used; of the
+slow processes of a bias, the samples are drawn before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +15,13 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import si
+from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
 from lab.navigation.kernels.compilation import entry_kernel, kernel
-from lab.navigation.kernels.lane_step import LANES
-from lab.sensors import imu
+from lab.navigation.kernels.lane_views import LANES
+from lab.sensors import imu, processes
+from lab.sensors import temperature as thermal
 from lab.sensors.draws import generator
 from lab.sensors.suite import SensorSuite
 
@@ -29,85 +32,176 @@ AT_ONCE = 64
 """Samples drawn together: those of eight runs take 12 kB, a part of the processor's first cache."""
 
 
-class _Constants(NamedTuple):
+class _Triad(NamedTuple):
     """What changes the samples of a triad; of each run of a block, in the last dimension."""
 
-    added: FloatArray  # bias times dt (3, LANES)
+    bias: FloatArray  # constant part of the bias (3, LANES)
     mixing: FloatArray  # I + M (3, 3, LANES)
-    taken: FloatArray  # the bias found by an alignment, times dt (3, LANES)
+    taken: FloatArray  # the bias found by an alignment (3, LANES)
     noise: FloatArray  # σ of a sample (3,)
     step: FloatArray  # quantisation of a sample, or zero (3,)
     limit: float
+    dt: float
+    process: FloatArray  # slow part of the bias (LANES, 3, n), or (LANES, 3, 0) without any
+    warmer: FloatArray  # temperature above that of calibration (n,) [K], or (0,) without an effect
+    bias_by_temperature: FloatArray  # (3,)
+    scale_by_temperature: FloatArray  # (3,)
+    dvelocity: FloatArray  # specific force that acts on gyros (n, 3) [m/s], or (0, 3)
+    bias_by_force: FloatArray  # (3,)
+    held: FloatArray  # mean of a step after a lag (3,), or one without a lag; see `processes.lagged`
+    forget: FloatArray  # what is left of a value after a sample with that lag (3,)
 
 
-def empty_increments(samples: int) -> FloatArray:
-    """Return room for the increments of a block, (samples, 6, LANES), zero and aligned for vectors."""
-    return aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
+class _Part(NamedTuple):
+    """Some samples of a run, (3, AT_ONCE): noise, biases, and true quantities with them."""
+
+    drawn: FloatArray
+    bias: FloatArray
+    biased: FloatArray
 
 
-def are_constant(errors: Errors, sensors: SensorSuite) -> bool:
-    """Return whether the errors of a triad stay the same during a flight, apart from its white noise."""
-    shaken = isinstance(errors, imu.AccelerometerErrors) and any(errors.vibration_density)
-    return not (
-        imu.is_drifting(errors) or shaken or any(errors.bandwidth) or sensors.temperature.compensation
-    )
+class SensorRoom:
+    """Room for the output of the sensors of a block; each use takes the same, because new memory takes time.
+
+    Parameters
+    ----------
+    samples
+        Number n of samples.
+
+    Attributes
+    ----------
+    increments : (n, 6, LANES) array
+        Aligned for vectors.
+    """
+
+    def __init__(self, samples: int) -> None:
+        self.increments = aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
+        self._samples = samples
+
+    @cached_property
+    def process(self) -> FloatArray:
+        """Slow part of the biases of a triad (LANES, 3, n)."""
+        return np.empty((LANES, 3, self._samples))
+
+    @cached_property
+    def shown(self) -> FloatArray:
+        """Biases of gyros and accelerometers as their output shows them (2, LANES, n, 3)."""
+        return np.empty((2, LANES, self._samples, 3))
 
 
-def constant_triads(
+def can_sense(errors: Errors, sensors: SensorSuite) -> bool:
+    """Return whether `triads` simulates these errors: without vibration, and without a thermometer."""
+    feels = isinstance(errors, imu.AccelerometerErrors) or any(errors.g_sensitivity)
+    shaken = feels and any(sensors.accelerometer.vibration_density)
+    return not (shaken or sensors.temperature.compensation)
+
+
+def triads(
     seeds: Sequence[int],
     errors: Errors,
-    ideal: FloatArray,
-    dt: float,
+    sensors: SensorSuite,
+    flight: SampledFlight,
     found: Sequence[FloatArray],
-    out: FloatArray,
+    room: SensorRoom,
 ) -> list[imu.Measured]:
-    """Simulate the gyros or the accelerometers of up to eight runs, whose errors `are_constant`.
+    """Simulate the gyros or the accelerometers of up to eight runs, whose errors `can_sense` admits.
 
     Parameters
     ----------
     seeds
         Seeds of the runs.
-    errors
-        The errors of the triad.
-    ideal : (n, 3) array
-        True increments over each sample interval [rad] or [m/s].
-    dt
-        Length of the intervals [s].
+    errors, sensors
+        The errors of the triad, and the suite that it is a part of.
+    flight
+        The flight.
     found
         The bias that an alignment found for each run (3,) [rad/s] or [m/s²]; it is subtracted.
-    out : (n, 6, LANES) array
-        Receives the increments of the block: three of the six. Unused lanes repeat the last run.
+    room
+        Receives the output: of the increments, three of the six. Unused lanes repeat the last run.
 
     Returns
     -------
     list of Measured
-        The output of each run; its increments are views into `out`.
+        The output of each run: views into the room.
     """
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
+    ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
     lanes = [*range(len(seeds)), *[len(seeds) - 1] * (LANES - len(seeds))]
     draws = [imu.ImuDraws.of(seed, name, 0, instability=False) for seed in seeds]
     bias = [imu.turn_on_bias(errors, one) for one in draws]
     M = [imu.cross_coupling(errors, one) for one in draws]
-    constants = _Constants(
-        np.stack([bias[lane] * dt for lane in lanes], axis=-1),
+    out, process = room.increments, _processes(seeds, name, errors, dt, room)
+    warmer = _warmer(errors, sensors, flight)
+    felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
+    cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
+    lags = cutoff > 0
+    forget = np.where(lags, np.exp(-cutoff), 0.0)
+    given = _Triad(
+        np.stack([bias[lane] for lane in lanes], axis=-1),
         np.stack([np.eye(3) + M[lane] for lane in lanes], axis=-1),
-        np.stack([found[lane] * dt for lane in lanes], axis=-1),
+        np.stack([found[lane] for lane in lanes], axis=-1),
         np.asarray(si(errors, "noise_density") * np.sqrt(dt), dtype=np.float64),
         np.asarray(si(errors, "quantisation") * dt, dtype=np.float64),
         float(si(errors, "range")) * dt,
+        dt,
+        process,
+        warmer,
+        si(errors, "bias_temperature"),
+        si(errors, "scale_temperature"),
+        flight.ideal.dvelocity if felt.any() else np.zeros((0, 3)),
+        felt,
+        np.where(lags, -np.expm1(-cutoff) / np.where(lags, cutoff, 1.0), 1.0),
+        forget,
     )
+    varies = process.shape[2] > 0 or warmer.size > 0 or felt.any()
+    shown = room.shown[first // 3] if varies else np.empty((LANES, 0, 3))
     saturated = np.zeros(LANES, dtype=np.int64)
     noise = tuple(generator(seeds[lane], f"{name}.noise") for lane in lanes)
-    _sense(noise, ideal, constants, out, first, saturated)
+    _sense(noise, ideal, given, out, first, shown, saturated)
+    warming = warmer[:, None] * given.scale_by_temperature
     return [
         imu.Measured(
             out[:, first : first + 3, lane],
-            np.broadcast_to((np.eye(3) + M[lane]) @ bias[lane] - found[lane], ideal.shape),
-            np.broadcast_to(np.diag(M[lane]), ideal.shape),
+            shown[lane]
+            if varies
+            else np.broadcast_to((np.eye(3) + M[lane]) @ bias[lane] - found[lane], ideal.shape),
+            np.diag(M[lane]) + warming if warming.any() else np.broadcast_to(np.diag(M[lane]), ideal.shape),
             int(saturated[lane]),
         )
         for lane in range(len(seeds))
     ]
+
+
+def _processes(
+    seeds: Sequence[int], name: str, errors: Errors, dt: float, room: SensorRoom
+) -> FloatArray:
+    """Return the slow part of the bias of each run (LANES, 3, n) [rad/s] or [m/s²]; (LANES, 3, 0) without."""
+    flicker = si(errors, "flicker")
+    others = {"instability": any(errors.instability), "walk": any(errors.rate_random_walk)}
+    if not (flicker.any() or any(others.values())):
+        return np.zeros((LANES, 3, 0))
+    total = room.process
+    total[:] = 0.0
+    if flicker.any():
+        for lane, seed in enumerate(seeds):
+            _draw_rows(generator(seed, f"{name}.flicker"), total[lane])
+            np.multiply(flicker[:, None], processes.flicker(total[lane], axis=-1), out=total[lane])
+    if any(others.values()):
+        rest = errors.copy()
+        rest.set("flicker", 0.0)
+        for lane, seed in enumerate(seeds):
+            draws = imu.ImuDraws.of(seed, name, total.shape[2], **others)
+            total[lane] += imu.drift(rest, draws, dt).T
+    return total
+
+
+def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> FloatArray:
+    """Return the temperature above that of calibration (n,) [K]; (0,) if it changes nothing."""
+    if not (any(errors.bias_temperature) or any(errors.scale_temperature)):
+        return np.zeros(0)
+    height = flight.truth.height[1:] - flight.truth.height[0]
+    warmer = thermal.temperature(sensors.temperature, flight.ideal.time[1:], height) - thermal.REFERENCE
+    return warmer if warmer.any() else np.zeros(0)
 
 
 def is_ready() -> bool:
@@ -116,21 +210,34 @@ def is_ready() -> bool:
 
 
 @entry_kernel
+def _draw_rows(noise: np.random.Generator, out: FloatArray) -> None:
+    """Draw (3, n) unit values, sample by sample."""
+    for k in range(out.shape[1]):
+        for i in range(3):
+            out[i, k] = noise.standard_normal()
+
+
+@entry_kernel
 def _sense(
     noise: tuple[np.random.Generator, ...],
     ideal: FloatArray,
-    given: _Constants,
+    given: _Triad,
     out: FloatArray,
     first: int,
+    shown: FloatArray,
     saturated: NDArray[np.int64],
 ) -> None:
     """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
-    drawn = np.empty((AT_ONCE, 3))
+    part = _Part(np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)))
+    lag = np.zeros((LANES, 3))
     for start in range(0, ideal.shape[0], AT_ONCE):
         count = min(AT_ONCE, ideal.shape[0] - start)
         for lane in range(LANES):
-            _draw(noise[lane], drawn, count)
-            saturated[lane] += _measure(ideal, start, count, given, drawn, out, first, lane)
+            _draw(noise[lane], part.drawn, count)
+            _bias(ideal, start, count, given, part, lane)
+            saturated[lane] += _measure(start, count, given, part, out, first, lag[lane], lane)
+            if shown.shape[1] > 0:
+                _show(start, count, given, part, shown, lane)
 
 
 @kernel
@@ -138,32 +245,91 @@ def _draw(noise: np.random.Generator, drawn: FloatArray, count: int) -> None:
     """Draw the next samples of a run; nothing else in the loop, which takes twice as long otherwise."""
     for k in range(count):
         for i in range(3):
-            drawn[k, i] = noise.standard_normal()
+            drawn[i, k] = noise.standard_normal()
+
+
+@kernel
+def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, part: _Part, lane: int) -> None:
+    """Write biases and true quantities with them for some samples of a run."""
+    dt = given.dt
+    for i in range(3):
+        bias, biased, constant = part.bias[i], part.biased[i], given.bias[i, lane]
+        for k in range(count):
+            bias[k] = constant
+        if given.process.shape[2] > 0:
+            process = given.process[lane, i]
+            for k in range(count):
+                bias[k] += process[start + k]
+        if given.warmer.size > 0:
+            warmer, by_temperature = given.warmer, given.bias_by_temperature[i]
+            for k in range(count):
+                bias[k] += by_temperature * warmer[start + k]
+        if given.dvelocity.shape[0] > 0:
+            dvelocity, by_force = given.dvelocity, given.bias_by_force[i]
+            for k in range(count):
+                bias[k] += by_force * dvelocity[start + k, i] / dt
+        for k in range(count):
+            biased[k] = ideal[start + k, i] + bias[k] * dt
 
 
 @kernel
 def _measure(
-    ideal: FloatArray,
     start: int,
     count: int,
-    given: _Constants,
-    drawn: FloatArray,
+    given: _Triad,
+    part: _Part,
     out: FloatArray,
     first: int,
+    lag: FloatArray,
     lane: int,
 ) -> int:
-    """Write some samples of a run, given their unit noise; return how many values are saturated."""
-    saturated, limit = 0, given.limit
+    """Write some samples of a run; return how many values are saturated. `lag` is kept from part to part."""
+    saturated, limit, by_x, by_y, by_z = 0, given.limit, part.biased[0], part.biased[1], part.biased[2]
     for i in range(3):
         x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
-        offset = x * given.added[0, lane] + y * given.added[1, lane] + z * given.added[2, lane]
-        sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane]
+        sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane] * given.dt
+        values, biased = part.drawn[i], part.biased[i]
+        settled = x * by_x[0] + y * by_y[0] + z * by_z[0]
         for k in range(count):
-            true = ideal[start + k]
-            value = x * true[0] + y * true[1] + z * true[2] + offset + sigma * drawn[k, i]
-            saturated += abs(value) > limit
-            value = min(max(value, -limit), limit)
-            if step > 0:
-                value = np.rint(value / step) * step
-            out[start + k, first + i, lane] = value - taken
+            values[k] = x * by_x[k] + y * by_y[k] + z * by_z[k] + sigma * values[k]
+        if given.warmer.size > 0:
+            warmer, warming = given.warmer, given.scale_by_temperature[i]
+            settled += warming * warmer[start] * biased[0]
+            for k in range(count):
+                values[k] += warming * warmer[start + k] * biased[k]
+        held, forget = given.held[i], given.forget[i]
+        if held < 1:
+            state = held * settled if start == 0 else lag[i]
+            for k in range(count):
+                entered = values[k]
+                values[k] = (1 - held) * entered + state
+                state = (held - forget) * entered + forget * values[k]
+            lag[i] = state
+        beyond = 0
+        for k in range(count):
+            beyond += abs(values[k]) > limit
+        if beyond:
+            saturated += beyond
+            for k in range(count):
+                values[k] = min(max(values[k], -limit), limit)
+        if step > 0:
+            for k in range(count):
+                values[k] = np.rint(values[k] / step) * step
+        for k in range(count):
+            out[start + k, first + i, lane] = values[k] - taken
     return saturated
+
+
+@kernel
+def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray, lane: int) -> None:
+    """Write the true bias of some samples of a run as its output shows it."""
+    by_x, by_y, by_z = part.bias[0], part.bias[1], part.bias[2]
+    for i in range(3):
+        x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
+        bias, taken = part.bias[i], given.taken[i, lane]
+        for k in range(count):
+            shown[lane, start + k, i] = x * by_x[k] + y * by_y[k] + z * by_z[k] - taken
+        if given.warmer.size > 0:
+            warmer, warming = given.warmer, given.scale_by_temperature[i]
+            for k in range(count):
+                shown[lane, start + k, i] += warming * warmer[start + k] * bias[k]

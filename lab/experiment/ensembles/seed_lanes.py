@@ -8,6 +8,7 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 from __future__ import annotations
 
 import copy
+import math
 import threading
 import time as clock
 from collections.abc import Iterator, Sequence
@@ -23,7 +24,7 @@ from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
 from lab.experiment.ensembles.lane_results import LaneResults, Samples, Sensed
-from lab.experiment.ensembles.lane_sensors import are_constant, constant_triads, empty_increments
+from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SampledFlight, SensorStages
@@ -36,10 +37,12 @@ from lab.navigation.belief import (
     belief,
     chosen_blocks,
     is_aided,
+    of_bias_states,
     schedule_of,
 )
-from lab.navigation.filters.blocks import SCALES
-from lab.navigation.kernels.lane_step import LANES
+from lab.navigation.checks import check_bias_decay
+from lab.navigation.filters.blocks import CONSIDERED, SCALES
+from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.kernels.lanes import Lane, LaneSolution, can_batch, is_compiled, navigate_lanes
 from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import NO_VECTOR, Fixes, Start
@@ -68,6 +71,7 @@ class SeedLanes:
         flight = self._stages.kept_flight()
         self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
         self._model = chosen_model(self._navigator, self._sensors)
+        self._of_bias_states = of_bias_states(self._sensors, self._navigator)
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._room = threading.local()
@@ -75,7 +79,7 @@ class SeedLanes:
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._latency = assumed_latency(self._navigator, self._sensors.gps.latency)
         self._fix_truth, self._seen = self._stages.fix_truth(flight)
-        self._results = LaneResults(self._sensors, self._navigator, self._model, flight, self._fix_truth.time)
+        self._results = LaneResults(self._stages.experiment, self._model, flight, self._fix_truth.time)
 
     @classmethod
     def of(cls, experiment: Experiment) -> SeedLanes | None:
@@ -89,15 +93,13 @@ class SeedLanes:
             or sensors.own_errors
             or experiment.hidden
             or is_aided(navigator, sensors)
-            or set(chosen_blocks(navigator, sensors)) - set(SCALES)
+            or set(chosen_blocks(navigator, sensors)) - {*SCALES, *CONSIDERED}
         ):
             return None
         found = cls(experiment)
-        turn = float(si(sensors.gyro, "range")) * found._ideal.dt
         usable = (
             can_batch(found._model, found._schedule, found._belief)
             and found._truth.time.size <= LONG
-            and turn < LARGEST_TURN
             and np.abs(found._truth.latitude).max() < MAX_LATITUDE
         )
         return found if usable else None
@@ -110,9 +112,10 @@ class SeedLanes:
     @property
     def is_ready(self) -> bool:
         """Whether `navigate` needs not wait for a compiler."""
-        triads = (self._sensors.gyro, self._sensors.accelerometer)
-        plain = any(are_constant(errors, self._sensors) for errors in triads)
-        return is_compiled(self._model) and (lane_sensors.is_ready() or not plain)
+        both = (self._sensors.gyro, self._sensors.accelerometer)
+        plain = any(can_sense(errors, self._sensors) for errors in both)
+        ready = is_compiled(self._model, summed=self._schedule.stride > 1)
+        return ready and (lane_sensors.is_ready() or not plain)
 
     def during(self, outage: tuple[float, float], until: float) -> SeedLanes:
         """Return these runs with an outage, and up to a time [s]; for `navigate` alone."""
@@ -161,29 +164,22 @@ class SeedLanes:
         list of LaneSolution or None
             The solution of each seed; None if it must be run alone.
         """
-        increments = self._increments()
-        sensed = self._sense(seeds, increments)
+        room = self._sensor_room()
+        sensed = self._sense(seeds, room)
         usable = self._usable(sensed)
         if not usable:
             return [None] * len(seeds)
-        found = self._navigate(sensed, usable, increments, samples)
+        found = self._navigate(sensed, usable, room.increments, samples)
         return [one if index in usable else None for index, one in enumerate(found)]
 
     def _usable(self, sensed: Sequence[Sensed]) -> list[int]:
-        """Return the runs that can be abreast of the first one."""
-        first, usable = sensed[0].belief, []
-        for index, one in enumerate(sensed):
-            same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
-                one.belief.decay, first.decay
-            )
-            if same and not self._rests(one):
-                usable.append(index)
-        return usable
+        """Return the runs that can be abreast."""
+        return [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
 
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
-        increments = self._increments()
-        sensed = self._sense(seeds, increments)
+        room = self._sensor_room()
+        increments, sensed = room.increments, self._sense(seeds, room)
         usable = self._usable(sensed)
         found: dict[int, RunAtFixes | None] = {}
         if usable:
@@ -196,24 +192,24 @@ class SeedLanes:
                 found[index] = self._results.kept(sensed[index], solutions[index], seconds, own)
         return (found.get(index) for index in range(len(seeds)))
 
-    def _increments(self) -> FloatArray:
-        """Return room for the increments of a block, kept for each thread: new memory takes time."""
-        if not hasattr(self._room, "increments"):
-            self._room.increments = empty_increments(self._ideal.dtheta.shape[0])
-        found: FloatArray = self._room.increments
+    def _sensor_room(self) -> SensorRoom:
+        """Return room for the sensors of a block, kept for each thread."""
+        if not hasattr(self._room, "sensors"):
+            self._room.sensors = SensorRoom(self._ideal.dtheta.shape[0])
+        found: SensorRoom = self._room.sensors
         return found
 
-    def _sense(self, seeds: Sequence[int], increments: FloatArray) -> list[Sensed]:
-        """Simulate the sensors of some runs; their `increments` are written, and referred to."""
+    def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
+        """Simulate the sensors of some runs; the room is written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
         aligned = [self._aligned(start(truth, navigator, seed), seed) for seed in seeds]
-        gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], increments)
-        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), increments)
+        gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], room)
+        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), room)
         found = []
         for seed, (begun, _, P), gyro, accelerometer in zip(
             seeds, aligned, gyros, accelerometers, strict=True
         ):
-            assumed = self._belief if P is None else belief(sensors, navigator, P)
+            assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
@@ -221,26 +217,28 @@ class SeedLanes:
                 kept = ~gps.within(self._withheld, fixes.time)
                 fixes = gps.GpsFixes(*(part[kept] for part in fixes))
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
-            found.append(Sensed(begun, assumed, constants, gyro, accelerometer, fixes, seen))
+            check_bias_decay(self._schedule.stride * self._ideal.dt, assumed.decay)
+            found.append(Sensed(seed, begun, assumed, constants, gyro, accelerometer, fixes, seen))
         return found
 
     def _aligned(self, begun: Start, seed: int) -> tuple[Start, FloatArray, FloatArray | None]:
         """Return start, found gyro bias and covariance of a run after its alignment, if it has one."""
         if not self._navigator.alignment:
             return begun, NO_VECTOR, None
-        found = rest_alignment.begin(begun, self._true_start, self._sensors, self._navigator, seed)
+        found = rest_alignment.begin(
+            begun, self._true_start, self._sensors, self._navigator, seed, single=self._of_bias_states
+        )
         return found.start, found.gyro_bias, found.P
 
     def _triads(
-        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], increments: FloatArray
+        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], room: SensorRoom
     ) -> list[imu.Measured]:
         """Simulate the gyros or the accelerometers of some runs, minus the bias that an alignment found."""
         errors = self._sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-        if are_constant(errors, self._sensors):
-            ideal = self._ideal.dtheta if sensor == "gyro" else self._ideal.dvelocity
-            return constant_triads(seeds, errors, ideal, self._ideal.dt, found, increments)
-        measured = []
+        if can_sense(errors, self._sensors):
+            return triads(seeds, errors, self._sensors, self._flight, found, room)
+        measured, increments = [], room.increments
         own = slice(0, 3) if sensor == "gyro" else slice(3, 6)
         for lane, (seed, bias) in enumerate(zip(seeds, found, strict=True)):
             one = self._stages.measured_with(sensor, self._flight, seed, bias)
@@ -248,6 +246,13 @@ class SeedLanes:
             measured.append(one)
         increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
         return measured
+
+    def _turns(self, one: Sensed) -> bool:
+        """Return whether the gyros show a rotation within a sample that may be too large for runs abreast."""
+        largest = float(si(self._sensors.gyro, "range")) * self._ideal.dt
+        if largest >= LARGEST_TURN:
+            largest = math.sqrt(3) * max(float(one.gyro.increments.max()), -float(one.gyro.increments.min()))
+        return not largest < LARGEST_TURN
 
     def _rests(self, one: Sensed) -> bool:
         """Return whether the filter would find that the vehicle stands still."""

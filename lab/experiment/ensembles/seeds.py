@@ -36,6 +36,7 @@ from lab.experiment.result import Result
 from lab.experiment.sensor_stages import SensorStages
 from lab.missions import LogMission, MissionError, mission
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.belief import fast_rate
 from lab.navigation.checks import DivergedError
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.run.memory import at_once
@@ -48,8 +49,6 @@ FEW, MANY = 100, 1000
 Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
-FAST_RATE = 20.0
-"""Rate of the covariance in fast ensembles [Hz]: σ differs by some 0.1 %, and P costs a fifth or less."""
 ASKED_EVERY = 0.1
 """Longest time between two questions whether the work is cancelled [s]."""
 AHEAD = 16
@@ -70,6 +69,7 @@ def run_ensemble(
     workers: int | None = None,
     algorithm: Algorithm | None = None,
     partial: Callable[[Ensemble], None] | None = None,
+    fast: bool = False,
 ) -> Ensemble:
     """Run an experiment over seeds, on all processors: the kernels release the interpreter.
 
@@ -89,6 +89,8 @@ def run_ensemble(
         The user's navigator; it is called from one thread only.
     partial
         Called every two seconds with the ensemble of the runs that are done so far.
+    fast
+        Whether the filter propagates its covariance less often than at each sample; see `at_fast_rate`.
 
     Raises
     ------
@@ -96,6 +98,7 @@ def run_ensemble(
         If there is no seed, or more than one for a log, or no thread; and as in `Experiment.run`.
         Runs that diverge are left out (`Ensemble.diverged`), unless all do.
     """
+    experiment = at_fast_rate(experiment) if fast else experiment
     numbers = seed_numbers(experiment, seeds)
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
@@ -141,13 +144,9 @@ def counted(done: int, wanted: int, began: float) -> str:
 
 
 def at_fast_rate(experiment: Experiment) -> Experiment:
-    """Return a copy whose filter propagates its covariance at `FAST_RATE`; a rate that is set stays.
-
-    A smoother needs the covariance at every sample: its experiment stays as it is.
-    """
+    """Return a copy whose filter propagates its covariance at `fast_rate`."""
     fast = experiment.copy()
-    if not fast.navigator.filter_rate and not fast.navigator.smoother:
-        fast.set("navigator.filter_rate", FAST_RATE)
+    fast.navigator.filter_rate = fast_rate(fast.sensors, fast.navigator)
     return fast
 
 

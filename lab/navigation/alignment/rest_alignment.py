@@ -108,6 +108,7 @@ def begin(
     navigator: NavigatorSettings,
     seed: int,
     real: SensorSuite | None = None,
+    single: SensorSuite | None = None,
 ) -> Aligned:
     """Return the start of a simulated navigator, after its alignment if it has one.
 
@@ -121,11 +122,13 @@ def begin(
         Seed of the run.
     real
         The errors that the sensors really have; by default, those that the filter assumes.
+    single
+        As for `belief`.
     """
     P, length = constant_errors(sensors, navigator), float(navigator.alignment)
     if not length:
         return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)), np.zeros((21, 0)))
-    induced = induced_variance(of_bias_states(sensors, navigator))
+    induced = induced_variance(of_bias_states(sensors, navigator) if single is None else single)
     P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced, np.zeros(6)))
     means = means_of(sensors if real is None else real, seed, length, true)
     sizes = [np.abs(si(errors, "misalignment")) for errors in (sensors.gyro, sensors.accelerometer)]

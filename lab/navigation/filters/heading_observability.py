@@ -82,7 +82,8 @@ def covariance_along(P: FloatArray, D: FloatArray, k: int, m: int) -> float:
     for i in range(D.shape[1]):
         if D[k, i] != 0:
             for j in range(D.shape[1]):
-                total += D[k, i] * D[m, j] * P[i, j]
+                if D[m, j] != 0:
+                    total += D[k, i] * D[m, j] * P[i, j]
     return total
 
 
@@ -96,11 +97,15 @@ def chance_variance(P: FloatArray, row: FloatArray, own: Vector) -> float:
     total, with_heading, heading = 0.0, 0.0, 0.0
     for a in range(0, NAV, 3):
         turned = cross(get(row, a), own)
+        if turned[0] == 0 and turned[1] == 0 and turned[2] == 0:
+            continue  # H is sparse
         for i in range(3):
             for j in range(3):
                 with_heading += turned[i] * P[a + i, NAV - 3 + j] * own[j]
         for b in range(0, NAV, 3):
             other = cross(get(row, b), own)
+            if other[0] == 0 and other[1] == 0 and other[2] == 0:
+                continue
             for i in range(3):
                 for j in range(3):
                     total += turned[i] * P[a + i, b + j] * other[j]
@@ -138,14 +143,16 @@ def shows_heading(
         for i in range(n):
             if H[m, i] != 0:
                 for j in range(n):
-                    own_variance += H[m, i] * P[i, j] * H[m, j]
+                    if H[m, j] != 0:
+                        own_variance += H[m, i] * P[i, j] * H[m, j]
         for k in range(DIRECTIONS):
             response, direct = 0.0, 0.0
             for i in range(n):
                 direct += H[m, i] * D[k, i]
                 if H[m, i] != 0:
                     for j in range(n):
-                        response += H[m, i] * P[i, j] * D[k, j]
+                        if D[k, j] != 0:
+                            response += H[m, i] * P[i, j] * D[k, j]
             if k == 0:
                 own_variance -= response * response / heading
             if direct != 0 or chance > LEVEL * own_variance:

@@ -71,7 +71,8 @@ def predict_fix(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> N
         for j in range(i + 1):
             total = R[i, j]
             for c in range(n):
-                total += row[c] * H[j, c]
+                if H[j, c] != 0:
+                    total += row[c] * H[j, c]
             S[i, j] = total
             S[j, i] = total
 
@@ -278,21 +279,22 @@ def scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
     s = 1.0
     residual = z
     for i in range(STATES):
-        total = 0.0
-        for j in range(STATES):
-            total += w[WIDTH * i + j] * done[j]
-        done[STATES + i] = total
+        done[STATES + i] = 0.0
+    for j in range(STATES):
+        h = done[j]
+        if h != 0:  # H is sparse
+            for i in range(STATES):
+                done[STATES + i] += w[WIDTH * j + i] * h
     for j in range(STATES):
         s += done[j] * done[STATES + j]
         residual -= done[j] * w[WIDTH * j + X]
     per_s = 1 / s
     for i in range(STATES):
-        k = done[STATES + i] * per_s
-        w[WIDTH * i + X] += k * residual
-        for j in range(i, STATES):
-            p = w[WIDTH * i + j] - k * done[STATES + j]
-            w[WIDTH * i + j] = p
-            w[WIDTH * j + i] = p
+        along = done[STATES + i]
+        w[WIDTH * i + X] += along * per_s * residual
+        for j in range(STATES):
+            # The product of both first: so P stays symmetric to the last bit, in whole rows.
+            w[WIDTH * i + j] -= along * done[STATES + j] * per_s
     for i in range(STATES):
         done[STATES + i] *= per_s
     done[2 * STATES] = residual

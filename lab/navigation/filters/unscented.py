@@ -45,7 +45,7 @@ from lab.navigation.kernels.compilation import embedded_kernel, entry_kernel, in
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.kernels.generation import Variant, generated
 from lab.navigation.kernels.lane_points import MOST_TURN, point_of, step_abreast, step_kernel
-from lab.navigation.kernels.lane_step import LANES
+from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.lever_arm import mean_rates_at_fixes
 from lab.navigation.navigator import PIECE, navigate_segments

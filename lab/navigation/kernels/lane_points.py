@@ -15,7 +15,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels.compilation import embedded_kernel, separate_kernel
 from lab.navigation.kernels.generation import Variant, generated
-from lab.navigation.kernels.lane_step import LANES, numbers, wide_vectors
+from lab.navigation.kernels.lane_views import LANES, numbers, wide_vectors
 from lab.navigation.strapdown import Vector
 from lab.navigation.wander import LENGTH
 

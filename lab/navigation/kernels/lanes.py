@@ -19,22 +19,13 @@ from lab.navigation import strapdown
 from lab.navigation.filters.error_models import NORTH_SLAVED, ErrorModel
 from lab.navigation.filters.filter import Filter, aligned_zeros
 from lab.navigation.filters.schedule import SLACK, Schedule
-from lab.navigation.kernels.compilation import embedded_kernel, is_ready, kernel, loop_kernel, separate_kernel
+from lab.navigation.kernels.compilation import embedded_kernel, is_ready, kernel, loop_kernel
 from lab.navigation.kernels.driver import steps, take_measurements
 from lab.navigation.kernels.generation import Redecorated, Variant, generated
-from lab.navigation.kernels.lane_step import (
-    COVARIANCE,
-    INCREMENTS,
-    LANES,
-    gained,
-    lane_constants,
-    lane_kernels,
-    lane_step,
-    numbers,
-    size_of_lane,
-    wide_vectors,
-)
-from lab.navigation.kernels.propagation import STATES, WIDTH, X
+from lab.navigation.kernels.lane_propagation import arrive, flight_of, fly
+from lab.navigation.kernels.lane_step import COVARIANCE, INCREMENTS, WHITE, gained, lane_layout
+from lab.navigation.kernels.lane_views import LANES, numbers
+from lab.navigation.kernels.propagation import NAV, STATES, WIDTH, X, layout
 from lab.navigation.kernels.storage import store
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 
@@ -52,7 +43,7 @@ class Lane(NamedTuple):
     position, velocity_n : (m, 3) arrays
         Its fixes, as of `Fixes`.
     start, belief : Start, Belief
-        Its start, and the assumptions of its filter; noise and decay are those of all runs.
+        Its start, and the assumptions of its filter; R is that of all runs.
     """
 
     position: FloatArray
@@ -90,17 +81,25 @@ class Counters(NamedTuple):
 
 
 @kernel
+def _load_shown(run: Filter, buffer: FloatArray, lane: int) -> None:
+    """Copy what is stored of a run of the block into a filter: its state, and a part of P."""
+    for i in range(strapdown.LENGTH):
+        run.state[i] = buffer[i * LANES + lane]
+    for i in range(NAV):
+        for j in range(NAV):
+            run.w[WIDTH * i + j] = buffer[(COVARIANCE + STATES * i + j) * LANES + lane]
+    for i in range(NAV, STATES):
+        run.w[(WIDTH + 1) * i] = buffer[(COVARIANCE + (STATES + 1) * i) * LANES + lane]
+
+
+@kernel
 def _load(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
     """Copy a run of the block into a filter without a pending estimate."""
     for i in range(strapdown.LENGTH):
         run.state[i] = buffer[i * LANES + lane]
-    at = COVARIANCE
     for i in range(STATES):
-        for j in range(i, STATES):
-            p = buffer[at * LANES + lane]
-            run.w[WIDTH * i + j] = p
-            run.w[WIDTH * j + i] = p
-            at += 1
+        for j in range(STATES):
+            run.w[WIDTH * i + j] = buffer[(COVARIANCE + STATES * i + j) * LANES + lane]
         run.w[WIDTH * i + X] = 0.0
     for i in range(run.counts.size):
         run.counts[i] = kept.counts[lane, i]
@@ -115,44 +114,15 @@ def _save(run: Filter, buffer: FloatArray, kept: Counters, lane: int) -> None:
     """Copy a filter back into its block."""
     for i in range(strapdown.LENGTH):
         buffer[i * LANES + lane] = run.state[i]
-    at = COVARIANCE
     for i in range(STATES):
-        for j in range(i, STATES):
-            buffer[at * LANES + lane] = run.w[WIDTH * i + j]
-            at += 1
+        for j in range(STATES):
+            buffer[(COVARIANCE + STATES * i + j) * LANES + lane] = run.w[WIDTH * i + j]
     for i in range(run.counts.size):
         kept.counts[lane, i] = run.counts[i]
     for i in range(run.clock.size):
         kept.clock[lane, i] = run.clock[i]
     for i in range(run.streak.size):
         kept.streak[lane, i] = run.streak[i]
-
-
-@separate_kernel
-def _fly(
-    buffer: FloatArray,
-    time: FloatArray,
-    increments: FloatArray,
-    first: int,
-    last: int,
-    decay: FloatArray,
-    noise: FloatArray,
-    lanes: int,
-) -> None:
-    """Advance a block from one sample to another, between fixes.
-
-    A kernel of its own: within a large one, the compiler no longer makes vectors of the loop over the runs.
-    The number of `lanes` is a variable, because it would unroll a loop with a constant one.
-    """
-    wide_vectors()
-    for k in range(first, last):
-        for i in range(6):
-            for lane in range(LANES):
-                buffer[(INCREMENTS + i) * LANES + lane] = increments[k, i, lane]
-        dt = time[k + 1] - time[k]
-        fading, added = lane_constants(decay, noise, dt)
-        for lane in range(lanes):
-            lane_step(buffer, lane, dt, fading, added)
 
 
 @loop_kernel
@@ -170,16 +140,18 @@ def advance(
     out: Solution,
     motion: FloatArray,
     force: FloatArray,
+    pace: FloatArray,
     lanes: int,
 ) -> None:
     """Advance a block over all samples, stopping at those with a fix and at those to store."""
     at, r, s = 0, 0, 0
     for stop in stops:
         if stop > at:
-            _fly(buffer, imu.time, increments, at, stop, run.decay, run.noise, lanes)
+            fly(buffer, imu.time, increments, at, stop, schedule.stride, pace, lanes)
             at = stop
             time, dt = imu.time[at], imu.time[at] - imu.time[at - 1]
             if fixes.time[kept.counts[0, 0]] <= time + SLACK * dt:
+                arrive(buffer, pace)
                 for lane in range(LANES):
                     _load(run, buffer, kept, lane)
                     take_measurements(run, imu, fixes, out, at - 1, schedule, False)
@@ -191,7 +163,7 @@ def advance(
             s += 1
         if r < stored.size and stored[r] == at:
             for lane in range(LANES):
-                _load(run, buffer, kept, lane)
+                _load_shown(run, buffer, lane)
                 given = numbers(buffer, INCREMENTS, lane)
                 force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = gained(run.state, given)
                 store(out, lane * stored.size + r, run.state, run.w, run.T)
@@ -199,37 +171,36 @@ def advance(
 
 
 @functools.cache
-def _advance(model: ErrorModel) -> Callable[..., None]:
+def _advance(model: ErrorModel, *, summed: bool) -> Callable[..., None]:
     """Return the loop over all samples for a model, which is compiled, or loaded, when first called."""
-    parts = steps(model, summed=False)
+    parts = steps(model, summed=summed)
     kernels, constants = parts.variant.kernels, parts.variant.constants
-    title = f"Eight runs abreast of the filter {model.label}"
-    between = Variant({**kernels, **lane_kernels(model)}, constants)
-    fly = generated(f"fly {model.label}", f"{title}, between fixes.", [_fly], between)
+    flight = flight_of(model, parts.variant, summed=summed)
     # Embedded: a call with so many arrays takes a third of the time of a fix.
     taking = Redecorated(take_measurements, embedded_kernel)
-    variant = Variant({**kernels, take_measurements: taking}, constants)
-    made = generated(f"lanes {model.label}", f"{title}.", [advance], variant, [parts, fly])
+    variant = Variant({**kernels, **flight.variant.kernels, take_measurements: taking}, constants)
+    name, title = f"lanes {model.label}{' sums' * summed}", f"Eight runs abreast of the filter {model.label}."
+    made = generated(name, title, [advance], variant, [parts, flight])
     whole: Callable[..., None] = made[advance]
     return whole
 
 
-def is_compiled(model: ErrorModel) -> bool:
+def is_compiled(model: ErrorModel, *, summed: bool = False) -> bool:
     """Return whether runs abreast of a model wait for no compiler: compiled here, or on the disk."""
-    return is_ready(_advance(model))
+    return is_ready(_advance(model, summed=summed))
 
 
 def can_batch(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
     """Return whether a block of runs can be navigated abreast, with fixes and without other measurements.
 
-    The estimate must be zero between the fixes, P propagated at each sample, the frame north-slaved, and the
-    antenna at the IMU.
+    The estimate must be zero between the fixes, the frame north-slaved, and the antenna at the IMU. States
+    come in threes.
     """
     return (
         model.mechanization == NORTH_SLAVED
         and schedule.feedback
         and schedule.correction_period == 0
-        and schedule.stride == 1
+        and model.states % 3 == 0
         and belief.R.ndim == 2
         and not belief.lever_arm.any()
     )
@@ -267,7 +238,7 @@ def navigate_lanes(
     lanes = [*runs, *[runs[-1]] * (LANES - len(runs))]
     fixes = _all_fixes(fix_time, lanes)
     filters = [Filter.begin(lane.start, lane.belief, float(time[0]), model) for lane in lanes]
-    buffer, kept = _block(filters, fix_time.size + 1)
+    buffer, kept = _block(filters, model, fix_time.size + 1)
     out = Solution.empty(LANES * stored.size, fixes.time.size, model.blocks)
     motion = np.empty((LANES, path.size, MOTION))
     force = np.empty((LANES, stored.size, 3))
@@ -277,7 +248,7 @@ def navigate_lanes(
     stops = np.zeros(time.size, dtype=np.bool_)
     for samples in (stored, path, fixed[fixed <= last], last):
         stops[samples] = True
-    _advance(model)(
+    _advance(model, summed=schedule.stride > 1)(
         filters[0],
         buffer.reshape(-1),
         kept,
@@ -291,6 +262,7 @@ def navigate_lanes(
         out,
         motion,
         force,
+        np.zeros(2),
         LANES,
     )
     return [
@@ -311,13 +283,17 @@ def _all_fixes(time: FloatArray, lanes: Sequence[Lane]) -> Fixes:
     )
 
 
-def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Counters]:
+def _block(filters: Sequence[Filter], model: ErrorModel, fixes: int) -> tuple[FloatArray, Counters]:
     """Return the numbers of some filters side by side, and what else they keep; each has so many fixes."""
-    states = filters[0].P.shape[0]
-    buffer = aligned_zeros(LANES * size_of_lane(states)).reshape(-1, LANES)
-    buffer[: strapdown.LENGTH] = np.stack([run.state[: strapdown.LENGTH] for run in filters], axis=1)
-    upper = np.triu_indices(states)
-    buffer[COVARIANCE : COVARIANCE + upper[0].size] = np.stack([run.P[upper] for run in filters], axis=1)
+    n, space, place = model.states, layout(model.blocks), lane_layout(model.blocks)
+    buffer = aligned_zeros(LANES * place.END).reshape(-1, LANES)
+    for first, parts in (
+        (0, [run.state[: strapdown.LENGTH] for run in filters]),
+        (COVARIANCE, [run.P[:, :n].ravel() for run in filters]),
+        (place.DECAY, [run.decay[: space.DRIVEN] for run in filters]),
+        (place.NOISE, [run.noise[: WHITE + space.DRIVEN] for run in filters]),
+    ):
+        buffer[first : first + parts[0].size] = np.stack(parts, axis=1)
     counts = np.stack([run.counts for run in filters])
     counts[:, 0] = fixes * np.arange(LANES)
     clock, streak = (np.stack([getattr(run, name) for run in filters]) for name in ("clock", "streak"))

@@ -25,7 +25,7 @@ from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ErrorModel
-from lab.navigation.kernels.compilation import kernel
+from lab.navigation.kernels.compilation import inline_kernel, kernel
 from lab.navigation.kernels.generation import Slot, Written
 
 
@@ -136,7 +136,7 @@ def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
     return {name: (old[name], new[name]) for name in old} | firsts
 
 
-ACCESS = {"number": number, "put_number": put_number}
+ACCESS: dict[str, object] = {"number": number, "put_number": put_number}
 """What the code written here uses."""
 
 propagate = Slot("propagate")
@@ -145,15 +145,44 @@ project = Slot("project")
 """``project(T, w, k, variance, covariance)``: see `projection_of`."""
 
 
-def propagation_of(model: ErrorModel) -> Written:
+@inline_kernel
+def element(values: Any, at: int) -> Any:
+    """Return number `at` of an array that has one dimension."""
+    return values[at]
+
+
+@inline_kernel
+def put_element(values: Any, at: int, number: Any) -> None:
+    """Write number `at` of an array that has one dimension."""
+    values[at] = number
+
+
+ACCESS_ABREAST: dict[str, object] = {"number": element, "put_number": put_element}
+"""The same for numbers of eight runs (`lane_views.wide`)."""
+
+
+def terms_of(model: ErrorModel) -> dict[int, list[int]]:
+    """Return the columns of the elements of F that can be non-zero, for each navigation row."""
+    pattern = model.pattern()[:NAV]
+    return {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
+
+
+def propagation_of(model: ErrorModel, *, abreast: bool = False) -> Written:
     """Return the kernel `propagate` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
     the factors `decay` on the driven states.
+
+    Parameters
+    ----------
+    model
+        The error model.
+    abreast
+        For numbers of eight runs, without x: the rows of P are as long as it has states.
     """
-    pattern = model.pattern()
-    terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
-    space = layout(model.blocks)
+    terms, space = terms_of(model), layout(model.blocks)
+    if abreast:
+        space = space._replace(WIDTH=space.STATES)
     lines = ["@inline_kernel", "def propagate(F, dt, decay, w):"]
     lines += [
         f"    f_{row}_{c} = dt * number(F, {space.STATES * row + c})"
@@ -163,7 +192,11 @@ def propagation_of(model: ErrorModel) -> Written:
     lines += _navigation_rows(terms, space)
     lines += _navigation_block(terms, space)
     lines += _sensor_columns(space)
-    return Written("propagate", "\n".join(lines), ACCESS)
+    access = ACCESS
+    if abreast:
+        # The column of x would be that of the next row.
+        lines, access = [line for line in lines if f"+ {space.X}]" not in line], ACCESS_ABREAST
+    return Written("propagate", "\n".join(lines), access)
 
 
 def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
