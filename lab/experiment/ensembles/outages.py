@@ -12,6 +12,7 @@ its length. A run that diverges counts with an infinite error.
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -88,6 +89,7 @@ TUNING = (
 """Settings of the navigator whose defaults are those of a filter that is matched to its sensors."""
 AS_SET = "as set"
 """Name of the sensors of the settings, if they are those of no card."""
+_ROOM = threading.local()  # memory for the sensors of a block, which the next block of a thread uses again
 _ROUNDING = 1e-9
 """Of times [s]."""
 
@@ -235,7 +237,7 @@ def errors_in(
     samples = np.searchsorted(flight.ideal.time, block.begin + since - step / 2)
     truth = flight.truth.taken(samples)
     nothing: list[LaneSolution | None] = [None] * len(block.seeds)
-    solved = nothing if lanes is None else lanes.during(outage, end).navigate(block.seeds, samples)
+    solved = nothing if lanes is None else lanes.during(outage, end, _ROOM).navigate(block.seeds, samples)
     figures = [
         _alone(experiment, outage, seed, samples, truth)
         if run is None or not np.isfinite(run.solution.variance).all()

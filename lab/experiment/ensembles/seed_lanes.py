@@ -117,12 +117,15 @@ class SeedLanes:
         ready = is_compiled(self._model, summed=self._schedule.stride > 1)
         return ready and (lane_sensors.is_ready() or not plain)
 
-    def during(self, outage: tuple[float, float], until: float) -> SeedLanes:
-        """Return these runs with an outage, and up to a time [s]; for `navigate` alone."""
+    def during(self, outage: tuple[float, float], until: float, room: threading.local) -> SeedLanes:
+        """Return these runs with an outage, and up to a time [s]; for `navigate` alone.
+
+        The `room` keeps the memory that each thread needs for the next runs, also those of other sensors.
+        """
         found = copy.copy(self)
         found._flight = _until(self._flight, until)
         found._truth, found._ideal = found._flight.truth, found._flight.ideal
-        found._withheld, found._room = [outage], threading.local()
+        found._withheld, found._room = [outage], room
         return found
 
     def run(self, seeds: Sequence[int], *, explain: bool = False) -> Iterator[RunAtFixes | None]:
@@ -194,10 +197,11 @@ class SeedLanes:
 
     def _sensor_room(self) -> SensorRoom:
         """Return room for the sensors of a block, kept for each thread."""
-        if not hasattr(self._room, "sensors"):
-            self._room.sensors = SensorRoom(self._ideal.dtheta.shape[0])
-        found: SensorRoom = self._room.sensors
-        return found
+        samples = self._ideal.dtheta.shape[0]
+        kept: SensorRoom | None = getattr(self._room, "sensors", None)
+        if kept is None or kept.samples < samples:
+            kept = self._room.sensors = SensorRoom(samples)
+        return kept.part(samples)
 
     def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
         """Simulate the sensors of some runs; the room is written, and referred to."""
