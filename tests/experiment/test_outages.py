@@ -59,10 +59,13 @@ def test_a_table_of_three_cards_is_that_of_single_runs(fast):
             assert (horizontal, vertical) == pytest.approx(alone(experiment, seed, begin), rel=1e-7)
 
 
-def test_runs_abreast_are_single_runs():
+@pytest.mark.parametrize("name", ["MEMSense AccelRate3D", *CARDS])
+def test_runs_abreast_are_single_runs(name):
     experiment, block, since = made(), Block(40.0, (1, 2, 5, 6)), times_since(SECONDS)
+    card(name).load(experiment)
     lanes = SeedLanes.of(experiment)
-    assert lanes is not None
+    if lanes is None:
+        pytest.skip(f"{name}: its filter has states that runs abreast lack")
     together, single = (errors_in(experiment, block, since, one) for one in (lanes, None))
     for mine, other in zip(together, single, strict=True):
         assert np.allclose(mine, other, rtol=1e-7)
@@ -176,6 +179,7 @@ def test_a_run_that_diverges_counts_as_infinite(monkeypatch):
     def fail(_self, *_arguments, **_options):
         raise DivergedError("it diverged")
 
+    monkeypatch.setattr(outages.SeedLanes, "of", staticmethod(lambda _experiment: None))
     monkeypatch.setattr(Experiment, "run", fail)
     (row,) = made(seed=77).outage(SECONDS, "BMI088", 3).rows
     assert np.isinf(row.errors.horizontal).all()
