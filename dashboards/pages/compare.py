@@ -17,7 +17,7 @@ from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
 from dashboards.ensembles import WORKERS, ensemble
 from dashboards.pages.computed import ComputedPage
-from dashboards.pages.outages import Outages
+from dashboards.pages.outages import PALE, PLAIN, Outages
 from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
 from dashboards.sending import together
@@ -68,8 +68,6 @@ ABOUT_CURVE = (
 )
 ABOUT_MAP = "Colour: mean over the seeds. Dotted: the present values."
 STOPPED = Assessment(verdict="Stopped.")
-PALE = {"opacity": "0.45"}
-"""Style of what is of earlier settings."""
 
 
 class Item(NamedTuple):
@@ -341,7 +339,7 @@ class Compare(ComputedPage):
         self._write(result)
         self._draw_sweep(result)
         self._stop.param.update(visible=self._stopped, label="Go on")
-        if self._table.styles:
+        if self._table.styles == PALE:
             return OLD
         relative = f"Percent are relative to {escape(str(self._baseline.value))}."
         return "" if self._is_alone else f"The best value of a column is bold. {relative}"
@@ -444,7 +442,7 @@ class Compare(ComputedPage):
 
     def _age(self, *, old: bool) -> None:
         """Mark what is shown as that of earlier settings, or no longer."""
-        styles = PALE if old else {}
+        styles = PALE if old else PLAIN
         if self._table.styles != styles:
             self._table.styles = self._figure.styles = styles
             if old:

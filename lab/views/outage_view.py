@@ -133,6 +133,7 @@ def drift_figure(table: OutageTable, rows: Sequence[OutageRow]) -> figure:
         fig.yaxis.formatter = CustomJSTickFormatter(code="return `${+tick.toPrecision(3)}`")
     if lines:
         add_legend(fig, lines)
+        fig.legend[0].update(location="top_left", orientation="vertical")  # where the errors are small
     return fig
 
 
