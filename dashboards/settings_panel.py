@@ -420,6 +420,13 @@ def may_change(experiment: Experiment, path: str) -> bool:
     return True
 
 
+def check_variant(experiment: Experiment, variant: Experiment) -> None:
+    """Raise `SettingError` if a person may not change an experiment as a variant differs from it."""
+    for path, owner, name in variant.leaves():
+        if getattr(owner, name) != experiment.get(path):
+            experiment.check_change(path)
+
+
 def matched_variances(experiment: Experiment, name: str) -> list[float]:
     """Return the variances, in SI units, that the filter uses for p0, q or r while none are given.
 

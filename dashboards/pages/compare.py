@@ -1,4 +1,4 @@
-"""Compare: results side by side: held ones, error models, sensor cards, seeds; and sweeps over settings."""
+"""Compare: results side by side: held ones, error models, cards, seeds; sweeps; and outages."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
 from dashboards.ensembles import ensemble, who_runs
 from dashboards.pages.computed import ComputedPage
+from dashboards.pages.outages import PALE, PLAIN, Outages
 from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.seen_names import as_seen, seen_name
 from dashboards.sending import together
 from dashboards.session import Session
-from dashboards.settings_panel import may_change
+from dashboards.settings_panel import check_variant, may_change
 from dashboards.style import WHOLE
 from dashboards.sweep_choice import Plan, SweepChoice, present
 from lab.base.cache import digest
@@ -67,8 +68,6 @@ ABOUT_CURVE = (
 )
 ABOUT_MAP = "Colour: mean over the seeds. Dotted: the present values."
 STOPPED = Assessment(verdict="Stopped.")
-PALE = {"opacity": "0.45"}
-"""Style of what is of earlier settings."""
 
 
 class Item(NamedTuple):
@@ -125,7 +124,7 @@ class Compare(ComputedPage):
         """Return what can be added, the table, and the place of a sweep."""
         self._add = {
             name: pmui.Toggle(label=name, size="small", variant="outlined", margin=(8, 4), sx=_TOGGLE)
-            for name in ("All error models", "Sensor cards", "Seeds", "A sweep")
+            for name in ("All error models", "Sensor cards", "Seeds", "A sweep", "Outages")
         }
         for toggle in self._add.values():
             toggle.param.watch(lambda _event: self._changed(), "value")
@@ -142,6 +141,7 @@ class Compare(ComputedPage):
         )
         self._seeds.param.watch(lambda _event: self._changed(), "value")
         self._sweep = SweepChoice(self._run_sweep, lambda: self._draw_sweep(self._wanted))
+        self._outages = Outages()
         self._baseline = pmui.Select(
             label="Percent relative to", options=[NOW], value=NOW, size="small", width=220, margin=(6, 12)
         )
@@ -158,8 +158,10 @@ class Compare(ComputedPage):
         bar = pn.FlexBox(
             said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
         )
-        parts = (bar, self._cards.view, self._seeds, self.words, self._table, self._sweep.view, self._figure)
-        return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+        parts = bar, self._cards.view, self._seeds, self.words, self._table, self._sweep.view, self._figure
+        return pn.Column(
+            *parts, self._outages.view, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE]
+        )
 
     def _on(self, name: str) -> bool:
         return bool(self._add[name].value)
@@ -235,6 +237,7 @@ class Compare(ComputedPage):
         assert isinstance(experiment, Experiment)
         if self._on("A sweep"):
             self._sweep.suit(experiment, bool(result.recorded))
+        self._outages.suit(experiment, bool(result.recorded))
         if self._plan is not None and not all(may_change(experiment, path) for path in self._plan.values):
             self._plan = None  # it was made before a homework was opened
         is_long = result.is_long
@@ -337,7 +340,7 @@ class Compare(ComputedPage):
         self._write(result)
         self._draw_sweep(result)
         self._stop.param.update(visible=self._stopped, label="Go on")
-        if self._table.styles:
+        if self._table.styles == PALE:
             return OLD
         relative = f"Percent are relative to {escape(str(self._baseline.value))}."
         return "" if self._is_alone else f"The best value of a column is bold. {relative}"
@@ -406,6 +409,7 @@ class Compare(ComputedPage):
         self._cards.view.visible = self._on("Sensor cards")
         self._seeds.visible = self._on("Seeds")
         self._sweep.view.visible = self._on("A sweep")
+        self._outages.view.visible = self._on("Outages")
         self._stopped = False
         self._draw_again()
 
@@ -439,7 +443,7 @@ class Compare(ComputedPage):
 
     def _age(self, *, old: bool) -> None:
         """Mark what is shown as that of earlier settings, or no longer."""
-        styles = PALE if old else {}
+        styles = PALE if old else PLAIN
         if self._table.styles != styles:
             self._table.styles = self._figure.styles = styles
             if old:
@@ -459,6 +463,7 @@ class Compare(ComputedPage):
         """Compute no more."""
         self._known.clear()
         self._swept = Swept("", None)
+        self._outages.close()
         super().close()
 
     def clear(self) -> None:
@@ -499,9 +504,7 @@ def _run_if_allowed(experiment: Experiment, variant: Experiment, progress: Progr
     SettingError
         If the homework of the experiment does not allow it.
     """
-    for path, owner, name in variant.leaves():
-        if getattr(owner, name) != experiment.get(path):
-            experiment.check_change(path)
+    check_variant(experiment, variant)
     return variant.run(progress)
 
 

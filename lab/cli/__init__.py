@@ -38,6 +38,10 @@ COMMANDS |= {
         "lab.cli.sweep:sweep",
         "Navigate with values of settings, sensor cards or missions and many seeds; show the errors of each.",
     ),
+    "outage": (
+        "lab.cli.outage:outage",
+        "Show which error a time without GPS leaves, sensor by sensor, with its own interval.",
+    ),
     "budget": (
         "lab.cli.budget:error_budget",
         "Show the contribution of each source of error to the errors of a mission's solution.",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lab.base.parameters.setting_kinds import is_changed
 from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.log_run import run_log
+from lab.experiment.outage_table import OutageTable
 from lab.experiment.result import Result, Runnable
 from lab.experiment.sensor_stages import CACHE
 from lab.experiment.stages import Stages
@@ -112,6 +113,70 @@ class Experiment(Runnable):
         with find("experiment", "progress")(progress) as tell:
             found: Sweep = find("experiment", "sweep")(
                 self, settings, seeds, tell, workers, fast=fast, client=client
+            )
+        return found
+
+    def outage(
+        self,
+        seconds: float = 60.0,
+        cards: str | Sequence[str] | None = None,
+        seeds: int | Sequence[int] = 100,
+        wish: float | None = None,
+        *,
+        fast: bool = True,
+        workers: int | None = None,
+        progress: Progress | None = None,
+        partial: Callable[[OutageTable], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> OutageTable:
+        """Return which errors outages of GPS leave, sensor by sensor; each run has one outage.
+
+        The begins are spread evenly over the flight after the filter has converged. Up to eight seeds share a
+        begin, and all sensors have the same seeds and begins. Outages of the settings have no effect.
+
+        For a sensor log, the fixes are withheld for `seconds`, from one begin to the next three times as
+        long, and in three turns, so that all of the log is covered. The errors are the differences from the
+        last withheld fix of each. `seeds`, `fast` and `workers` have no effect on a log.
+
+        Parameters
+        ----------
+        seconds
+            Length of an outage [s], 1 or more.
+        cards
+            Names of sensor cards, or ``"all"``: each is loaded with the filter that suits it, and gives a
+            row. By default the sensors and the filter of the settings.
+        seeds
+            Number of runs with each sensor, from the seed of the experiment on, or the seed of each.
+        wish
+            Horizontal error that 95 % of the outages shall not exceed [m]. A sensor whose 95 % is too close
+            to it gets up to four times as many runs.
+        fast
+            Whether the covariance is propagated 20 times a second, unless the settings give another rate.
+        workers
+            Number of threads; by default one for each processor, or as many runs as fit into the memory.
+        progress
+            Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
+            notebook shows a bar. An exception that it raises ends the work.
+        partial
+            Called every two seconds with the table of the runs that are done.
+        cancelled
+            Asked ten times a second; once it says so, no further run begins, and the table is that of the
+            runs that are done.
+
+        Raises
+        ------
+        SettingError
+            If there is no such card, or no sensor can run with these settings; if only some are refused,
+            their rows say why.
+        MissionError
+            If the mission cannot be found or read.
+        ValueError
+            If a number is not accepted, or the outage does not fit into the flight or the log.
+        """
+        with find("experiment", "progress")(progress) as tell:
+            told = {"progress": tell, "partial": partial, "cancelled": cancelled}
+            found: OutageTable = find("experiment", "outage")(
+                self, seconds, cards, seeds, wish, fast=fast, workers=workers, **told
             )
         return found
 

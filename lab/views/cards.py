@@ -19,6 +19,7 @@ CARDS = {
     "ensemble": "lab.views.ensemble_cards:ensemble_html",
     "sensor card": "lab.views.result_cards:sensor_html",
     "sweep": "lab.views.sweep_plot:sweep_html",
+    "outages": "lab.views.outage_view:outages_html",
 }
 """The functions that draw the cards."""
 PLOTS = (
@@ -47,4 +48,5 @@ def register_cards() -> None:
     register("result", "json", "lab.experiment.json_form:json_of")
     register("result", "report", "lab.views.report:write_report")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
+    register("experiment", "outage", "lab.experiment.ensembles.outages:outage")
     register("experiment", "progress", "lab.views.notebook_display:shown")

@@ -32,6 +32,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "fly",
         "cards",
         "allan",
+        "outage",
         "budget",
         "live",
         "lesson",
@@ -58,7 +59,7 @@ def test_the_version_is_the_one_installed() -> None:
             ["sail"],
             [
                 "no command 'sail'",
-                "missions, run, report, compare, ensemble, sweep, budget, identify, fly",
+                "missions, run, report, compare, ensemble, sweep, outage, budget, identify, fly",
                 "cards",
                 "allan",
                 "serve",

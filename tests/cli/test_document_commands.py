@@ -26,6 +26,7 @@ WRITES = {
     "ensemble": {"--out"},
     "sweep": {"--out"},
     "export": {"--to"},
+    "outage": {"--out"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
     "homework make": {"--out"},
@@ -50,6 +51,7 @@ ADDED = {
     "compare --seeds": ["--seeds", "2"],
     "ensemble": ["--set", "trajectory.imu_rate=50", "--seeds", "2"],
     "sweep": ["--set", "trajectory.imu_rate=50", "--seeds", "1"],
+    "outage": ["--set", "trajectory.imu_rate=50", "--seeds", "3"],
     "live watch": ["--seconds", "1"],
     "live navigate": ["--seconds", "15"],
     "delete": ["--yes"],  # nobody is here to be asked

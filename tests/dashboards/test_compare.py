@@ -131,7 +131,7 @@ def test_rows_follow_the_settings_and_old_ones_are_marked_until_then(walk: Walk)
     assert OLD in walk.text()
     run(walk, navigator__r_scale=0.01)
     assert value(walk, "psi", 0) != before
-    assert not page(walk)._table.styles
+    assert page(walk)._table.styles == compare.PLAIN
     assert OLD not in walk.text()
     walk.page.session.experiment = made()  # whose run is refused, so the shown result is that of before
     with set_curdoc(walk._document):

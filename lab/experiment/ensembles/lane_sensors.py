@@ -6,6 +6,8 @@ slow processes of a bias, the samples are drawn before.
 
 from __future__ import annotations
 
+import copy
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.cache import StageCache
 from lab.base.parameters.units import si
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
@@ -60,6 +63,11 @@ class _Part(NamedTuple):
     biased: FloatArray
 
 
+FLICKER = StageCache(limit=64 * 2**20)
+"""Flicker with a coefficient of 1: that of eight runs of three minutes takes 16 MB. Many sensors that are run
+with the same seeds share it, and it takes as long to draw as all other errors of a sensor."""
+
+
 class SensorRoom:
     """Room for the output of the sensors of a block; each use takes the same, because new memory takes time.
 
@@ -76,17 +84,28 @@ class SensorRoom:
 
     def __init__(self, samples: int) -> None:
         self.increments = aligned_zeros(samples * 6 * LANES).reshape(samples, 6, LANES)
-        self._samples = samples
+        self.samples = samples
+
+    def part(self, samples: int) -> SensorRoom:
+        """Return room for fewer samples in the same memory."""
+        if samples == self.samples:
+            return self
+        found = copy.copy(self)
+        found.samples, found.increments = samples, self.increments[:samples]
+        for name, shape in (("process", (LANES, 3, samples)), ("shown", (2, LANES, samples, 3))):
+            whole = getattr(self, name).reshape(-1)
+            setattr(found, name, whole[: math.prod(shape)].reshape(shape))
+        return found
 
     @cached_property
     def process(self) -> FloatArray:
         """Slow part of the biases of a triad (LANES, 3, n)."""
-        return np.empty((LANES, 3, self._samples))
+        return np.empty((LANES, 3, self.samples))
 
     @cached_property
     def shown(self) -> FloatArray:
         """Biases of gyros and accelerometers as their output shows them (2, LANES, n, 3)."""
-        return np.empty((2, LANES, self._samples, 3))
+        return np.empty((2, LANES, self.samples, 3))
 
 
 def can_sense(errors: Errors, sensors: SensorSuite) -> bool:
@@ -182,8 +201,7 @@ def _processes(seeds: Sequence[int], name: str, errors: Errors, dt: float, room:
     total[:] = 0.0
     if flicker.any():
         for lane, seed in enumerate(seeds):
-            _draw_rows(generator(seed, f"{name}.flicker"), total[lane])
-            np.multiply(flicker[:, None], processes.flicker(total[lane], axis=-1), out=total[lane])
+            np.multiply(flicker[:, None], _flicker(seed, name, total.shape[2]), out=total[lane])
     if any(others.values()):
         rest = errors.copy()
         rest.set("flicker", 0.0)
@@ -191,6 +209,17 @@ def _processes(seeds: Sequence[int], name: str, errors: Errors, dt: float, room:
             draws = imu.ImuDraws.of(seed, name, total.shape[2], **others)
             total[lane] += imu.drift(rest, draws, dt).T
     return total
+
+
+def _flicker(seed: int, name: str, samples: int) -> FloatArray:
+    """Return the flicker of a triad with a coefficient of 1 (3, n), kept for other sensors of the seed."""
+
+    def made() -> FloatArray:
+        drawn = np.empty((3, samples))
+        _draw_rows(generator(seed, f"{name}.flicker"), drawn)
+        return processes.flicker(drawn, axis=-1)
+
+    return FLICKER.get("flicker", f"{seed} {name} {samples}", made)
 
 
 def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> FloatArray:

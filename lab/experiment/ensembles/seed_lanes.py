@@ -7,10 +7,12 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 
 from __future__ import annotations
 
+import copy
 import math
 import threading
 import time as clock
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,11 +23,11 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
-from lab.experiment.ensembles.lane_results import LaneResults, Sensed
+from lab.experiment.ensembles.lane_results import LaneResults, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
-from lab.experiment.sensor_stages import SensorStages
+from lab.experiment.sensor_stages import SampledFlight, SensorStages
 from lab.experiment.stages import start
 from lab.missions import LogMission, mission
 from lab.navigation.aiding import needs_rest
@@ -73,6 +75,7 @@ class SeedLanes:
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._room = threading.local()
+        self._withheld: list[tuple[float, float]] = []
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._latency = assumed_latency(self._navigator, self._sensors.gps.latency)
         self._fix_truth, self._seen = self._stages.fix_truth(flight)
@@ -104,10 +107,26 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
+        return self.is_ready and fix_figures.is_ready()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether `navigate` needs not wait for a compiler."""
         both = (self._sensors.gyro, self._sensors.accelerometer)
         plain = any(can_sense(errors, self._sensors) for errors in both)
-        ready = is_compiled(self._model, summed=self._schedule.stride > 1) and fix_figures.is_ready()
+        ready = is_compiled(self._model, summed=self._schedule.stride > 1)
         return ready and (lane_sensors.is_ready() or not plain)
+
+    def during(self, outage: tuple[float, float], until: float, room: threading.local) -> SeedLanes:
+        """Return these runs with an outage, and up to a time [s]; for `navigate` alone.
+
+        The `room` keeps the memory that each thread needs for the next runs, also those of other sensors.
+        """
+        found = copy.copy(self)
+        found._flight = _until(self._flight, until)
+        found._truth, found._ideal = found._flight.truth, found._flight.ideal
+        found._withheld, found._room = [outage], room
+        return found
 
     def run(self, seeds: Sequence[int], *, explain: bool = False) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
@@ -133,11 +152,38 @@ class SeedLanes:
         """
         return self._each(seeds, judged=False)
 
+    def navigate(self, seeds: Sequence[int], samples: Samples) -> list[LaneSolution | None]:
+        """Navigate up to eight seeds; of each, only the solution at some samples is computed.
+
+        Parameters
+        ----------
+        seeds
+            The seeds.
+        samples : (k,) array
+            The samples, increasing.
+
+        Returns
+        -------
+        list of LaneSolution or None
+            The solution of each seed; None if it must be run alone.
+        """
+        room = self._sensor_room()
+        sensed = self._sense(seeds, room)
+        usable = self._usable(sensed)
+        if not usable:
+            return [None] * len(seeds)
+        found = self._navigate(sensed, usable, room.increments, samples)
+        return [one if index in usable else None for index, one in enumerate(found)]
+
+    def _usable(self, sensed: Sequence[Sensed]) -> list[int]:
+        """Return the runs that can be abreast."""
+        return [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
+
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
         room = self._sensor_room()
         increments, sensed = room.increments, self._sense(seeds, room)
-        usable = [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
+        usable = self._usable(sensed)
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
@@ -151,10 +197,11 @@ class SeedLanes:
 
     def _sensor_room(self) -> SensorRoom:
         """Return room for the sensors of a block, kept for each thread."""
-        if not hasattr(self._room, "sensors"):
-            self._room.sensors = SensorRoom(self._ideal.dtheta.shape[0])
-        found: SensorRoom = self._room.sensors
-        return found
+        samples = self._ideal.dtheta.shape[0]
+        kept: SensorRoom | None = getattr(self._room, "sensors", None)
+        if kept is None or kept.samples < samples:
+            kept = self._room.sensors = SensorRoom(samples)
+        return kept.part(samples)
 
     def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
         """Simulate the sensors of some runs; the room is written, and referred to."""
@@ -170,6 +217,9 @@ class SeedLanes:
             constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
+            if self._withheld:
+                kept = ~gps.within(self._withheld, fixes.time)
+                fixes = gps.GpsFixes(*(part[kept] for part in fixes))
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
             check_bias_decay(self._schedule.stride * self._ideal.dt, assumed.decay)
             found.append(Sensed(seed, begun, assumed, constants, gyro, accelerometer, fixes, seen))
@@ -215,7 +265,11 @@ class SeedLanes:
         )
 
     def _navigate(
-        self, sensed: Sequence[Sensed], usable: Sequence[int], increments: FloatArray
+        self,
+        sensed: Sequence[Sensed],
+        usable: Sequence[int],
+        increments: FloatArray,
+        samples: Samples | None = None,
     ) -> list[LaneSolution]:
         """Navigate a block; in the place of a run that is not usable, another is navigated."""
         lanes = []
@@ -232,9 +286,17 @@ class SeedLanes:
             lanes,
             self._schedule,
             self._model,
-            self._results.stored,
-            self._results.path,
+            self._results.stored if samples is None else samples,
+            self._results.path if samples is None else samples,
         )
+
+
+def _until(flight: SampledFlight, end: float) -> SampledFlight:
+    """Return a flight up to the first sample that is not before a time [s]."""
+    samples = int(np.searchsorted(flight.ideal.time, end)) + 1
+    if samples >= flight.ideal.time.size:
+        return flight
+    return replace(flight, truth=flight.truth.taken(slice(samples)), ideal=flight.ideal.part(0, samples))
 
 
 def _evidence_of(run: RunAtFixes) -> Evidence:

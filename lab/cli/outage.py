@@ -1,0 +1,127 @@
+"""``ins-lab outage``: which sensors hold a wish without GPS."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.interrupt import STOPPED, interrupted
+from lab.cli.options import (
+    AsJson,
+    Assignments,
+    Config,
+    Force,
+    Mission,
+    Seed,
+    Seeds,
+    Workers,
+    check_out,
+    experiment,
+)
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.experiment.experiment import Experiment
+    from lab.experiment.outage_table import OutageTable
+
+EXAMPLES = """\b
+Examples:
+  ins-lab outage montreal
+  ins-lab outage montreal --cards all --seeds 100 --wish 10
+  ins-lab outage montreal --seconds 30 --cards BMI088,ADIS16470 --out outages.nc
+  ins-lab outage montreal --set navigator.q_scale=0.1 --json
+Each run has one outage. The begins are spread over the flight; each card has the same. "95 %" stands beside
+its own 95 % interval, from the number of runs. For a log, fixes are withheld: an outage, then fixes for twice
+as long, in three turns. Ctrl-C shows the runs that are done."""
+
+
+def outage(
+    mission: Mission,
+    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Length of an outage [s].")] = 60.0,
+    cards: Annotated[
+        str | None,
+        typer.Option(
+            "--cards",
+            metavar="NAME,...|all",
+            help="Sensor cards, each with the filter that suits it; by default the sensors of the settings.",
+            show_default=False,
+        ),
+    ] = None,
+    seeds: Seeds = 100,
+    wish: Annotated[
+        float | None,
+        typer.Option(
+            "--wish",
+            metavar="M",
+            help="Horizontal error that 95 % of the outages shall not exceed [m].",
+            show_default=False,
+        ),
+    ] = None,
+    exact: Annotated[
+        bool,
+        typer.Option("--exact", help="Propagate the covariance at each IMU sample, not 20 times a second."),
+    ] = False,
+    workers: Workers = None,
+    config: Config = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.nc", help="File for the errors of all runs.", show_default=False),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show which error a time without GPS leaves, sensor by sensor, with its own interval."""
+    check_out(out, force, ".nc", "a netCDF file", "--out")
+    chosen = experiment(mission, config, None, assignments, seed)
+    names = cards if cards in (None, "all") else [name.strip() for name in str(cards).split(",")]
+    from lab.experiment.ensembles.seeds import StoppedError  # noqa: PLC0415 - takes a second
+
+    with working(chosen.mission) as progress, interrupted() as pressed:
+        try:
+            found = chosen.outage(
+                seconds,
+                names,
+                seeds,
+                wish,
+                fast=not exact,
+                workers=workers,
+                progress=progress,
+                cancelled=pressed.is_set,
+            )
+        except StoppedError as error:
+            print(f"ins-lab: {error}", file=sys.stderr)
+            raise typer.Exit(STOPPED) from error
+    if as_json:
+        print_json({**found.to_dict(), "out": None if out is None else str(out)})
+    else:
+        print(_text(found, chosen))
+    if out is not None:
+        _write(found, chosen, out, force)
+    if pressed.is_set():
+        print("ins-lab: stopped; the table is that of the runs that are done", file=sys.stderr)
+        raise typer.Exit(STOPPED)
+
+
+def _text(found: OutageTable, chosen: Experiment) -> str:
+    """Return a table of outages as text, with what limits the errors, and the remarks."""
+    titles, rows = found.cells()
+    shown = table(titles, rows, right={2, 3, 4, 6, 7})
+    note = chosen.sensors.card_remark() if len(rows) == 1 else ""
+    return "\n\n".join(filter(None, (shown, found.tuning, *found.remarks, note)))
+
+
+def _write(found: OutageTable, chosen: Experiment, out: Path, force: bool) -> None:
+    """Write the errors of all runs as netCDF; `CommandError` if they cannot be written."""
+    from lab.base.result_files import write_netcdf  # noqa: PLC0415 - rarely needed
+
+    title = f"Outages of {found.seconds:g} s, {chosen.mission}"
+    try:
+        write_netcdf(out, lambda: {"outages": found.dataset}, title, chosen.to_toml(), overwrite=force)
+    except OSError as error:
+        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error

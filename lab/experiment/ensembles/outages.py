@@ -1,0 +1,474 @@
+"""Outages: which error a time without GPS leaves at its end, over seeds, begins and sensors.
+
+Each run has one outage. The begins are spread evenly over the part of the flight in which the filter has
+converged and the outage ends, so that the errors are those of an outage at any time of this flight, with any
+turn-on errors and noise. Runs eight abreast share a begin: 100 runs have 13 begins. Every sensor has the same
+seeds and begins.
+
+An outage begins with the first sample after a fix. At its end, the navigator has been without GPS for exactly
+its length. A run that diverges counts with an infinite error.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.cross_checks import LARGEST_PART, SETTLING
+from lab.analysis.errors import position_error
+from lab.base.arrays import FloatArray
+from lab.base.blas_threads import OneBlasThread
+from lab.base.cache import StageCache, digest
+from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import Progress
+from lab.experiment.ensembles.log_outages import log_outages
+from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
+from lab.experiment.ensembles.seeds import (
+    ASKED_EVERY,
+    MANY,
+    StoppedError,
+    at_fast_rate,
+    counted,
+    memory_of,
+    seed_numbers,
+    thread_count,
+)
+from lab.experiment.experiment import Experiment
+from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, Perfect
+from lab.experiment.sensor_stages import SensorStages
+from lab.missions import LogMission, mission
+from lab.motion.truth.trajectory import Truth
+from lab.navigation.checks import DivergedError
+from lab.navigation.filters.error_models import POS
+from lab.navigation.kernels.lanes import LaneSolution
+from lab.run.memory import at_once
+from lab.sensors import gps
+from lab.sensors.cards import card, card_in_force
+from lab.sensors.cards import cards as catalogue
+
+SHORTEST = 1.0
+"""Shortest outage [s]: its errors are known each second."""
+BEGINS = 12
+"""Least number of begins, if there are as many runs: with fewer than 96, fewer than eight share one."""
+CURVE = 120
+"""Largest number of intervals of a drift curve."""
+ENLARGED = 4
+"""How many times as many runs a sensor gets at most whose 95 % is close to the wish."""
+SURE = 0.985
+"""Confidence of the interval that ends the search for a decision: with looks after 100, 200, 300 and 400
+runs, a sensor whose 95 % is the wish itself is decided wrongly in 3 % of the cases."""
+AGREEMENT = 0.1
+"""Largest difference of rms errors from their σ, as a fraction, at which the linear covariance stands for the
+runs of a filter."""
+SHOWN_EVERY = 2.0
+"""Time between two partial tables [s]."""
+KEPT = StageCache(limit=64 * 2**20)
+"""The errors of blocks of runs by their settings: 12 kB for eight runs with an outage of a minute."""
+TUNING = (
+    "q_scale",
+    "r_scale",
+    "p0_scale",
+    "r_factors",
+    "q",
+    "r",
+    "p0",
+    "lever_arm",
+    "latency",
+    "gate",
+    "robust",
+)
+"""Settings of the navigator whose defaults are those of a filter that is matched to its sensors."""
+AS_SET = "as set"
+"""Name of the sensors of the settings, if they are those of no card."""
+_ROOM = threading.local()  # memory for the sensors of a block, which the next block of a thread uses again
+_ROUNDING = 1e-9
+"""Of times [s]."""
+
+
+Samples = NDArray[np.int64]
+
+
+class Block(NamedTuple):
+    """Runs that share a begin.
+
+    Attributes
+    ----------
+    begin
+        Time of the last fix before the outage [s].
+    seeds
+        Their seeds.
+    """
+
+    begin: float
+    seeds: tuple[int, ...]
+
+
+@OneBlasThread()
+def outage(
+    experiment: Experiment,
+    seconds: float,
+    cards: str | Sequence[str] | None,
+    seeds: int | Sequence[int],
+    wish: float | None,
+    *,
+    fast: bool = True,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    partial: Callable[[OutageTable], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> OutageTable:
+    """Return which errors outages of GPS leave; see `Experiment.outage`."""
+    seconds = _number("seconds", seconds, SHORTEST)
+    wish = None if wish is None else _number("wish", wish, 0.0)
+    numbers, threads = tuple(dict.fromkeys(seed_numbers(experiment, seeds))), thread_count(workers)
+    rows, experiments = _rows(experiment, cards)
+    table = OutageTable(experiment.mission, seconds, wish, times_since(seconds), rows)
+    if isinstance(mission(experiment.mission), LogMission):
+        return log_outages(table, experiments, progress, partial, cancelled)
+    for one in experiments:
+        one.set("sensors.gps.outages", [])
+    chosen = [at_fast_rate(one) if fast else one for one in experiments]
+    work = _Work(table, chosen, progress, partial, cancelled)
+    return work.run(numbers, at_once(max(map(memory_of, chosen)), threads))
+
+
+def matched(experiment: Experiment) -> Experiment:
+    """Return a copy whose filter is matched to its sensors: it assumes their noise, and has all their states.
+
+    Scales, given matrices, gates and assumed places go back to their defaults, and the filter has states for
+    the errors that the sensors have. Its model, its rates and its alignment stay.
+    """
+    perfect, sensors = experiment.copy(), experiment.sensors
+    declared = perfect.navigator.param
+    for name in TUNING:
+        perfect.set(f"navigator.{name}", declared[name].default)
+    triads = sensors.gyro, sensors.accelerometer
+    present = {
+        "states": any(any(one.scale_factor) or any(one.scale_factor_sigma) for one in triads),
+        "estimate_misalignments": any(any(one.misalignment) for one in triads),
+        "estimate_g_sensitivity": any(sensors.gyro.g_sensitivity),
+        "estimate_gps_drift": any(sensors.gps.correlated_sigma),
+    }
+    for name, is_present in present.items():
+        if is_present:
+            perfect.set(f"navigator.{name}", max(declared["states"].objects) if name == "states" else True)
+    return perfect
+
+
+def times_since(seconds: float) -> FloatArray:
+    """Return the times since the begin of an outage at which errors are kept: each second, and the end."""
+    step = max(1.0, math.ceil(seconds / CURVE))
+    return np.append(np.arange(0, seconds - _ROUNDING, step), seconds)
+
+
+def blocks_of(experiment: Experiment, seconds: float, seeds: Sequence[int], turn: int = 0) -> list[Block]:
+    """Return the runs with their begins, which are spread evenly over the fixes of the flight.
+
+    Parameters
+    ----------
+    experiment
+        The experiment.
+    seconds
+        Length of the outage [s].
+    seeds
+        The seeds.
+    turn
+        Number of the set of runs: the begins of each set are between those of the sets before.
+
+    Raises
+    ------
+    ValueError
+        If the flight is too short.
+    """
+    duration = SensorStages(experiment, mission(experiment.mission)).kept_flight().trajectory.duration
+    fixes = gps.fix_times(experiment.sensors.gps, duration)
+    settled = min(SETTLING, LARGEST_PART * duration)
+    usable = fixes[(fixes >= settled) & (fixes <= duration - seconds + _ROUNDING)]
+    if not usable.size:
+        raise ValueError(
+            f"seconds: an outage of {seconds:g} s does not fit into the flight, which lasts {duration:.0f} s "
+            f"and in which the filter converges first; accepted is at most {int(duration - settled)} s"
+        )
+    count = -(-len(seeds) // min(max(len(seeds) // BEGINS, 1), LANES))
+    wanted = usable[0] + (usable[-1] - usable[0]) * (np.arange(count) + _place(turn)) / count
+    begins = usable[np.abs(usable[:, None] - wanted).argmin(axis=0)]
+    parts = np.array_split(np.array(seeds), count)
+    return [Block(float(begin), tuple(part.tolist())) for begin, part in zip(begins, parts, strict=True)]
+
+
+def _place(turn: int) -> float:
+    """Return the place of the begins of a set between those of the others: 1/2, 1/4, 3/4, 1/8 and so on."""
+    place, weight, number = 0.0, 0.5, turn + 1
+    while number:
+        place += weight * (number % 2)
+        number, weight = number // 2, weight / 2
+    return place
+
+
+def errors_in(
+    experiment: Experiment, block: Block, since: FloatArray, lanes: SeedLanes | None = None
+) -> OutageErrors:
+    """Return the errors of runs that share a begin.
+
+    Parameters
+    ----------
+    experiment
+        The experiment; its seed has no effect, and it has no outages.
+    block
+        The runs.
+    since : (k,) array
+        Times since the begin [s]; the last is the end of the outage.
+    lanes
+        The runs of the experiment abreast; None runs each alone.
+    """
+    receiver, step = experiment.sensors.gps, 1 / float(experiment.trajectory.imu_rate)
+    end = block.begin + float(since[-1])
+    outage = block.begin + receiver.period / 2, end + receiver.latency + step / 2
+    flight = SensorStages(experiment, mission(experiment.mission)).kept_flight()
+    samples = np.searchsorted(flight.ideal.time, block.begin + since - step / 2)
+    truth = flight.truth.taken(samples)
+    nothing: list[LaneSolution | None] = [None] * len(block.seeds)
+    solved = nothing if lanes is None else lanes.during(outage, end, _ROOM).navigate(block.seeds, samples)
+    figures = [
+        _alone(experiment, outage, seed, samples, truth)
+        if run is None or not np.isfinite(run.solution.variance).all()
+        else _figures(run.solution.position, run.solution.variance, run.solution.covariance, truth)
+        for seed, run in zip(block.seeds, solved, strict=True)
+    ]
+    horizontal, vertical, sigma, covariance = (np.array(part) for part in zip(*figures, strict=True))
+    begins = np.full(len(block.seeds), block.begin)
+    return OutageErrors(np.array(block.seeds), begins, horizontal, vertical, sigma, covariance)
+
+
+def _alone(
+    experiment: Experiment, outage: tuple[float, float], seed: int, samples: Samples, truth: Truth
+) -> tuple[FloatArray, ...]:
+    """Return the figures of a single run; infinite errors if it diverges."""
+    mine = experiment.copy()
+    mine.set("seed", seed)
+    mine.set("sensors.gps.outages", [outage])
+    try:
+        solution = mine.run().solution_arrays
+    except DivergedError:
+        lost = np.full(samples.size, np.inf)
+        return lost, lost, np.full(samples.size, np.nan), np.full(3, np.nan)
+    return _figures(
+        solution.position[samples], solution.variance[samples], solution.covariance[samples], truth
+    )
+
+
+def _figures(
+    position: FloatArray, variance: FloatArray, covariance: FloatArray, truth: Truth
+) -> tuple[FloatArray, ...]:
+    """Return horizontal and vertical errors, horizontal σ (k,), and P of north and east at the end (3,)."""
+    north, east, down = position_error(position, truth).T
+    own = variance[:, POS].astype(np.float64)
+    at_end = np.array([own[-1, 0], own[-1, 1], covariance[-1, 0, 0]])
+    return np.hypot(north, east), np.abs(down), np.sqrt(own[:, 0] + own[:, 1]), at_end
+
+
+@dataclass
+class _Filter:
+    """A filter with its sensors, and what is known of it: the errors by the number of set and block."""
+
+    row: int
+    is_perfect: bool
+    experiment: Experiment
+    key: str
+    blocks: dict[tuple[int, int], OutageErrors] = field(default_factory=dict)
+    refusal: str = ""
+
+    @cached_property
+    def lanes(self) -> SeedLanes | None:
+        """The runs of the filter abreast; None if they would not be those of its seeds alone."""
+        return SeedLanes.of(self.experiment)
+
+    def block(self, block: Block, since: FloatArray, *, many: bool) -> OutageErrors:
+        """Return the errors of a block; with `many` runs, it is worth waiting for a compiler."""
+        lanes = self.lanes
+        if lanes is not None and not (many or lanes.is_ready):
+            lanes = None
+        return KEPT.get(
+            "outage", f"{self.key} {block}", lambda: errors_in(self.experiment, block, since, lanes)
+        )
+
+    def errors(self) -> OutageErrors | None:
+        """Return the errors of its runs so far, in their order."""
+        if self.refusal or not self.blocks:
+            return None
+        return OutageErrors.joined([self.blocks[at] for at in sorted(self.blocks)])
+
+
+class _Work:
+    """The runs of all filters of a table on all processors, and the table of those that are done."""
+
+    def __init__(
+        self,
+        table: OutageTable,
+        experiments: Sequence[Experiment],
+        progress: Progress | None,
+        partial: Callable[[OutageTable], None] | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> None:
+        self._empty, self._progress, self._partial = table, progress, partial
+        self._is_cancelled = cancelled or (lambda: False)
+        self._patience = None if cancelled is None else ASKED_EVERY
+        self._filters = [one for row, given in enumerate(experiments) for one in _filters(row, given, table)]
+        self._done, self._wanted = 0, 0
+        self._began = self._shown = time.monotonic()
+
+    def run(self, seeds: tuple[int, ...], threads: int) -> OutageTable:
+        """Run all filters, then those on the border again, until all is done or cancelled."""
+        pool = ThreadPoolExecutor(threads, thread_name_prefix="outage")
+        try:
+            chosen = self._filters
+            for turn in range(ENLARGED):
+                self._run(pool, chosen, seeds, turn)
+                chosen = self._undecided()
+                if not chosen or self._is_cancelled():
+                    break
+                seeds = tuple(range(max(seeds) + 1, max(seeds) + 1 + len(seeds)))
+        finally:
+            pool.shutdown(cancel_futures=True)
+        if not self._done:
+            raise StoppedError(f"stopped before the first of {self._wanted:,} runs was done")
+        refusals = {one.row: one.refusal for one in self._filters if one.refusal}
+        if len(refusals) == len(self._empty.rows):
+            raise SettingError("; ".join(dict.fromkeys(refusals.values())))
+        return self._table()
+
+    def _run(
+        self, pool: ThreadPoolExecutor, chosen: Sequence[_Filter], seeds: tuple[int, ...], turn: int
+    ) -> None:
+        """Run some filters with some seeds; begins far from each other are first, for partial tables."""
+        since, many = self._empty.since, len(seeds) * len(chosen) >= MANY
+        tasks = [
+            (number, one, block)
+            for one in chosen
+            for number, block in enumerate(blocks_of(one.experiment, self._empty.seconds, seeds, turn))
+        ]
+        self._wanted += sum(len(block.seeds) for *_, block in tasks)
+        running: dict[Future[OutageErrors], tuple[_Filter, tuple[int, int], int]] = {}
+        for number, one, block in sorted(tasks, key=lambda task: _place(task[0])):
+            if self._is_cancelled():
+                break
+            task = pool.submit(one.block, block, since, many=many)
+            running[task] = one, (turn, number), len(block.seeds)
+        while running and not self._is_cancelled():
+            for task in wait(running, self._patience, FIRST_COMPLETED).done:
+                self._add(task, *running.pop(task))
+        # Of cancelled work, what was begun is done soon.
+        for task in [task for task in running if not task.cancel()]:
+            self._add(task, *running[task])
+
+    def _add(self, task: Future[OutageErrors], one: _Filter, at: tuple[int, int], count: int) -> None:
+        """Add the runs of a block, or why the lab refuses them."""
+        try:
+            one.blocks[at] = task.result()
+        except ValueError as error:
+            one.refusal = str(error)
+        self._done += count
+        self._report()
+
+    def _undecided(self) -> list[_Filter]:
+        """Return the filters whose 95 % is too close to the wish."""
+        wish, rows = self._empty.wish, self._table().rows
+        if wish is None:
+            return []
+        return [one for one in self._filters if not one.is_perfect and rows[one.row].is_border(wish, SURE)]
+
+    def _report(self) -> None:
+        now = time.monotonic()
+        if self._progress is not None:
+            self._progress(counted(self._done, self._wanted, self._began), self._done / self._wanted)
+        if self._partial is not None and now - self._shown > SHOWN_EVERY:
+            self._shown = now
+            self._partial(self._table())
+
+    def _table(self) -> OutageTable:
+        """Return the table of the runs that are done."""
+        rows = list(self._empty.rows)
+        for one in self._filters:
+            errors, row = one.errors(), rows[one.row]
+            if not one.is_perfect:
+                row = replace(row, errors=errors, refusal=one.refusal)
+                perfect = Perfect(row.most.value, "itself") if row.runs else None
+                rows[one.row] = replace(row, perfect=perfect)
+            else:
+                rows[one.row] = replace(row, perfect=None if errors is None else perfect_of(errors))
+        return replace(self._empty, rows=tuple(rows))
+
+
+def perfect_of(errors: OutageErrors) -> Perfect:
+    """Return what a perfect filter leaves, of its errors: its covariance if these agree with it, or they."""
+    row = OutageRow("", "", errors)
+    known = np.isfinite(errors.sigma[:, -1])
+    rms, sigma = (np.sqrt(np.mean(part[known, -1] ** 2)) for part in (errors.horizontal, errors.sigma))
+    if known.all() and abs(rms / sigma - 1) <= AGREEMENT:
+        return Perfect(row.believed, "covariance")
+    return Perfect(row.most.value, "ensemble")
+
+
+def _filters(row: int, experiment: Experiment, table: OutageTable) -> list[_Filter]:
+    """Return the filter of a row, and the perfect one on its sensors unless it is the same."""
+    content = mission(experiment.mission).content_hash
+    found: list[_Filter] = []
+    for is_perfect, one in enumerate((experiment, matched(experiment))):
+        settings = {**one.to_dict(), "seed": None}
+        key = digest(content, settings, experiment.hidden, table.seconds)
+        if not found or key != found[0].key:
+            found.append(_Filter(row, bool(is_perfect), one, key))
+    return found
+
+
+def _rows(
+    experiment: Experiment, cards: str | Sequence[str] | None
+) -> tuple[tuple[OutageRow, ...], list[Experiment]]:
+    """Return the empty rows of some cards, and their experiments.
+
+    Raises
+    ------
+    SettingError
+        If there is no such card, or none at all.
+    """
+    if cards is None:
+        name = card_in_force(experiment.sensors) or AS_SET
+        known = catalogue().get(name)
+        return (OutageRow(name, known.grade if known else "", None),), [experiment.copy()]
+    names = list(catalogue()) if cards == "all" else [cards] if isinstance(cards, str) else list(cards)
+    chosen = {found.name: found for found in map(card, names)}
+    if not chosen:
+        raise SettingError('cards: none named; accepted are "all", or names such as "BMI088"')
+    experiments = []
+    for found in chosen.values():
+        variant = experiment.copy()
+        found.load(variant)
+        experiments.append(variant)
+    return tuple(OutageRow(one.name, one.grade, None) for one in chosen.values()), experiments
+
+
+def _number(name: str, value: float, least: float) -> float:
+    """Return a number that a user gives.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or too small.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, bool | str) or not math.isfinite(number) or number < least or not number:
+        bounds = f"of {least:g} or more" if least else "above 0"
+        raise ValueError(f"{name}: {value!r} is not accepted; accepted is a number {bounds}")
+    return number
