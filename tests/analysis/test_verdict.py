@@ -302,7 +302,7 @@ def one() -> Evidence:
 
 
 @pytest.mark.parametrize(
-    ("mean", "direction", "words"), [(4.0, "too large", "2 ×"), (0.25, "too small", "0.5 ×")]
+    ("mean", "direction", "words"), [(4.0, "too large", "2 times"), (0.25, "too small", "0.5 times")]
 )
 def test_what_no_cause_explains_is_still_said(one, mean, direction, words):
     wrong = replace(one.states, means=Kept(mean * np.ones_like(one.states.means.values)))
