@@ -11,7 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
-from dashboards.ensembles import WORKERS
+from dashboards.ensembles import who_runs
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
@@ -56,7 +56,13 @@ class Plan(NamedTuple):
             card(name).load(variant)
             check_variant(self.experiment, variant)
         return self.experiment.outage(
-            self.seconds, self.cards, self.seeds, self.wish, workers=WORKERS, progress=progress, partial=show
+            self.seconds,
+            self.cards,
+            self.seeds,
+            self.wish,
+            progress=progress,
+            partial=show,
+            **who_runs(self.experiment),
         )
 
 

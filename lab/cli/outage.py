@@ -16,10 +16,12 @@ from lab.cli.options import (
     Config,
     Force,
     Mission,
+    Scheduler,
     Seed,
     Seeds,
     Workers,
     check_out,
+    cluster_of,
     experiment,
 )
 from lab.cli.terminal import table
@@ -66,6 +68,7 @@ def outage(
         typer.Option("--exact", help="Propagate the covariance at each IMU sample, not 20 times a second."),
     ] = False,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     config: Config = None,
     assignments: Assignments = None,
     seed: Seed = None,
@@ -82,7 +85,7 @@ def outage(
     names = cards if cards in (None, "all") else [name.strip() for name in str(cards).split(",")]
     from lab.experiment.ensembles.seeds import StoppedError  # noqa: PLC0415 - takes a second
 
-    with working(chosen.mission) as progress, interrupted() as pressed:
+    with cluster_of(scheduler) as client, working(chosen.mission) as progress, interrupted() as pressed:
         try:
             found = chosen.outage(
                 seconds,
@@ -93,6 +96,7 @@ def outage(
                 workers=workers,
                 progress=progress,
                 cancelled=pressed.is_set,
+                client=client,
             )
         except StoppedError as error:
             print(f"ins-lab: {error}", file=sys.stderr)

@@ -128,6 +128,7 @@ class Experiment(Runnable):
         progress: Progress | None = None,
         partial: Callable[[OutageTable], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
+        client: Client | None = None,
     ) -> OutageTable:
         """Return which errors outages of GPS leave, sensor by sensor; each run has one outage.
 
@@ -162,6 +163,10 @@ class Experiment(Runnable):
         cancelled
             Asked ten times a second; once it says so, no further run begins, and the table is that of the
             runs that are done.
+        client
+            A client of a Dask cluster, whose workers do the runs in place of this computer's threads, but for
+            a log. If the cluster is lost on the way, `OutageTable.ended` says so, and the table is that of
+            the runs that were done.
 
         Raises
         ------
@@ -174,7 +179,7 @@ class Experiment(Runnable):
             If a number is not accepted, or the outage does not fit into the flight or the log.
         """
         with find("experiment", "progress")(progress) as tell:
-            told = {"progress": tell, "partial": partial, "cancelled": cancelled}
+            told = {"progress": tell, "partial": partial, "cancelled": cancelled, "client": client}
             found: OutageTable = find("experiment", "outage")(
                 self, seconds, cards, seeds, wish, fast=fast, workers=workers, **told
             )

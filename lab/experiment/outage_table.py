@@ -188,6 +188,8 @@ class OutageTable(NotebookCard):
     fix_sigma : float
         σ of the withheld fixes with which a log's errors are compared, √(σ_N² + σ_E²) [m]; zero for a
         simulated mission, whose truth is known.
+    ended : str
+        What ended the work before all runs were done, such as a cluster that was lost; empty if nothing did.
     """
 
     CARD: ClassVar[str] = "outages"
@@ -198,6 +200,7 @@ class OutageTable(NotebookCard):
     since: FloatArray
     rows: tuple[OutageRow, ...]
     fix_sigma: float = 0.0
+    ended: str = ""
 
     @property
     def is_log(self) -> bool:
@@ -307,7 +310,7 @@ class OutageTable(NotebookCard):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of the table must know besides."""
-        found = []
+        found = [self.ended] if self.ended else []
         if self.is_log:
             found.append(
                 "The errors are differences from withheld fixes, whose own σ is "

@@ -22,16 +22,16 @@ def test_a_scheduler_is_named_by_its_file_or_its_address(tmp_path: Path) -> None
         with connected(str(file)) as client:
             address = client.scheduler.address
         compared = [ask(*arguments, "--json", "--scheduler", place) for place in (str(file), address)]
-        ensembles, sweeps = [
+        ensembles, sweeps, outages = [
             [ask(name, *many, *more, *where) for where in (("--scheduler", str(file)), ())]
-            for name, more in (("ensemble", ()), ("sweep", over))
+            for name, more in (("ensemble", ()), ("sweep", over), ("outage", ("--seconds", "20")))
         ]
     rows = [
         json.loads(answer.stdout)[0] | {"seconds": 0} for answer in (*compared, ask(*arguments, "--json"))
     ]
     assert rows[0] == rows[1] == rows[2]
     assert rows[0]["verdict"].startswith("Consistent")
-    for pair in (ensembles, sweeps):
+    for pair in (ensembles, sweeps, outages):
         there, here = (json.loads(answer.stdout) | {"seconds": 0} for answer in pair)
         assert there == here
 

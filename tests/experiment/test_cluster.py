@@ -26,6 +26,7 @@ from lab import Experiment, compare, run_ensemble
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.ensembles import cluster as cluster_module
+from lab.experiment.ensembles import outages as outages_module
 from lab.experiment.ensembles import parcel as parcel_module
 from lab.experiment.ensembles import sweeping
 from lab.experiment.ensembles.ensemble import Ensemble
@@ -96,6 +97,26 @@ def test_a_sweep_on_two_processes_is_that_of_threads(two_workers: Client) -> Non
     assert swept.refused == ()
     again = experiment.sweep(OVER, 4, client=two_workers)  # three of four are kept
     assert again.dataset.isel(seed=slice(3)).identical(swept.dataset)
+
+
+@pytest.mark.proof
+def test_outages_on_two_processes_are_those_of_threads(two_workers: Client) -> None:
+    """With and without a perfect filter beside that of the row; what the lab refuses is a row's reason."""
+    experiment, told = short(**{"navigator.q_scale": 0.1}), list[tuple[str, float]]()
+    asked: dict[str, Any] = {"seconds": 10, "seeds": 17, "wish": 5.0}
+    there = experiment.outage(**asked, client=two_workers, progress=lambda *step: told.append(step))
+    outages_module.KEPT.clear()
+    here = experiment.outage(**asked)
+    assert there.dataset.identical(here.dataset)
+    assert there.to_dict() == here.to_dict()
+    assert there.rows[0].perfect != here.rows[0].most
+    assert told[0] == ("Preparing 2 workers", 0.0)
+    assert told[-1][1] == 1.0
+    refused = short(**{"navigator.smoother": True, "navigator.model": "nonlinear"})
+    with pytest.raises(SettingError, match=r"navigator\.smoother"):
+        refused.outage(seconds=10, seeds=2, client=two_workers)
+    with pytest.raises(ValueError, match="workers: 2 is for threads of this computer"):
+        experiment.outage(seconds=10, seeds=2, workers=2, client=two_workers)
 
 
 def test_a_piece_of_work_raises_what_it_would_raise_here(two_workers: Client) -> None:

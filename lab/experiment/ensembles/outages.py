@@ -11,6 +11,7 @@ its length. A run that diverges counts with an infinite error.
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 import time
@@ -18,7 +19,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,11 @@ from lab.sensors import gps
 from lab.sensors.cards import card, card_in_force
 from lab.sensors.cards import cards as catalogue
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from lab.experiment.ensembles.parcel import Unpacked
+
 SHORTEST = 1.0
 """Shortest outage [s]: its errors are known each second."""
 BEGINS = 12
@@ -71,6 +77,8 @@ AGREEMENT = 0.1
 runs of a filter."""
 SHOWN_EVERY = 2.0
 """Time between two partial tables [s]."""
+SHARE = 8
+"""Number of blocks of runs that a worker of a cluster gets at a time: 64 runs take it 0.6 s."""
 KEPT = StageCache(limit=64 * 2**20)
 """The errors of blocks of runs by their settings: 12 kB for eight runs with an outage of a minute."""
 TUNING = (
@@ -112,6 +120,10 @@ class Block(NamedTuple):
     seeds: tuple[int, ...]
 
 
+WARM_BLOCK = Block(40.0, (0,))
+"""A run on the usual mission whose short outage compiles what those of a worker need."""
+
+
 @OneBlasThread()
 def outage(
     experiment: Experiment,
@@ -125,6 +137,7 @@ def outage(
     progress: Progress | None = None,
     partial: Callable[[OutageTable], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    client: Client | None = None,
 ) -> OutageTable:
     """Return which errors outages of GPS leave; see `Experiment.outage`."""
     seconds = _number("seconds", seconds, SHORTEST)
@@ -138,7 +151,14 @@ def outage(
         one.set("sensors.gps.outages", [])
     chosen = [at_fast_rate(one) if fast else one for one in experiments]
     work = _Work(table, chosen, progress, partial, cancelled)
-    return work.run(numbers, at_once(max(map(memory_of, chosen)), threads))
+    if client is not None:
+        from lab.experiment.ensembles import cluster  # noqa: PLC0415 - imports Dask, which need not be installed
+
+        cluster.check_client(client, workers)
+        return work.run(numbers, functools.partial(work.run_on_cluster, client))
+    threads = at_once(max(map(memory_of, chosen)), threads)
+    with ThreadPoolExecutor(threads, thread_name_prefix="outage") as pool:
+        return work.run(numbers, functools.partial(work.run_on_threads, pool))
 
 
 def matched(experiment: Experiment) -> Experiment:
@@ -308,6 +328,41 @@ class _Filter:
         return OutageErrors.joined([self.blocks[at] for at in sorted(self.blocks)])
 
 
+class _Task(NamedTuple):
+    """A block of runs of a filter, with its place: the number of the set, and of the block in it."""
+
+    filter: _Filter
+    at: tuple[int, int]
+    block: Block
+
+
+def run_share(
+    given: Unpacked, number: int, blocks: Sequence[Block], seconds: float, many: bool
+) -> list[OutageErrors] | str:
+    """Return the errors of blocks of runs of a filter, on a worker of a cluster; or why it is refused.
+
+    Parameters
+    ----------
+    given
+        The experiments of all filters.
+    number
+        That of the filter.
+    blocks
+        The blocks.
+    seconds
+        Length of the outages [s].
+    many
+        Whether runs abreast are worth waiting for a compiler.
+    """
+    experiment = given.experiments[number]
+    try:
+        lanes = given.kept(SeedLanes.of, experiment)
+        abreast = lanes if lanes is not None and (many or lanes.is_ready) else None
+        return [errors_in(experiment, block, times_since(seconds), abreast) for block in blocks]
+    except ValueError as error:
+        return str(error)
+
+
 class _Work:
     """The runs of all filters of a table on all processors, and the table of those that are done."""
 
@@ -323,60 +378,88 @@ class _Work:
         self._is_cancelled = cancelled or (lambda: False)
         self._patience = None if cancelled is None else ASKED_EVERY
         self._filters = [one for row, given in enumerate(experiments) for one in _filters(row, given, table)]
-        self._done, self._wanted = 0, 0
+        self._done, self._wanted, self._ended = 0, 0, ""
         self._began = self._shown = time.monotonic()
 
-    def run(self, seeds: tuple[int, ...], threads: int) -> OutageTable:
-        """Run all filters, then those on the border again, until all is done or cancelled."""
-        pool = ThreadPoolExecutor(threads, thread_name_prefix="outage")
-        try:
-            chosen = self._filters
-            for turn in range(ENLARGED):
-                self._run(pool, chosen, seeds, turn)
-                chosen = self._undecided()
-                if not chosen or self._is_cancelled():
-                    break
-                seeds = tuple(range(max(seeds) + 1, max(seeds) + 1 + len(seeds)))
-        finally:
-            pool.shutdown(cancel_futures=True)
+    def run(self, seeds: tuple[int, ...], run_tasks: Callable[[Sequence[_Task], bool], None]) -> OutageTable:
+        """Run all filters, then those on the border again, until all is done, cancelled or lost."""
+        chosen = self._filters
+        for turn in range(ENLARGED):
+            tasks = self._tasks(chosen, seeds, turn)
+            self._wanted += sum(len(task.block.seeds) for task in tasks)
+            run_tasks(tasks, len(seeds) * len(chosen) >= MANY)
+            chosen = self._undecided()
+            if not chosen or self._is_cancelled() or self._ended:
+                break
+            seeds = tuple(range(max(seeds) + 1, max(seeds) + 1 + len(seeds)))
         if not self._done:
-            raise StoppedError(f"stopped before the first of {self._wanted:,} runs was done")
+            raise StoppedError(self._ended or f"stopped before the first of {self._wanted:,} runs was done")
         refusals = {one.row: one.refusal for one in self._filters if one.refusal}
         if len(refusals) == len(self._empty.rows):
             raise SettingError("; ".join(dict.fromkeys(refusals.values())))
-        return self._table()
+        return replace(self._table(), ended=self._ended)
 
-    def _run(
-        self, pool: ThreadPoolExecutor, chosen: Sequence[_Filter], seeds: tuple[int, ...], turn: int
-    ) -> None:
-        """Run some filters with some seeds; begins far from each other are first, for partial tables."""
-        since, many = self._empty.since, len(seeds) * len(chosen) >= MANY
-        tasks = [
-            (number, one, block)
+    def _tasks(self, chosen: Sequence[_Filter], seeds: tuple[int, ...], turn: int) -> list[_Task]:
+        """Return the blocks of some filters; begins far from each other are first, for partial tables."""
+        found = [
+            _Task(one, (turn, number), block)
             for one in chosen
             for number, block in enumerate(blocks_of(one.experiment, self._empty.seconds, seeds, turn))
         ]
-        self._wanted += sum(len(block.seeds) for *_, block in tasks)
-        running: dict[Future[OutageErrors], tuple[_Filter, tuple[int, int], int]] = {}
-        for number, one, block in sorted(tasks, key=lambda task: _place(task[0])):
+        return sorted(found, key=lambda task: _place(task.at[1]))
+
+    def run_on_threads(self, pool: ThreadPoolExecutor, tasks: Sequence[_Task], many: bool) -> None:
+        """Run blocks on the threads of this computer."""
+        running: dict[Future[OutageErrors], _Task] = {}
+        for task in tasks:
             if self._is_cancelled():
                 break
-            task = pool.submit(one.block, block, since, many=many)
-            running[task] = one, (turn, number), len(block.seeds)
+            running[pool.submit(task.filter.block, task.block, self._empty.since, many=many)] = task
         while running and not self._is_cancelled():
-            for task in wait(running, self._patience, FIRST_COMPLETED).done:
-                self._add(task, *running.pop(task))
+            for future in wait(running, self._patience, FIRST_COMPLETED).done:
+                self._take(future, running.pop(future))
         # Of cancelled work, what was begun is done soon.
-        for task in [task for task in running if not task.cancel()]:
-            self._add(task, *running[task])
+        for future in [future for future in running if not future.cancel()]:
+            self._take(future, running[future])
 
-    def _add(self, task: Future[OutageErrors], one: _Filter, at: tuple[int, int], count: int) -> None:
-        """Add the runs of a block, or why the lab refuses them."""
+    def run_on_cluster(self, client: Client, tasks: Sequence[_Task], many: bool) -> None:
+        """Run blocks on the workers of a cluster, `SHARE` blocks of a filter at a time."""
+        from lab.experiment.ensembles import cluster  # noqa: PLC0415 - imports Dask, which need not be installed
+
+        shares = []
+        for number, one in enumerate(self._filters):
+            own = [task for task in tasks if task.filter is one]
+            shares += [(number, own[first : first + SHARE]) for first in range(0, len(own), SHARE)]
+
+        def done(index: int, found: list[OutageErrors] | str) -> None:
+            for place, task in enumerate(shares[index][1]):
+                self._add(task, found if isinstance(found, str) else found[place])
+
+        self._ended = cluster.run_pieces(
+            client,
+            cluster.Parcel.of([one.experiment for one in self._filters]),
+            run_share,
+            [(number, [task.block for task in own], self._empty.seconds, many) for number, own in shares],
+            done,
+            tell=lambda step: None if self._progress is None else self._progress(step, 0.0),
+            warming=(0, (WARM_BLOCK,), SHORTEST, many),
+            cancelled=self._is_cancelled,
+        )
+
+    def _take(self, future: Future[OutageErrors], task: _Task) -> None:
+        """Add the runs of a block that a thread has done, or why the lab refuses them."""
         try:
-            one.blocks[at] = task.result()
+            self._add(task, future.result())
         except ValueError as error:
-            one.refusal = str(error)
-        self._done += count
+            self._add(task, str(error))
+
+    def _add(self, task: _Task, found: OutageErrors | str) -> None:
+        """Add the errors of a block, or why the lab refuses it."""
+        if isinstance(found, str):
+            task.filter.refusal = found
+        else:
+            task.filter.blocks[task.at] = found
+        self._done += len(task.block.seeds)
         self._report()
 
     def _undecided(self) -> list[_Filter]:
