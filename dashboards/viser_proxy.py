@@ -119,11 +119,10 @@ def web_application(document: Document) -> Application:
     raise RuntimeError("the 3-D view needs a page that is open in a browser")
 
 
-CLEAR = b"""<style>
-.mantine-Notifications-root { display: none !important; }
-@media (max-width: 600px) { .mantine-Paper-root:has(.mantine-ScrollArea-root) { display: none !important; } }
-</style>"""
-"""Keeps remarks on the browser off the scene, and viser's own panel, which covers all of it on a phone."""
+CLEAR = b"""<style>@media (max-width: 600px) {
+.mantine-Notifications-root, .mantine-Paper-root:has(.mantine-ScrollArea-root) { display: none !important; }
+}</style>"""
+"""Keeps viser's own panel and its remarks off the scene on a phone, where they cover all of it."""
 
 
 @cache
