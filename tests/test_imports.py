@@ -18,6 +18,7 @@ HARMLESS = {
     "register",  # what a file of the package offers to earlier ones
     "register_cards",  # the displays of the package's own classes, in a notebook
     "register_completion",
+    "_declare",  # to the compiler, what operators of a type of numbers do
     "setflags",  # of an array of the module
     "vars().update",  # of a class: its parameters, made from a table
 }

@@ -15,22 +15,15 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.extending import (
-    intrinsic,
-    lower_builtin,
-    lower_cast,
-    models,
-    register_model,
-    type_callable,
-)
 from numba.core.typeconv.castgraph import Conversion
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model, type_callable
 
 from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
 
 Kernel = Callable[..., Any]
 _pack: Kernel = cgutils.pack_array
-_lower_cast: Kernel = lower_cast
+_lower_cast: Callable[..., Callable[[Kernel], Kernel]] = lower_cast
 _lower: Kernel = lower_builtin
 
 LANES = 8
@@ -68,12 +61,10 @@ def _vector(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), same)
 
 
+@_lower_cast(types.Number, Wide)
 def _cast(context: Any, builder: Any, kind: Any, _to: Any, value: Any) -> Any:
     """Return a number as that of all runs."""
     return _vector(context, builder, kind, value)
-
-
-_lower_cast(types.Number, Wide)(_cast)
 
 
 def _declare(*operators: Callable[..., Any], instruction: str) -> None:

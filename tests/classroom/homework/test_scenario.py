@@ -151,7 +151,7 @@ def test_nothing_that_a_student_sees_or_saves_has_what_is_hidden(tmp_path: Path,
                     assert not np.isclose(values, BIAS, rtol=1e-6).any(), variable.name
                     assert not np.isclose(values, ARM, rtol=1e-6).any(), variable.name
     texts.append(report_html(result))
-    for _title, figures in report_plots(result):
+    for _title, figures in report_plots(result, ()):
         for source in {source for fig in figures for source in fig.select({"type": ColumnDataSource})}:
             for name, values in source.data.items():
                 if np.asarray(values).dtype.kind not in "fiub":  # as the marks of start and end
