@@ -6,3 +6,7 @@ from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
 """Takes what is computed now, and the part of it that is done, from 0 to 1."""
+
+
+class StoppedError(ValueError):
+    """Work that was cancelled before any part of it was done."""

@@ -18,6 +18,8 @@ from lab.base.collection_pause import collection_pause
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.base.plain_data import plain
+from lab.base.progress import StoppedError
+from lab.cli.interrupt import STOPPED
 from lab.cli.terminal import (
     ProgressLine,
     drop_output,
@@ -48,9 +50,9 @@ class Commands(typer.core.TyperGroup):
         try:
             answer = super().invoke(ctx)
             sys.stdout.flush()  # what cannot be written is reported here, not when Python ends
-        except (CommandError, MissionError, SettingError) as error:
+        except (CommandError, MissionError, SettingError, StoppedError) as error:
             print(f"ins-lab: {error}", file=sys.stderr)
-            raise typer.Exit(2) from error
+            raise typer.Exit(STOPPED if isinstance(error, StoppedError) else 2) from error
         except OSError as error:
             if isinstance(error, BrokenPipeError):  # whoever reads has enough
                 raise
@@ -160,7 +162,7 @@ def working(task: str) -> Iterator[ProgressLine]:
     with contextlib.redirect_stdout(sys.stderr), OneBlasThread(), ProgressLine(task) as progress:
         try:
             yield progress
-        except (CommandError, MissionError, SettingError):
+        except (CommandError, MissionError, SettingError, StoppedError):
             raise
         except ValueError as error:
             raise CommandError(f"{task}: {error}") from error

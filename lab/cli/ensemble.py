@@ -92,7 +92,7 @@ def ensemble(
     """Navigate a mission with many seeds; show the errors, and whether the filter states them correctly."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
-    from lab.experiment.ensembles.seeds import StoppedError, run_ensemble  # noqa: PLC0415
+    from lab.experiment.ensembles.seeds import run_ensemble  # noqa: PLC0415 - takes a second
 
     began = time.monotonic()
     with (
@@ -101,20 +101,16 @@ def ensemble(
         interrupted() as pressed,
     ):
         navigators = algorithms([own] if own else None)
-        try:
-            found = run_ensemble(
-                chosen,
-                seeds,
-                progress,
-                workers=workers,
-                algorithm=next(iter(navigators.values()), None),
-                cancelled=pressed.is_set,
-                fast=fast,
-                client=client,
-            )
-        except StoppedError as error:
-            print(f"ins-lab: {error}", file=sys.stderr)
-            raise typer.Exit(STOPPED) from error
+        found = run_ensemble(
+            chosen,
+            seeds,
+            progress,
+            workers=workers,
+            algorithm=next(iter(navigators.values()), None),
+            cancelled=pressed.is_set,
+            fast=fast,
+            client=client,
+        )
         seconds = time.monotonic() - began
         done = len(found.seeds) + len(found.diverged)
         verdict = _verdict(found, progress, pressed) if done == seeds else found.verdict

@@ -83,31 +83,26 @@ def outage(
     check_out(out, force, ".nc", "a netCDF file", "--out")
     chosen = experiment(mission, config, None, assignments, seed)
     names = cards if cards in (None, "all") else [name.strip() for name in str(cards).split(",")]
-    from lab.experiment.ensembles.seeds import StoppedError  # noqa: PLC0415 - takes a second
 
     with cluster_of(scheduler) as client, working(chosen.mission) as progress, interrupted() as pressed:
-        try:
-            found = chosen.outage(
-                seconds,
-                names,
-                seeds,
-                wish,
-                fast=not exact,
-                workers=workers,
-                progress=progress,
-                cancelled=pressed.is_set,
-                client=client,
-            )
-        except StoppedError as error:
-            print(f"ins-lab: {error}", file=sys.stderr)
-            raise typer.Exit(STOPPED) from error
+        found = chosen.outage(
+            seconds,
+            names,
+            seeds,
+            wish,
+            fast=not exact,
+            workers=workers,
+            progress=progress,
+            cancelled=pressed.is_set,
+            client=client,
+        )
     if as_json:
         print_json({**found.to_dict(), "out": None if out is None else str(out)})
     else:
         print(_text(found, chosen))
     if out is not None:
         _write(found, chosen, out, force)
-    if pressed.is_set():
+    if pressed.is_set() or found.ended:
         print("ins-lab: stopped; the table is that of the runs that are done", file=sys.stderr)
         raise typer.Exit(STOPPED)
 

@@ -128,7 +128,6 @@ def sweep(
     count = seeds if seeds is not None else 1 if is_log else SEEDS
     runs = _checked_size(settings, count)
     from lab.experiment.ensembles import sweeping  # noqa: PLC0415 - takes a second
-    from lab.experiment.ensembles.seeds import StoppedError  # noqa: PLC0415
 
     began = time.monotonic()
     with (
@@ -136,21 +135,17 @@ def sweep(
         working(chosen.mission) as progress,
         interrupted() as pressed,
     ):
-        try:
-            found = sweeping.sweep(
-                base,
-                settings,
-                count,
-                progress,
-                workers,
-                fast=fast,
-                fixed=_fixed(chosen, assignments or []) if has_cards else {},
-                cancelled=pressed.is_set,
-                client=client,
-            )
-        except StoppedError as error:
-            print(f"ins-lab: {error}", file=sys.stderr)
-            raise typer.Exit(STOPPED) from error
+        found = sweeping.sweep(
+            base,
+            settings,
+            count,
+            progress,
+            workers,
+            fast=fast,
+            fixed=_fixed(chosen, assignments or []) if has_cards else {},
+            cancelled=pressed.is_set,
+            client=client,
+        )
     done = runs - found.missing
     facts = found.to_dict() | {
         "wanted": runs,

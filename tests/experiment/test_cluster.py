@@ -25,13 +25,13 @@ import lab.experiment.ensembles.seeds as seeds_module
 from lab import Experiment, compare, run_ensemble
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import StoppedError
 from lab.experiment.ensembles import cluster as cluster_module
 from lab.experiment.ensembles import outages as outages_module
 from lab.experiment.ensembles import parcel as parcel_module
 from lab.experiment.ensembles import sweeping
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.parcel import MissionFiles, Parcel, VersionError
-from lab.experiment.ensembles.seeds import StoppedError
 from lab.experiment.ensembles.sweeping import sweep
 from lab.missions import mission
 from lab.navigation.algorithm import load_algorithm

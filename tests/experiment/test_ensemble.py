@@ -16,9 +16,10 @@ from scipy import stats
 import lab.experiment.ensembles.seeds as seeds_module
 from lab.analysis.verdicts.innovation_evidence import LAGS
 from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
-from lab.experiment.ensembles.seeds import StoppedError, _keep, run_ensemble
+from lab.experiment.ensembles.seeds import _keep, run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE

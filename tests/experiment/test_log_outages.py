@@ -7,7 +7,7 @@ import pytest
 from sensor_logs import tables, write
 
 from lab import Experiment
-from lab.experiment.ensembles.seeds import StoppedError
+from lab.base.progress import StoppedError
 from lab.motion.frames.displacement import displacement
 
 SECONDS = 20.0

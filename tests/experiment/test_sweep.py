@@ -15,8 +15,9 @@ import xarray as xr
 from sensor_logs import tables, write
 
 from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import StoppedError
 from lab.experiment.ensembles import sweeping
-from lab.experiment.ensembles.seeds import StoppedError, run_ensemble
+from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import MissionError

@@ -19,8 +19,7 @@ from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import innovations_of_withheld
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.setting_error import SettingError
-from lab.base.progress import Progress
-from lab.experiment.ensembles.seeds import StoppedError
+from lab.base.progress import Progress, StoppedError
 from lab.experiment.experiment import Experiment
 from lab.experiment.outage_table import OutageErrors, OutageTable
 from lab.navigation.checks import DivergedError

@@ -30,13 +30,12 @@ from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.cache import StageCache, digest
 from lab.base.parameters.setting_error import SettingError
-from lab.base.progress import Progress
+from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.log_outages import log_outages
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.ensembles.seeds import (
     ASKED_EVERY,
     MANY,
-    StoppedError,
     at_fast_rate,
     counted,
     memory_of,

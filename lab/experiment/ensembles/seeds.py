@@ -27,7 +27,7 @@ from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
-from lab.base.progress import Progress
+from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Ensemble
 from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, most_of, rms_at_ends
@@ -66,10 +66,6 @@ which takes a worker 0.2 s abreast and some seconds one by one; and at most."""
 SMALL, LARGE = 256, 4096
 """Numbers of runs up to which blocks are small, and from which on they grow: thousands of blocks take time of
 their own."""
-
-
-class StoppedError(ValueError):
-    """Work that was cancelled before any run of it was done."""
 
 
 @OneBlasThread()

@@ -23,11 +23,10 @@ from lab.base.blas_threads import OneBlasThread
 from lab.base.cache import StageCache, digest
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import value_text
-from lab.base.progress import Progress
+from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.ensemble import HORIZONTAL_95, QUANTITIES, UNITS
 from lab.experiment.ensembles.seeds import (
     ASKED_EVERY,
-    StoppedError,
     at_fast_rate,
     counted,
     memory_of,
