@@ -174,7 +174,7 @@ def log_of_recording(
     log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
-    return replace(log, repairs=(*log.repairs, *remarks))
+    return replace(log, repairs=(*log.repairs, *remarks, *found.reception.positions))
 
 
 def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[str] = ()) -> SensorLog | None:

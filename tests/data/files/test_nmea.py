@@ -11,8 +11,8 @@ from pynmeagps import NMEAReader
 from writers import nmea as writer
 from writers.nmea import sentence
 
-from lab.data.files import nmea
 from lab.data.formats import reader_of
+from lab.data.protocols import receiver_file
 from lab.data.rebuild.derived_motion import body_rates
 from lab.missions import MissionError, mission
 from lab.missions.flight_import import prepare_import
@@ -25,8 +25,8 @@ def file(tmp_path):
     def read(text: str | bytes, units=None):
         path = tmp_path / "log.txt"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        assert reader_of(path).name == nmea.NAME
-        return nmea.read([path], units or {})
+        assert reader_of(path).name == receiver_file.NMEA
+        return receiver_file.read_nmea([path], units or {})
 
     return read
 
@@ -213,7 +213,7 @@ def test_frames_without_sentences_are_named(tmp_path):
     path = tmp_path / "capture.ubx"
     path.write_bytes(ubx(0x22, bytes(20)) * 50)
     with pytest.raises(
-        MissionError, match=r"UBX messages of a u-blox receiver.*let the receiver send NAV-PVT"
+        MissionError, match="50 sound messages, none with position or IMU: turn on NAV-PVT and ESF-MEAS"
     ):
         reader_of(path)
 
@@ -240,8 +240,8 @@ def test_what_gives_no_flight_is_refused(file, text, words):
 
 
 def test_other_text_is_not_taken_for_nmea():
-    assert not nmea.recognises(b"time,lat,lon\n1,2,3\n$GPGGA\n")
-    assert not nmea.recognises(b"")
+    assert not receiver_file.recognises_nmea(b"time,lat,lon\n1,2,3\n$GPGGA\n")
+    assert not receiver_file.recognises_nmea(b"")
 
 
 @pytest.mark.parametrize("dated", [True, False])

@@ -12,8 +12,8 @@ from live_streams import capture, decoded, fixes, motion
 
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.stream_decoder import StreamDecoder
-from lab.data.protocols.ublox import MEAS_TICK, RAW_TICK, Ublox
-from lab.data.protocols.ublox_encoder import UbloxEncoder
+from lab.data.protocols.ubx import MEAS_TICK, RAW_TICK, Ubx
+from lab.data.protocols.ubx_encoder import UbloxEncoder
 
 pyubx2 = pytest.importorskip("pyubx2")
 
@@ -30,7 +30,7 @@ def messages(data: bytes, name: str) -> list:
 @pytest.mark.parametrize(("name", "count"), [(M8U, 3), (F9P, 29), (WALK, 89)])
 def test_captured_fixes_have_the_values_of_pyubx2(name, count):
     data = capture(name)
-    decoder = StreamDecoder("ublox", (Ublox(),))
+    decoder = StreamDecoder("ublox", (Ubx(),))
     rows, expected = decoded(decoder, data).fix, messages(data, "NAV-PVT")
     assert len(rows) == len(expected) == count
     assert decoder.statistics.failed == 0
@@ -81,7 +81,7 @@ def gpsd(message: str) -> dict[int, dict[str, float]]:
 )
 def test_captured_samples_have_the_values_of_gpsd(message, imu, tick, count):
     expected = gpsd(message)
-    rows = decoded(StreamDecoder("ublox", (Ublox(imu),)), capture(M8U)).imu
+    rows = decoded(StreamDecoder("ublox", (Ubx(imu),)), capture(M8U)).imu
     assert len(rows) == count
     compared = 0
     for row in rows:
@@ -102,7 +102,7 @@ def test_captured_samples_have_the_values_of_gpsd(message, imu, tick, count):
 
 def test_all_samples_have_the_numbers_of_pyubx2():
     data = capture(M8U)
-    rows = iter(decoded(StreamDecoder("ublox", (Ublox("raw"),)), data).imu)
+    rows = iter(decoded(StreamDecoder("ublox", (Ubx("raw"),)), data).imu)
     units = {
         14: ("rate", 0),
         13: ("rate", 1),
