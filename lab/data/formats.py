@@ -179,8 +179,9 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     advice = (
         what_is_damaged(path, head)
         or advice_on_frames(head)
-        or sound_frames(head)
         or (sensor_csv.missing_time_reason(head) if advice == _TABLE else "")
+        or (advice if advice != _TABLE else "")
+        or sound_frames(head)
         or advice
     )
     hint = f" {advice}" if advice else ""

@@ -68,9 +68,10 @@ class Epochs(Generic[Message]):
         kind
             Kind of the message.
         now
-            Its time. Without one it belongs to the present epoch, unless that has this kind already.
+            Its time. Without one it belongs to the present epoch, unless that has a time and this kind.
         """
-        if not ((kind in self._epoch.said) if now is None else (now != self._epoch.now)):
+        epoch = self._epoch
+        if now == epoch.now or (now is None and kind not in epoch.said):
             return None
         done = self.finish()
         self._epoch = Epoch(now)

@@ -38,7 +38,9 @@ from lab.data.protocols.samples import (
     NAN,
     NO_FIX,
     SIMULATED,
+    UNKNOWN,
     WARNED,
+    Vector,
 )
 
 SENTENCES = {
@@ -80,6 +82,10 @@ _STANDSTILL = 0.5
 """Speed below which a course that is left out may be any [m/s]."""
 _MIN_COURSE_SPEED = 2.0
 """Speed below which receivers leave the course out, since it is noise [m/s]: the last one stands for it."""
+_ANY_COURSE = 1.25
+"""σ of a velocity over its speed where north stands for an unknown course: √1.5 along it, √0.5 across."""
+_SPEED_SIGMA = 0.1
+"""σ of the speed of a plain receiver [m/s]: typical Doppler of its data sheet, 0.05 m/s, doubled."""
 _QUALITIES = (
     NO_FIX, FIX_3D, FIX_DIFFERENTIAL, FIX_3D, FIX_RTK, FIX_RTK_FLOAT, ESTIMATED, ENTERED, SIMULATED,
     FIX_DIFFERENTIAL,
@@ -218,6 +224,7 @@ class Nmea(Framing):
             self.geoid = geoid
         self._last_geoid = self._last_geoid if math.isnan(geoid) else geoid
         height = altitude + (0.0 if math.isnan(self._last_geoid) else self._last_geoid)
+        velocity, sigma = self._velocity(said)
         kind = _combined([kind for one in said if (kind := _kind_of(one)) is not None])
         rows.add_fix(
             epoch.end,
@@ -225,7 +232,8 @@ class Nmea(Framing):
             latitude=latitude,
             longitude=longitude,
             height=height if abs(height) <= LARGEST_HEIGHT else NAN,
-            velocity_n=self._velocity(said),
+            velocity_n=velocity,
+            speed_sigma=sigma,
             horizontal_sigma=math.sqrt((north * north + east * east) / 2),
             vertical_sigma=up,
             satellites=-1 if math.isnan(satellites) else int(satellites),
@@ -233,19 +241,18 @@ class Nmea(Framing):
             sea_level=math.isnan(self._last_geoid) and math.isfinite(altitude),
         )
 
-    def _velocity(self, said: list[_Said]) -> tuple[float, float, float]:
-        speed = next((speed for one in said if math.isfinite(speed := _number(one.get("speed", b"")))), NAN)
-        speed *= KNOT
-        course = _first(said, "course")
+    def _velocity(self, said: list[_Said]) -> tuple[Vector, float]:
+        """Return the velocity and its σ [m/s]: that of a course that is left out is as large as the speed."""
+        speed, course = _first(said, "speed") * KNOT, _first(said, "course")
+        sigma = NAN
         if math.isfinite(course):
             self._course = course
-        elif speed < _STANDSTILL:
-            course = 0.0
         elif speed < _MIN_COURSE_SPEED:
-            course = self._course
+            sigma = max(_ANY_COURSE * speed, _SPEED_SIGMA) if speed else NAN
+            course = 0.0 if speed < _STANDSTILL else self._course
         angle = math.radians(course)
         north, east = speed * math.cos(angle), speed * math.sin(angle)
-        return (north, east, NAN) if speed <= LARGEST_SPEED else (NAN, NAN, NAN)
+        return ((north, east, NAN), sigma) if speed <= LARGEST_SPEED else (UNKNOWN, NAN)
 
 
 def _add_heading(kind: str, frame: bytes, end: int, rows: Rows) -> bool:

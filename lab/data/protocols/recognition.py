@@ -32,6 +32,8 @@ _TURN_ON = {
     "mavlink": ("GPS_RAW_INT", "HIGHRES_IMU or RAW_IMU"),
 }
 """What a device is to send for its position, and for its IMU, by protocol."""
+_MOSTLY = 0.5
+"""Part of the bytes in sound frames from which they are named: text about a protocol has fewer."""
 _WHOLE = 0.995
 """Part of the bytes in frames from which no others are mentioned: rounded, they would be 0 %."""
 _TEXT_PART = 0.9
@@ -106,7 +108,8 @@ def sound_frames(data: bytes) -> str:
         if not isinstance(decoder, StreamDecoder):
             continue
         has_imu = bool(len(decoder.feed(data[:_LARGEST]).imu))
-        if decoder.own_frames < max(_FEWEST[name in _STRONG], best + 1):
+        part = 1 - decoder.statistics.skipped / max(decoder.statistics.bytes, 1)
+        if part < _MOSTLY or decoder.own_frames < max(_FEWEST[name in _STRONG], best + 1):
             continue
         best = decoder.own_frames
         lacking, wanted = "position", [position]
