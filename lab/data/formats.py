@@ -180,10 +180,10 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         what_is_damaged(path, head)
         or advice_on_frames(head)
         or (sensor_csv.missing_time_reason(head) if advice == _TABLE else "")
-        or (advice if advice != _TABLE else "")
-        or sound_frames(head)
         or advice
     )
+    if advice in ("", _TABLE) and (frames := sound_frames(head)):
+        raise MissionError(f"{path}: {frames}")
     hint = f" {advice}" if advice else ""
     raise MissionError(
         f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"

@@ -115,7 +115,8 @@ def sound_frames(data: bytes) -> str:
         lacking, wanted = "position", [position]
         if imu and not has_imu:
             lacking, wanted = "position or IMU", [position, imu]
-        found = f"{_NAMES[name]}, {counted(best, 'sound message')}"
+        where = "" if len(data) < _LARGEST else f" in the first {_LARGEST // 1024} kB"
+        found = f"{_NAMES[name]}, {best:,} sound messages{where}"
         text = f"{found}, none with {lacking}: turn on {' and '.join(wanted)}."
     return text
 

@@ -192,35 +192,32 @@ def test_positions_that_are_no_measurement_are_counted_and_kept_only_when_asked(
     assert [text.split()[0] for text in reception.positions] == ["5", "3", "4"]
 
 
-def test_a_simulator_is_named(tmp_path):
-    path = tmp_path / "indoors.nmea"
-    path.write_bytes(drive((60, "8", "V", "S")))
-    report = prepare_import(path, ImportSettings(vehicle="car")).report
-    assert report.verdict == "questionable"
-    assert "60 of 60 positions are simulated: the receiver runs in its simulator mode." in report.reasons
+@pytest.fixture(params=["made here", "the case"])
+def folder(request, tmp_path):
+    """Return a folder with the drive of a simulator, and one by dead reckoning alone."""
+    if request.param == "made here":
+        (tmp_path / "simulator.nmea").write_bytes(drive((105, "8", "V", "S")))
+        (tmp_path / "dead_reckoning.nmea").write_bytes(drive((105, "6", "V", "E")))
+        return tmp_path
+    if not CASE.is_dir():
+        pytest.skip(f"no folder {CASE}")
+    return CASE
 
 
-def test_a_drive_of_estimates_alone_is_refused_with_the_way_to_keep_it(tmp_path):
-    path = tmp_path / "reckoned.nmea"
-    path.write_bytes(drive((60, "6", "V", "E")))
+def test_drives_without_a_measurement_are_named(folder):
+    car = ImportSettings(vehicle="car")
+    simulated = prepare_import(folder / "simulator.nmea", car).report
+    assert simulated.verdict == "questionable"
+    assert "105 of 105 positions are simulated: the receiver runs in its simulator mode." in simulated.reasons
+    reckoned = folder / "dead_reckoning.nmea"
     with pytest.raises(
-        MissionError, match=r"60 from row 2 on: without a fix: the receiver estimated.*positions=all"
+        MissionError, match=r"105 from row 2 on: without a fix: the receiver est.*positions=all"
     ):
-        prepare_import(path)
-    assert len(prepare_import(path, ImportSettings(vehicle="car", positions="all")).flight.raw.time) == 60
-
-
-@pytest.mark.skipif(not CASE.is_dir(), reason=f"no folder {CASE}")
-def test_the_receivers_of_the_case_are_named():
-    settings = ImportSettings(vehicle="car", positions="all")
-    simulated = prepare_import(CASE / "simulator.nmea", settings).report
-    estimated = prepare_import(CASE / "dead_reckoning.nmea", settings).report
-    assert "105 of 105 positions are simulated" in simulated.reasons[0]
-    assert (
-        "105 of 105 positions are kept that are without a fix: the receiver estimated" in estimated.reasons[0]
+        prepare_import(reckoned, car)
+    kept = prepare_import(reckoned, ImportSettings(vehicle="car", positions="all")).report
+    assert kept.reasons[0].startswith(
+        "105 of 105 positions are kept that are without a fix: the receiver est"
     )
-    with pytest.raises(MissionError, match="0 of 105 positions are measured"):
-        prepare_import(CASE / "dead_reckoning.nmea")
 
 
 @given(cuts=st.lists(st.integers(0, 4000), max_size=30), damage=st.lists(st.integers(0, 4000), max_size=5))
@@ -321,23 +318,6 @@ def track(count: int, kind: str = "GGA", start: int = 0) -> list[str]:
     return [sentence(line) for line in lines]
 
 
-def test_an_independent_decoder_reads_the_same(file):
-    written = writer.write(mission("montreal").recording)
-    flight = file(written)
-    theirs = [NMEAReader.parse(line) for line in written.splitlines(keepends=True)]
-    gga = [one for one in theirs if one.msgID == "GGA"]
-    rmc = [one for one in theirs if one.msgID == "RMC"]
-    assert len(gga) == len(flight.time) == flight.rows_read
-    assert not flight.dropped
-    for values, name in ((flight.latitude, "lat"), (flight.longitude, "lon")):
-        np.testing.assert_allclose(np.degrees(values), [getattr(p, name) for p in gga], rtol=0, atol=2e-10)
-    np.testing.assert_allclose(flight.height, [p.alt + p.sep for p in gga], rtol=0, atol=1e-9)
-    speed = np.array([p.spd for p in rmc]) * 1852 / 3600
-    course = np.radians([p.cog or 0.0 for p in rmc])
-    np.testing.assert_allclose(flight.velocity_n[:, 0], speed * np.cos(course), atol=1e-9)
-    np.testing.assert_allclose(flight.velocity_n[:, 1], speed * np.sin(course), atol=1e-9)
-
-
 def test_time_goes_on_over_midnight_with_and_without_a_date(file):
     written = writer.write(mission("montreal").recording).decode()
     expected = writer.START.hour * 3600 + 58 * 60 + 30 + np.arange(1026) / writer.RATE
@@ -387,14 +367,6 @@ def test_heights_that_too_few_points_have_are_named(file):
     flight = file("".join(sorted(lines, key=lambda line: line.split(",")[1])))
     assert flight.height is None
     assert any("heights are not used: they are known at 80%" in remark for remark in flight.remarks)
-
-
-def test_epochs_without_a_fix_are_counted(file):
-    lines = track(12)
-    lines[3] = sentence("GPGGA,120003.00,,,,,0,00,99.9,,M,,M,,")
-    lines[6] = sentence("GPGGA,120006.00,4500.00006,N,07330.00000,W,0,08,0.9,100.0,M,-31.0,M,,")
-    flight = file("".join(lines))
-    assert [(drop.reason, drop.count, drop.first_row) for drop in flight.dropped] == [("without a fix", 2, 4)]
 
 
 @pytest.mark.parametrize("kinds", [("GNS", "VTG"), ("GGA", "VTG"), ("GGA", "RMC"), ("RMC", "GGA"), ("RMC",)])

@@ -11,7 +11,7 @@ import numpy as np
 import pymap3d
 import pytest
 from live_streams import capture, decoded, fixes, motion
-from pyubx2 import UBX_PROTOCOL, UBXReader
+from pyubx2 import UBXReader
 from writers import ubx as writer
 from writers.nmea import sentence
 from writers.ubx import WEEK, message, pvt
@@ -200,21 +200,6 @@ def by_parts(kind: str, i: int, *, fix: int = 3, accuracy: int = 300) -> bytes:
                    + message("NAV-TIMEGPS", iTOW=of_week, week=2315, leapS=18, weekValid=1, towValid=1)
                    + message("NAV-VELECEF", iTOW=of_week, ecefVX=dx, ecefVY=dy, ecefVZ=dz),
     }[kind]  # fmt: skip
-
-
-def test_an_independent_decoder_reads_the_same(file):
-    written = writer.write(mission("montreal").recording)
-    flight = file(written)
-    theirs = [one for _, one in UBXReader(io.BytesIO(written), protfilter=UBX_PROTOCOL)]
-    fixes = [one for one in theirs if one.identity == "NAV-PVT"]
-    assert len(fixes) == len(flight.time) == flight.rows_read
-    assert not flight.dropped
-    for values, name in ((flight.latitude, "lat"), (flight.longitude, "lon")):
-        np.testing.assert_allclose(np.degrees(values), [getattr(p, name) for p in fixes], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(flight.height, [1e-3 * p.height for p in fixes], rtol=0, atol=1e-9)
-    velocity = 1e-3 * np.array([(p.velN, p.velE, p.velD) for p in fixes])
-    np.testing.assert_allclose(flight.velocity_n, velocity, rtol=0, atol=1e-12)
-    assert "vertical velocity" not in flight.made
 
 
 def test_time_goes_on_over_the_end_of_a_week(file):
