@@ -6,8 +6,11 @@ one; the first does. A lost message costs the wait, and not the fix.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from typing import Generic, TypeVar
+
+from lab.data.protocols.rows import Rows
 
 Message = TypeVar("Message")
 
@@ -29,14 +32,21 @@ class Epoch(Generic[Message]):
         self.now = now
         self.said: dict[str, Message] = {}
         self.end = 0
-        self.is_taken = False
+        self.is_added = False
 
 
 class Epochs(Generic[Message]):
     """Groups the messages of one stream.
 
+    Attributes
+    ----------
+    present : Epoch
+        The epoch that goes on.
+
     Parameters
     ----------
+    add
+        Adds the fix of a complete epoch to rows.
     positions
         Kinds of messages of which an epoch needs one to make a fix.
     whole
@@ -47,21 +57,18 @@ class Epochs(Generic[Message]):
     """
 
     def __init__(
-        self, positions: AbstractSet[str], whole: AbstractSet[str] = frozenset(), waits: bool = False
+        self,
+        add: Callable[[Epoch[Message], Rows], None],
+        positions: AbstractSet[str],
+        whole: AbstractSet[str] = frozenset(),
+        waits: bool = False,
     ) -> None:
-        self._waits = waits
-        self._positions = positions
-        self._whole = whole
+        self.present: Epoch[Message] = Epoch()
+        self._add, self._positions, self._whole, self._waits = add, positions, whole, waits
         self._usual: frozenset[str] = frozenset()
-        self._epoch: Epoch[Message] = Epoch()
 
-    @property
-    def now(self) -> float | None:
-        """The time of the present epoch."""
-        return self._epoch.now
-
-    def anew(self, kind: str, now: float | None) -> Epoch[Message] | None:
-        """Begin an epoch if a message is not of the present one; return that, if it is complete by this.
+    def begin(self, kind: str, now: float | None, rows: Rows) -> None:
+        """Begin an epoch if a message is not of the present one, which is complete by this.
 
         Parameters
         ----------
@@ -69,16 +76,16 @@ class Epochs(Generic[Message]):
             Kind of the message.
         now
             Its time. Without one it belongs to the present epoch, unless that has a time and this kind.
+        rows
+            Takes the fix.
         """
-        epoch = self._epoch
-        if now == epoch.now or (now is None and kind not in epoch.said):
-            return None
-        done = self.finish()
-        self._epoch = Epoch(now)
-        return done
+        epoch = self.present
+        if now != epoch.now and (now is not None or kind in epoch.said):
+            self.finish(rows)
+            self.present = Epoch(now)
 
-    def take(self, kind: str, message: Message, end: int) -> Epoch[Message] | None:
-        """Take a message of the present epoch; return that, if it is complete with it.
+    def take(self, kind: str, message: Message, end: int, rows: Rows) -> None:
+        """Take a message of the present epoch, and add the fix that is complete with it.
 
         Parameters
         ----------
@@ -86,23 +93,23 @@ class Epochs(Generic[Message]):
             Its kind, and what it says.
         end
             As of `Epoch`.
+        rows
+            Takes the fix.
         """
-        epoch = self._epoch
+        epoch = self.present
         epoch.said.setdefault(kind, message)
         epoch.end = end
-        is_usual = bool(self._usual) and self._usual <= epoch.said.keys()
-        if epoch.is_taken or not (kind in self._whole or is_usual):
-            return None
-        epoch.is_taken = True
-        return epoch
+        if kind in self._whole or (self._usual and self._usual <= epoch.said.keys()):
+            self._add_once(epoch, rows)
 
-    def finish(self) -> Epoch[Message] | None:
-        """Return the present epoch, if it makes a fix and was not returned before."""
-        epoch = self._epoch
-        if not epoch.said.keys() & self._positions:
-            return None
-        self._usual = frozenset() if self._waits else frozenset(epoch.said)
-        if epoch.is_taken:
-            return None
-        epoch.is_taken = True
-        return epoch
+    def finish(self, rows: Rows) -> None:
+        """Add the fix of the present epoch, if it makes one."""
+        said = self.present.said.keys()
+        if said & self._positions:
+            self._usual = frozenset() if self._waits else frozenset(said)
+            self._add_once(self.present, rows)
+
+    def _add_once(self, epoch: Epoch[Message], rows: Rows) -> None:
+        if not epoch.is_added:
+            epoch.is_added = True
+            self._add(epoch, rows)

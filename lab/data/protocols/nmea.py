@@ -51,6 +51,8 @@ SENTENCES = {
     "VTG": "course - - - speed",
     "GST": "time - - - - north east up",
     "ZDA": "time day month year",
+    "HDT": "heading way",
+    "THS": "heading way",
 }
 """What the cells of each sentence are, from the one after its name; those after | may be left out."""
 POSITIONS = frozenset(("GGA", "GNS", "RMC", "GLL"))
@@ -64,7 +66,6 @@ _SENTENCE = re.compile(rb"\$([A-Z]{2})([A-Z]{3}),([ -)+-~]*)\*([0-9A-Fa-f]{2})")
 _STOP = re.compile(rb"[^ -)+-~]")
 """What no sentence has before its check: what is no text, a star."""
 _NUMBER = re.compile(rb"[+-]?\d{1,10}(?:\.\d{0,12})?")
-_HEADING_CELLS = 3  # name, heading, true north or status
 _TURN = 360  # [°]
 _SIXTY = 60  # minutes of arc in a degree, of time in an hour
 _HUNDRED = 100.0
@@ -97,8 +98,8 @@ _MODES = {
 }  # fmt: skip
 """Kinds of fixes by the modes of GNS, RMC and GLL; GNS has one for each system of satellites."""
 _NOT_BY_SATELLITES = (SIMULATED, ESTIMATED, ENTERED)
-_HEADINGS = {"HDT": b"T", "THS": b"AS"}
-"""Sentences of a true heading, and what their second cell says of one that is measured or simulated."""
+_TRUE_HEADINGS = b"TAS"
+"""What follows a true heading that is measured or simulated; HDT has no other."""
 
 _Said = Mapping[str, bytes]
 
@@ -129,7 +130,7 @@ class Nmea(Framing):
     def __init__(self, silent: Callable[[], bool] = lambda: False, waits: bool = False) -> None:
         self.broken, self.first_broken, self.geoid = 0, b"", NAN
         self._silent = silent
-        self._epochs: Epochs[_Said] = Epochs(POSITIONS, waits=waits)
+        self._epochs: Epochs[_Said] = Epochs(self._add, POSITIONS, waits=waits)
         self._day = 0  # since 1970; since the first one, where no date is known
         self._last = NAN  # time of day [s]
         self._last_geoid = self._course = NAN
@@ -161,30 +162,25 @@ class Nmea(Framing):
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Take what a sentence says, and add the fix it completes; return whether it is one that is read."""
         kind = frame[3:6].decode()
-        if kind in _HEADINGS:
-            return _add_heading(kind, frame, end, rows)
         least, names = _CELLS.get(kind, (0, []))
         cells = frame[7:-_CHECK].split(b",")
         if not names or len(cells) < least or frame[1:3] == b"VN":
             return False
         said = dict(zip(names, cells, strict=False))
-        now = _time_of_day(said["time"]) if "time" in said else self._epochs.now
-        done = self._epochs.anew(kind, now)
-        if done is not None:
-            self._add(done, rows)
+        now = _time_of_day(said["time"]) if "time" in said else self._epochs.present.now
+        if "heading" in said:
+            _add_heading(said, end, rows)
+            return True
+        self._epochs.begin(kind, now, rows)
         if now is not None and now != self._last:
             self._pass_midnight(now)
         self._read_date(said)
-        done = self._epochs.take(kind, said, end)
-        if done is not None:
-            self._add(done, rows)
+        self._epochs.take(kind, said, end, rows)
         return True
 
     def finish(self, rows: Rows) -> None:
         """Add the last fix."""
-        done = self._epochs.finish()
-        if done is not None:
-            self._add(done, rows)
+        self._epochs.finish(rows)
 
     def _pass_midnight(self, now: float) -> None:
         """Count the days on, or back where sentences are out of order."""
@@ -255,15 +251,11 @@ class Nmea(Framing):
         return ((north, east, NAN), sigma) if speed <= LARGEST_SPEED else (UNKNOWN, NAN)
 
 
-def _add_heading(kind: str, frame: bytes, end: int, rows: Rows) -> bool:
-    """Add the heading of a sentence, if it is valid; return whether it has the cells of one."""
-    cells = frame[:-_CHECK].split(b",")
-    if len(cells) < _HEADING_CELLS:
-        return False
-    heading = _number(cells[1])
-    if 0 <= heading <= _TURN and len(cells[2]) == 1 and cells[2] in _HEADINGS[kind]:
+def _add_heading(said: _Said, end: int, rows: Rows) -> None:
+    """Add the heading of a sentence, if it is valid."""
+    heading = _number(said["heading"])
+    if 0 <= heading <= _TURN and len(said["way"]) == 1 and said["way"] in _TRUE_HEADINGS:
         rows.add_reading(end, heading=math.radians(heading))
-    return True
 
 
 def _kind_of(said: _Said) -> int | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +56,7 @@ _COLUMNS = {
 
 
 def recognises_nmea(head: bytes) -> bool:
-    """Return whether the first bytes of a file hold a sentence with a position; without zeros, a sound one.
+    """Return whether the first bytes of a file hold a sentence with a position; amid binary, a sound one.
 
     A log of an autopilot with its receiver's sentences in it is not recognised.
     """
@@ -65,8 +64,7 @@ def recognises_nmea(head: bytes) -> bool:
         return False
     if head.count(b"\0") * _BINARY_PART < len(head):
         return bool(_SENTENCE.search(head))
-    framing = Nmea()
-    return any(framing.passes(one[0]) for one in itertools.islice(_SENTENCE.finditer(head), _TRIED))
+    return _holds(head, _SENTENCE, Nmea())
 
 
 def recognises_ubx(head: bytes) -> bool:
@@ -74,15 +72,18 @@ def recognises_ubx(head: bytes) -> bool:
 
     A log of an autopilot with its receiver's messages in it is not recognised.
     """
-    if head.startswith((DATAFLASH, ULOG)):
-        return False
-    framing, data = Ubx(), bytearray(head)
-    for found in itertools.islice(_MESSAGE.finditer(head), _TRIED):
-        size = framing.size(data, found.start())
-        if 0 < size <= len(head) - found.start() and framing.passes(
-            head[found.start() : found.start() + size]
-        ):
-            return not recognises_nmea(head)
+    is_log = head.startswith((DATAFLASH, ULOG))
+    return not is_log and _holds(head, _MESSAGE, Ubx()) and not recognises_nmea(head)
+
+
+def _holds(head: bytes, begin: re.Pattern[bytes], framing: Nmea | Ubx) -> bool:
+    """Return whether a sound frame begins where a pattern does."""
+    data = bytearray(head)
+    for found in itertools.islice(begin.finditer(head), _TRIED):
+        at = found.start()
+        size = framing.size(data, at)
+        if 0 < size <= len(head) - at and framing.passes(head[at : at + size]):
+            return True
     return False
 
 
@@ -119,9 +120,9 @@ def read_nmea(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             else "Heights are above the ellipsoid: altitude plus the geoid's separation, both of the "
             "receiver."
         )
-    broken = _Broken("sentences with a wrong or no checksum", framing.broken, framing.first_broken)
-    mark = b"\n" if b"\n" in data else b"\r"
-    return _track(path, NMEA, fixes, time, height, _Places(data, mark, 1), broken, remarks)
+    places = _Places(data, b"\n" if b"\n" in data else b"\r", 1)
+    dropped = _broken("sentences with a wrong or no checksum", framing, places)
+    return _track(path, NMEA, fixes, time, height, places, dropped, remarks)
 
 
 def read_ubx(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -137,22 +138,14 @@ def read_ubx(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     fixes = _decoded(StreamDecoder("ublox", (framing,)), data)
     time, start = _gps_time(fixes)
     remarks = [f"Time is that of GPS, from the start of {start}.", "Heights are above the ellipsoid."]
-    broken = _Broken("messages with a wrong checksum", framing.broken, framing.first_broken)
-    return _track(path, UBX, fixes, time, fixes["height"], _Places(data, b"\xb5b", 0), broken, remarks)
+    places = _Places(data, b"\xb5b", 0)
+    dropped = _broken("messages with a wrong checksum", framing, places)
+    return _track(path, UBX, fixes, time, fixes["height"], places, dropped, remarks)
 
 
 def _decoded(decoder: StreamDecoder, data: bytes) -> NDArray[np.void]:
     parts = [decoder.feed(data[at : at + _BLOCK]).fix for at in range(0, len(data), _BLOCK)]
     return np.concatenate([*parts, decoder.finish().fix])
-
-
-@dataclass
-class _Broken:
-    """What has a wrong check: in words, how many, and the bytes of the first."""
-
-    reason: str
-    count: int
-    first: bytes
 
 
 class _Places:
@@ -174,6 +167,12 @@ class _Places:
         return int(self.of_ends(np.array([self._data.find(part) + len(part)]))[0])
 
 
+def _broken(reason: str, framing: Nmea | Ubx, places: _Places) -> list[Dropped]:
+    if not framing.broken:
+        return []
+    return [Dropped(reason, framing.broken, places.of_bytes(framing.first_broken))]
+
+
 def _track(
     path: Path,
     name: str,
@@ -181,13 +180,11 @@ def _track(
     time: FloatArray,
     height: FloatArray,
     places: _Places,
-    broken: _Broken,
+    dropped: list[Dropped],
     remarks: list[str],
 ) -> RawFlight:
     """Return the fixes of a file as a flight."""
-    dropped = []
-    if broken.count:
-        dropped.append(Dropped(broken.reason, broken.count, places.of_bytes(broken.first)))
+    rows_read = len(fixes) + sum(one.count for one in dropped)
     lines = places.of_ends(fixes["end"])
     kind = fixes["fix_type"]
     if (kind == NO_FIX).any():
@@ -213,7 +210,7 @@ def _track(
         down=velocity[:, 2],
         lines=lines[known],
         columns=units_of_the_format(_COLUMNS[name]),
-        rows_read=len(fixes) + broken.count,
+        rows_read=rows_read,
         dropped=tuple(dropped),
         remarks=(*remarks, *named.values()),
         doubts=tuple(doubts),

@@ -127,7 +127,7 @@ class Ubx(Framing):
     def __init__(self, imu: Literal["auto", "raw", "meas"] = "auto", waits: bool = False) -> None:
         self.broken, self.first_broken = 0, b""
         self._imu = imu
-        self._epochs: Epochs[_Fields] = Epochs(frozenset(POSITIONS), frozenset(("PVT",)), waits)
+        self._epochs: Epochs[_Fields] = Epochs(self._add, frozenset(POSITIONS), frozenset(("PVT",)), waits)
         self._tags = WrappingCounter(_SHORT_TAG)
         self._long = False
         self._times = WrappingCounter(2**32)
@@ -180,18 +180,11 @@ class Ubx(Framing):
 
     def finish(self, rows: Rows) -> None:
         """Add the last fix."""
-        done = self._epochs.finish()
-        if done is not None:
-            self._add(done, rows)
+        self._epochs.finish(rows)
 
     def _take(self, name: str, fields: _Fields, end: int, rows: Rows) -> None:
-        now = fields["tow"] * _MILLI
-        done = self._epochs.anew(name, now)
-        if done is not None:
-            self._add(done, rows)
-        done = self._epochs.take(name, fields, end)
-        if done is not None:
-            self._add(done, rows)
+        self._epochs.begin(name, fields["tow"] * _MILLI, rows)
+        self._epochs.take(name, fields, end, rows)
 
     def _add(self, epoch: Epoch[_Fields], rows: Rows) -> None:
         """Add the fix of the messages of one time."""
