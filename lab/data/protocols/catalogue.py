@@ -29,7 +29,9 @@ from lab.data.protocols.xsens_encoder import XsensEncoder
 
 def _ublox() -> Decoder:
     messages = Ubx()
-    return StreamDecoder("ublox", (messages,), beside=(Nmea(lambda: messages.has_fixes),))
+    sentences = Nmea(lambda: messages.has_fixes)
+    messages.yields = lambda: sentences.has_fixes
+    return StreamDecoder("ublox", (messages,), beside=(sentences,))
 
 
 DECODERS: Mapping[str, Callable[[], Decoder]] = {

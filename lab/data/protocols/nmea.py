@@ -113,6 +113,8 @@ class Nmea(Framing):
         Sentences of `SENTENCES` with a wrong or missing check.
     first_broken : bytes
         The first of them.
+    has_fixes : bool
+        Whether a position was seen.
     geoid : float
         Height of the geoid over the ellipsoid that the receiver gave first [m].
 
@@ -129,6 +131,7 @@ class Nmea(Framing):
 
     def __init__(self, silent: Callable[[], bool] = lambda: False, waits: bool = False) -> None:
         self.broken, self.first_broken, self.geoid = 0, b"", NAN
+        self.has_fixes = False
         self._silent = silent
         self._epochs: Epochs[_Said] = Epochs(self._add, POSITIONS, waits=waits)
         self._day = 0  # since 1970; since the first one, where no date is known
@@ -216,6 +219,7 @@ class Nmea(Framing):
         altitude, geoid, satellites, north, east, up = (
             _first(said, name) for name in ("altitude", "geoid", "satellites", "north", "east", "up")
         )
+        self.has_fixes |= math.isfinite(latitude)
         if math.isnan(self.geoid):
             self.geoid = geoid
         self._last_geoid = self._last_geoid if math.isnan(geoid) else geoid

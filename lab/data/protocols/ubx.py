@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -111,6 +111,10 @@ class Ubx(Framing):
         Messages with a fix, or a part of it, and wrong sums or a wrong size.
     first_broken : bytes
         The first of them.
+    has_fixes : bool
+        Whether fixes with a velocity were seen: sentences of the same receiver then say nothing new.
+    yields : callable
+        Says whether fixes come from elsewhere in the same stream, and none without a velocity are to be made.
 
     Parameters
     ----------
@@ -131,12 +135,8 @@ class Ubx(Framing):
         self._tags = WrappingCounter(_SHORT_TAG)
         self._long = False
         self._times = WrappingCounter(2**32)
-        self._fixes = self._has_pvt = False
-
-    @property
-    def has_fixes(self) -> bool:
-        """Whether a fix was seen: sentences of the same receiver then say nothing new."""
-        return self._fixes
+        self.has_fixes = self._has_pvt = False
+        self.yields: Callable[[], bool] = lambda: False
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the message that begins at a place, `MORE` or `NONE`."""
@@ -188,15 +188,18 @@ class Ubx(Framing):
 
     def _add(self, epoch: Epoch[_Fields], rows: Rows) -> None:
         """Add the fix of the messages of one time."""
-        self._fixes = True
         said = epoch.said
         if "PVT" in said:
+            self.has_fixes = True
             PVT.read(said["PVT"]["pvt"], NAN, epoch.end, rows)
             return
         assert epoch.now is not None
         sol = said.get("SOL", {})
         latitude, longitude, height, level, vertical = _place(said)
         north, east, down, speed_sigma = _velocity(said, latitude, longitude)
+        self.has_fixes |= math.isfinite(north)
+        if math.isnan(north) and self.yields():
+            return
         kinds = [
             fix_type(one["fix"], one["flags"] & _FIXED_OR_DIFFERENTIAL)
             for one in (said.get("STATUS"), sol)

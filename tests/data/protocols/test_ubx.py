@@ -150,6 +150,17 @@ def test_what_is_encoded_is_read_by_us_and_by_pyubx2(imu):
     ] * 500 * (imu == "meas")
 
 
+def test_sentences_go_before_messages_without_a_velocity():
+    place = message("NAV-POSLLH", iTOW=1000, lon=11.5, lat=48.1, height=500_000, hAcc=2000)
+    words = [
+        sentence(f"GNRMC,1200{i:02d}.00,A,4807.038,N,01131.000,E,22.4,84.4,230324,,,A") for i in range(9)
+    ]
+    found = decoded(decoder_of("ublox"), b"".join(place + one.encode() for one in words)).fix
+    assert np.isfinite(found["velocity_n"][:, 0]).sum() == 9
+    assert len(found) <= 10
+    assert len(decoded(decoder_of("ublox"), place).fix) == 1
+
+
 def test_the_tags_go_on_when_they_start_again():
     samples = motion(300)
     samples["time"] += 655.36 - 8.5
