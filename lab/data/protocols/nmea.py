@@ -57,6 +57,8 @@ SENTENCES = {
 """What the cells of each sentence are, from the one after its name; those after | may be left out."""
 POSITIONS = frozenset(("GGA", "GNS", "RMC", "GLL"))
 """Sentences that make a fix."""
+_DATE = "ZDA"
+"""A sentence that no epoch needs: receivers without a fix send it with the time, and the others without."""
 _CELLS = {
     kind: (len(names.partition(" |")[0].split()), names.replace(" |", "").split())
     for kind, names in SENTENCES.items()
@@ -174,11 +176,15 @@ class Nmea(Framing):
         if "heading" in said:
             _add_heading(said, end, rows)
             return True
-        self._epochs.begin(kind, now, rows)
+        if kind != _DATE:
+            self._epochs.begin(kind, now, rows)
+        elif now != self._epochs.present.now:
+            self._epochs.finish(rows)
         if now is not None and now != self._last:
             self._pass_midnight(now)
         self._read_date(said)
-        self._epochs.take(kind, said, end, rows)
+        if kind != _DATE:
+            self._epochs.take(kind, said, end, rows)
         return True
 
     def finish(self, rows: Rows) -> None:

@@ -231,12 +231,16 @@ def test_any_cut_of_the_bytes_gives_the_same_rows(cuts, damage):
     assert np.concatenate([*parts, decoder.finish().fix]).tobytes() == whole.fix.tobytes()
 
 
-def test_a_receiver_without_a_date_has_times_of_day_that_go_on_after_midnight():
-    clocks = ("235959.00", "000000.00", "000001.00")
-    data = "".join(
-        sentence(f"GPGGA,{clock},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,") for clock in clocks
-    )
-    assert decoded(decoder_of("nmea"), data.encode()).fix["utc"].tolist() == [86399, 86400, 86401]
+@pytest.mark.parametrize("date", ["", "ZDA first", "ZDA last"])
+def test_time_goes_on_after_midnight_with_zda_and_without_a_date(date):
+    data = ""
+    for clock, day in (("235958.00", "31,12,2023"), ("235959.00", "31,12,2023"), ("000000.00", "01,01,2024")):
+        zda = sentence(f"GPZDA,{clock},{day},00,00")
+        gga = sentence(f"GPGGA,{clock},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")
+        data += {"": gga, "ZDA first": zda + gga, "ZDA last": gga + zda}[date]
+    begin = datetime(2023, 12, 31, tzinfo=UTC).timestamp() if date else 0
+    utc = decoded(decoder_of("nmea"), data.encode()).fix["utc"]
+    assert (utc - begin).tolist() == [86398, 86399, 86400]
 
 
 def test_a_missing_height_of_the_geoid_is_the_last_one_known(file):
