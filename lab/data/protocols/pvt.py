@@ -133,7 +133,7 @@ class Pvt:
 
 
 def fix_type(kind: int, flags: int) -> int:
-    """Return the kind of a fix, a key of `lab.data.protocols.samples.FIX_TYPES`.
+    """Return the kind of a fix, a ``fix_type`` of `lab.data.protocols.samples.FIX`.
 
     Parameters
     ----------

@@ -57,8 +57,8 @@ FIX: Final = np.dtype(
 since 1970, or since a midnight where the device gives no date [s]; ``latitude``, ``longitude`` [rad];
 ``height`` above the ellipsoid [m], or above the sea where ``sea_level`` is 1 because the receiver does not
 give the height of the geoid; ``velocity_n`` (3,) north, east, down [m/s]; σ of position in each horizontal
-axis and vertically [m], and of speed [m/s]; ``satellites`` used; ``fix_type`` as in `FIX_TYPES`; ``end`` as
-of `IMU`.
+axis and vertically [m], and of speed [m/s]; ``satellites`` used; ``fix_type``, `NO_FIX` or one of those below
+it, by MAVLink's numbers where it has them; ``end`` as of `IMU`.
 """
 READING: Final = np.dtype(
     [
@@ -75,22 +75,8 @@ READING: Final = np.dtype(
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
 ``speed`` forward [m/s]; what further sensors read; σ of the heading [rad].
 """
-FIX_TYPES: Final = {
-    0: "no receiver",
-    1: "no fix",
-    2: "2-D",
-    3: "3-D",
-    4: "differential",
-    5: "RTK float",
-    6: "RTK",
-    16: "simulated",
-    17: "satellites with dead reckoning",
-    -2: "estimated",
-    -3: "typed in",
-    -4: "with a warning",
-}
-"""Kinds of fixes; 0 to 6 are MAVLink's (GPS_FIX_TYPE). Without a fix, position and velocity are NaN."""
-NO_FIX: Final = 1  # GPS_FIX_TYPE_NO_FIX
+NO_FIX: Final = 1
+"""Kind of a fix that is none, GPS_FIX_TYPE_NO_FIX of MAVLink: position and velocity are NaN."""
 FIX_2D: Final = 2  # GPS_FIX_TYPE_2D_FIX
 FIX_3D: Final = 3  # GPS_FIX_TYPE_3D_FIX
 FIX_DIFFERENTIAL: Final = 4  # GPS_FIX_TYPE_DGPS
