@@ -99,6 +99,7 @@ _MODES = {
     "M": ENTERED, "S": SIMULATED, "N": NO_FIX,
 }  # fmt: skip
 """Kinds of fixes by the modes of GNS, RMC and GLL; GNS has one for each system of satellites."""
+_NUMBERS = ("altitude", "geoid", "satellites", "north", "east", "up", "speed", "course")
 _NOT_BY_SATELLITES = (SIMULATED, ESTIMATED, ENTERED)
 _TRUE_HEADINGS = b"TAS"
 """What follows a true heading that is measured or simulated; HDT has no other."""
@@ -198,11 +199,11 @@ class Nmea(Framing):
         self._last = now
 
     def _read_date(self, said: _Said) -> None:
-        date = said.get("date", b"")
-        parts = [date[at : at + 2] for at in (0, 2, 4)]
         if "year" in said:
             parts = [said[name][:_YEAR] for name in ("day", "month", "year")]
-        elif len(date) != _CLOCK:
+        elif len(date := said.get("date", b"")) == _CLOCK:
+            parts = [date[at : at + 2] for at in (0, 2, 4)]
+        else:
             return
         if not all(part.isdigit() for part in parts):
             return
@@ -222,15 +223,16 @@ class Nmea(Framing):
             return
         said = [epoch.said[kind] for kind in SENTENCES if kind in epoch.said]
         latitude, longitude = next((place for one in said if (place := _place(one))), (NAN, NAN))
-        altitude, geoid, satellites, north, east, up = (
-            _first(said, name) for name in ("altitude", "geoid", "satellites", "north", "east", "up")
+        cells = {name: cell for one in reversed(said) for name, cell in one.items() if cell}
+        altitude, geoid, satellites, north, east, up, speed, course = (
+            _number(cells.get(name, b"")) for name in _NUMBERS
         )
         self.has_fixes |= math.isfinite(latitude)
         if math.isnan(self.geoid):
             self.geoid = geoid
         self._last_geoid = self._last_geoid if math.isnan(geoid) else geoid
         height = altitude + (0.0 if math.isnan(self._last_geoid) else self._last_geoid)
-        velocity, sigma = self._velocity(said)
+        velocity, sigma = self._velocity(speed * KNOT, course)
         kind = _combined([kind for one in said if (kind := _kind_of(one)) is not None])
         rows.add_fix(
             epoch.end,
@@ -247,9 +249,8 @@ class Nmea(Framing):
             sea_level=math.isnan(self._last_geoid) and math.isfinite(altitude),
         )
 
-    def _velocity(self, said: list[_Said]) -> tuple[Vector, float]:
+    def _velocity(self, speed: float, course: float) -> tuple[Vector, float]:
         """Return the velocity and its σ [m/s]: that of a course that is left out is as large as the speed."""
-        speed, course = _first(said, "speed") * KNOT, _first(said, "course")
         sigma = NAN
         if math.isfinite(course):
             self._course = course
@@ -290,11 +291,6 @@ def _combined(kinds: list[int]) -> int:
             return kind
     best = max(kinds, default=NO_FIX)
     return WARNED if WARNED in kinds and best != NO_FIX else best
-
-
-def _first(said: list[_Said], name: str) -> float:
-    """Return the first number that sentences have of a name; NaN if none has it."""
-    return next((value for one in said if math.isfinite(value := _number(one.get(name, b"")))), NAN)
 
 
 def _number(cell: bytes) -> float:
