@@ -402,7 +402,8 @@ def _check_came(source: str, status: Status) -> None:
         return
     seen = status.statistics.bytes
     what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
-    raise CommandError(f"{source}: no sample came, {what}. {status.sentence}")
+    why = "" if status.evidence in status.sentence else f"{status.evidence} "
+    raise CommandError(f"{source}: no sample came, {what}. {why}{status.sentence}")
 
 
 def _conclude(status: Status) -> None:

@@ -26,15 +26,15 @@ from lab.data.files import (
     jsbsim_csv,
     kml,
     mavlink,
-    nmea,
     own_csv,
     sdlog2,
     tcx,
-    ubx,
     ulog,
     xplane_data,
 )
 from lab.data.log.sensor_log import SensorLog
+from lab.data.protocols import receiver_file
+from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.sheets import sensor_csv
 from lab.data.sheets.sheet_fixes import LatitudeError
@@ -90,8 +90,8 @@ READERS: tuple[Reader, ...] = (
     Reader(fit.NAME, fit.recognises, fit.read),
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
-    Reader(nmea.NAME, nmea.recognises, nmea.read),
-    Reader(ubx.NAME, ubx.recognises, ubx.read),
+    Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
+    Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
@@ -118,11 +118,6 @@ _NOT_READ = (
         "It is a zip archive: unpack it first. Zip files of csv files are read as they are.",
     ),
     (
-        re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
-        "It looks like UBX messages of a u-blox receiver, and has none with a position (NAV-PVT, NAV-POSLLH, "
-        "NAV-SOL, NAV-POSECEF, or GGA of NMEA) in its first 64 kB: let the receiver send NAV-PVT too.",
-    ),
-    (
         re.compile(
             rb"(?i)[^\n]{0,200}?(?:p_RS_R_x|\btx,? ty,? tz\b|pos(?:ition)?[._]x\b[^\n]*pos(?:ition)?[._]y\b)"
         ),
@@ -131,7 +126,7 @@ _NOT_READ = (
     ),
     (
         re.compile(rb"(?s).{0,2000}?\$(?:G[A-Z]|B[DQ])(?:GGA|RMC|GLL|GNS|VTG),|(?s:.{0,2000}?)\$P[A-Z]{3},"),
-        "It looks like NMEA 0183, but has no GGA, GNS or RMC with a position and a right checksum (*hh "
+        "It looks like NMEA 0183, but has no GGA, GNS, RMC or GLL with a position and a right checksum (*hh "
         "at the end) in its first 64 kB.",
     ),
     (
@@ -187,6 +182,8 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         or (sensor_csv.missing_time_reason(head) if advice == _TABLE else "")
         or advice
     )
+    if advice in ("", _TABLE) and (frames := sound_frames(head)):
+        raise MissionError(f"{path}: {frames}")
     hint = f" {advice}" if advice else ""
     raise MissionError(
         f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"

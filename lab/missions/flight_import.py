@@ -16,7 +16,7 @@ from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_r
 from lab.data.log.auxiliary_data import Comparison
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport, report
-from lab.data.rebuild.import_settings import ImportSettings
+from lab.data.rebuild.import_settings import ALL, ImportSettings
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.rebuild.reconstruction import Reconstruction, reconstruct
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight, repair
@@ -317,9 +317,10 @@ def prepare_flight(
     chosen = ImportSettings() if settings is None else settings.copy()
     where = f"{paths[0]}: " if paths else ""
     try:
-        flight = repair(raw, str(chosen.time_stamps), float(chosen.longest_gap))
+        used = raw.with_all_positions() if chosen.positions == ALL else raw.measured()
+        flight = repair(used, str(chosen.time_stamps), float(chosen.longest_gap))
         rebuilt = reconstruct(flight, chosen)
     except MissionError as error:
         raise MissionError(f"{where}{error}") from error
-    judged = report(raw, flight, rebuilt, sensor)
+    judged = report(used, flight, rebuilt, sensor)
     return FlightImport(tuple(paths), raw, flight, rebuilt, judged, chosen, dict(units or {}), axes)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from asking import ask, refused
+from writers.nmea import sentence
 
 from lab.data.streams import recorded_log
 from lab.data.streams.recorded_log import recorded_samples
@@ -118,6 +119,15 @@ def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> No
     assert "No mission: the source sent no fixes" in answer.stdout
     assert (tmp_path / "bare.inslab").is_file()
     assert not (tmp_path / "bare").exists()
+
+
+def test_a_receiver_that_estimates_is_refused_with_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / "tunnel.nmea"
+    place = "4807.038,N,01131.000,E,6,00,0.9,545.4,M,46.9,M,,"
+    path.write_text("".join(sentence(f"GPGGA,1200{second:02d}.00,{place}") for second in range(20)), "ascii")
+    answer = ask("live", "watch", f"replay:{path}?speed=max")
+    assert answer.exit_code == 2
+    assert "20 of 20 positions are not used: the receiver estimated the position" in answer.stderr
 
 
 def test_a_source_that_sends_nothing_is_refused_and_its_name_stays_free(tmp_path: Path) -> None:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from bokeh.document import Document
+from writers.nmea import sentence
 
+from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.import_fields import ColumnField
+from dashboards.session import Session
 from lab.data.formats import read_raw
 from lab.missions import MissionError
 
@@ -43,3 +47,18 @@ def test_a_refusal_that_names_an_option_names_the_field(tmp_path: Path) -> None:
     assert columns.located("table.csv: it is empty") == "table.csv: it is empty"
     hidden, _ = field_of("track.gpx")
     assert hidden.located(message) == message
+
+
+def test_a_track_that_a_setting_refuses_comes_with_that_setting(tmp_path: Path) -> None:
+    path = tmp_path / "reckoned.nmea"
+    place = "{:09.4f},N,01131.000,E,6,00,0.9,545.4,M,46.9,M,,"
+    lines = (f"GPGGA,1200{i:02d}.00," + place.format(4800 + 0.0054 * i) for i in range(40))
+    path.write_text("".join(map(sentence, lines)), encoding="ascii")
+    draft = Draft(Session(Document()))
+    draft._job.start = lambda _words, work, done: done(work(lambda *_: None))  # type: ignore[method-assign]
+    draft.read([path])
+    assert "0 of 40 positions are measured" in draft._verdict._words.object
+    assert (draft._fields.view.visible, draft._add.visible) == (True, False)
+    draft._settings.param.update(vehicle="car", positions="all")
+    draft._rebuild()
+    assert (draft._fields.view.visible, draft._add.visible) == (True, True)

@@ -31,7 +31,7 @@ def seed(name: str, count: int = 200) -> bytes:
 
 _CHECKS: tuple[tuple[str, str, Any], ...] = (
     ("mip", "passes_fletcher16", True),
-    ("ublox", "passes_fletcher16", True),
+    ("ubx", "passes_fletcher16", True),
     ("xsens", "sum8", mock.ANY),
     ("memsense", "sum8", mock.ANY),
     ("nmea", "xor8", mock.ANY),

@@ -59,6 +59,7 @@ class _Read(NamedTuple):
     flight: FlightImport | None  # None for a log alone
     log: SensorLog | None
     log_refused: str
+    refused: RawFlight | None = None  # has positions that the settings leave out; log_refused says so
 
 
 class Draft:
@@ -171,9 +172,10 @@ class Draft:
         settings, sensors = self._settings.copy(), self._session.experiment.sensors.copy()
 
         def work(progress: Progress) -> _Read:
+            flight = raw
             try:
                 progress("Reading", 0.0)
-                flight = read_raw(paths, units) if raw is None else raw
+                flight = read_raw(paths, units) if flight is None else flight
                 progress("Rebuilding", 0.0)
                 read = prepare_flight(
                     flight, settings, white_noise(sensors, "the chosen IMU"), paths, units, axes
@@ -182,21 +184,30 @@ class Draft:
                 alone = _log_alone(paths, axes) if raw is None else None
                 if alone is not None:
                     return _Read(None, alone, "")
-                raise MissionError(self._columns.located(_without_folder(error, paths))) from error
-            return _Read(read, *(before[1:] if before else _log_of(read, units)))
+                text = self._columns.located(_without_folder(error, paths))
+                if flight is not None and flight.unmeasured:
+                    return _Read(None, None, text, flight)
+                raise MissionError(text) from error
+            known = None if before is None or before.refused is not None else before[1:3]
+            return _Read(read, *(known or _log_of(read, units)))
 
         self._job.start("Reading", work, self._show)
 
     def _show(self, read: _Read) -> None:
         self._read = read
-        for part in (self._add, self._preview, self._report, self._fields.view):
+        for part in (self._add, self._preview, self._report):
             part.visible = read.flight is not None
-        if read.flight is None:
+        self._fields.view.visible = read.flight is not None or read.refused is not None
+        if read.refused is not None:
+            self._raw = read.refused  # other settings may make a flight of it
+            self._verdict.say("Refused", "error", [read.log_refused])
+        elif read.flight is None:
             self._verdict.say("A sensor log", "info", [LOG_ALONE])
         else:
             self._show_flight(read.flight)
         self._ask(read)
-        self._log_report.object = read_log_html(read.log, self._columns.located(read.log_refused))
+        refused = "" if read.refused is not None else self._columns.located(read.log_refused)
+        self._log_report.object = read_log_html(read.log, refused)
         self._body.visible = True
 
     def _show_flight(self, flight: FlightImport) -> None:

@@ -23,7 +23,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.rebuild.quantisation import value_step
-from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight
+from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured
 from lab.data.rebuild.row_repair import NO_FIX
 from lab.data.rebuild.sample_times import prediction_error
 from lab.data.rebuild.smoothing import (
@@ -81,8 +81,10 @@ class Track:
         Vertical velocity, positive down, if the file has it [m/s].
     columns : tuple of ColumnUnit
         What the file calls its quantities: latitude, longitude, height, speed, course; in this order.
-    rows_read, dropped, remarks, vehicle
+    rows_read, dropped, remarks, doubts, vehicle
         As of `RawFlight`, of what came before.
+    unmeasured : Mapping
+        Masks (n,) of points whose positions are no measurement, by the reason.
     """
 
     path: Path
@@ -100,6 +102,8 @@ class Track:
     remarks: tuple[str, ...] = ()
     vehicle: str = ""
     down: FloatArray | None = None
+    doubts: tuple[str, ...] = ()
+    unmeasured: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     _lost: list[Dropped] = field(default_factory=list, init=False)
 
     def flight(self) -> RawFlight:
@@ -162,6 +166,12 @@ class Track:
             remarks=tuple(remarks),
             vehicle=self.vehicle,
             made=(VERTICAL_VELOCITY,) if has_velocity and not is_measured else (),
+            doubts=self.doubts,
+            unmeasured=tuple(
+                Unmeasured(reason, rows[kept], int(self.lines[np.argmax(kept & rows)]))
+                for reason, rows in self.unmeasured.items()
+                if (kept & rows).any()
+            ),
         )
 
     def _keep(self, kept: NDArray[np.bool_], fine: NDArray[np.bool_], reason: str) -> None:

@@ -18,8 +18,8 @@ from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.phone_encoder import PhoneEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
-from lab.data.protocols.ublox import Ublox
-from lab.data.protocols.ublox_encoder import UbloxEncoder
+from lab.data.protocols.ubx import Ubx
+from lab.data.protocols.ubx_encoder import UbloxEncoder
 from lab.data.protocols.vectornav_ascii import VectorNavAscii
 from lab.data.protocols.vectornav_binary import VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
@@ -28,8 +28,10 @@ from lab.data.protocols.xsens_encoder import XsensEncoder
 
 
 def _ublox() -> Decoder:
-    messages = Ublox()
-    return StreamDecoder("ublox", (messages,), beside=(Nmea(lambda: messages.has_fixes),))
+    messages = Ubx()
+    sentences = Nmea(lambda: messages.has_fixes)
+    messages.yields = lambda: sentences.has_fixes
+    return StreamDecoder("ublox", (messages,), beside=(sentences,))
 
 
 DECODERS: Mapping[str, Callable[[], Decoder]] = {

@@ -6,8 +6,10 @@ from datetime import UTC, datetime
 
 from lab.data.protocols.samples import NAN
 
-_FIRST_YEAR, _LAST_YEAR = 1980, 2100
+FIRST_YEAR, LAST_YEAR = 1980, 2100
 """Years that are believed: GPS counts from 1980."""
+GPS_EPOCH = 315_964_800.0
+"""Begin of the first week of GPS, 1980-01-06, since 1970 [s]."""
 _LEAP = 61.0
 """End of a minute with a leap second [s]."""
 
@@ -20,7 +22,7 @@ def utc_seconds(year: int, month: int, day: int, hour: int, minute: int, second:
     year, month, day, hour, minute, second
         In UTC; the second may be just below zero, as u-blox rounds.
     """
-    if not (_FIRST_YEAR <= year <= _LAST_YEAR and -1.0 < second < _LEAP):
+    if not (FIRST_YEAR <= year <= LAST_YEAR and -1.0 < second < _LEAP):
         return NAN
     try:
         start = datetime(year, month, day, hour, minute, tzinfo=UTC)

@@ -16,8 +16,19 @@ import numpy as np
 
 from lab.base.parameters.units import WEEK
 from lab.data.protocols.device_time import utc_seconds
-from lab.data.protocols.rows import Rows
-from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NAN, NO_FIX
+from lab.data.protocols.rows import LARGEST_HEIGHT, Rows
+from lab.data.protocols.samples import (
+    COMBINED,
+    ESTIMATED,
+    FIX_2D,
+    FIX_3D,
+    FIX_DIFFERENTIAL,
+    FIX_RTK,
+    FIX_RTK_FLOAT,
+    NAN,
+    NO_FIX,
+    WARNED,
+)
 from lab.data.protocols.sending import sent_fix
 
 _FIELDS = "IHBBBBBBIiBBBBiiiiIIiiiiiI"
@@ -27,10 +38,17 @@ _VALID_TIME = 3
 _ALL_VALID = 7  # the same, and its seconds resolved
 _TIME_SIGMA = 20
 """Accuracy of the time that the encoder states [ns]."""
-_FIX_TYPES = {2: FIX_2D, 3: FIX_3D, 4: FIX_3D}
+_FIX_TYPES = {1: ESTIMATED, 2: FIX_2D, 3: FIX_3D, 4: COMBINED}
 """Kinds of fixes of the receiver; 1 is dead reckoning alone, 4 is GNSS with it, 5 is time only."""
+WORST = 10_000.0
+"""Accuracy from which a position is none, whatever is said of its fix [m]: receivers without a fix state
+thousands of km."""
 _CARRIER = 6
 """First of two bits of the flags for a solution of the carrier: 1 float, 2 fixed."""
+_WORST = round(1e3 * WORST)
+"""[mm]."""
+_POLE = 900_000_000
+"""Largest latitude [1e-7 °]."""
 _WEEK = round(1e3 * WEEK)
 """[ms]."""
 
@@ -76,13 +94,13 @@ class Pvt:
             utc if valid & _VALID_TIME == _VALID_TIME else NAN,
             math.radians(1e-7 * latitude),
             math.radians(1e-7 * longitude),
-            1e-3 * height,
+            1e-3 * height if abs(1e-3 * height) <= LARGEST_HEIGHT else NAN,
             (1e-3 * north, 1e-3 * east, 1e-3 * down),
             1e-3 * level,
             1e-3 * vertical,
             1e-3 * speed_sigma,
             satellites,
-            _fix_type(kind, flags),
+            fix_type(kind, flags) if level <= _WORST and abs(latitude) <= _POLE else NO_FIX,
         )
 
     def written(self, row: np.void) -> bytes:
@@ -114,12 +132,20 @@ class Pvt:
         return (*values[:12], values[13], values[12], *values[14:])
 
 
-def _fix_type(kind: int, flags: int) -> int:
-    """Return the kind of a fix, of the receiver's and its flags."""
-    found = _FIX_TYPES.get(kind, NO_FIX) if flags & 1 else NO_FIX
-    if found < FIX_3D:
-        return found
+def fix_type(kind: int, flags: int) -> int:
+    """Return the kind of a fix, a ``fix_type`` of `lab.data.protocols.samples.FIX`.
+
+    Parameters
+    ----------
+    kind
+        Number of the receiver: 1 dead reckoning, 2 and 3 dimensions, 4 both.
+    flags
+        The lowest bit for a valid fix, the next one for corrections, and two bits of a carrier's solution.
+    """
+    found = _FIX_TYPES.get(kind, NO_FIX)
+    if not flags & 1 and found > NO_FIX:
+        return WARNED
     carrier = flags >> _CARRIER
-    if carrier:
-        return FIX_RTK if carrier == 2 else FIX_RTK_FLOAT
-    return FIX_DIFFERENTIAL if flags & 2 else found
+    if found != FIX_3D or not flags & (2 | 3 << _CARRIER):
+        return found
+    return FIX_DIFFERENTIAL if not carrier else FIX_RTK if carrier == 2 else FIX_RTK_FLOAT

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from lab.base.parameters.counted import counted
 from lab.data.protocols.catalogue import DECODERS
 from lab.data.protocols.column_map import ColumnMap
+from lab.data.protocols.decoder import Decoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextLines
 
@@ -22,6 +23,17 @@ _NAMES = {
     "text": "text lines",
 }  # fmt: skip
 """Names of the protocols as their makers write them."""
+_TURN_ON = {
+    "ublox": ("NAV-PVT", "ESF-MEAS"),
+    "nmea": ("GGA and RMC", ""),
+    "xsens": ("GnssPvtData", "rate of turn and acceleration in MTData2"),
+    "vectornav": ("the group GNSS", "angular rates and accelerations (VNIMU, or the group IMU)"),
+    "mip": ("position and velocity of GNSS", "scaled gyro and accelerometer"),
+    "mavlink": ("GPS_RAW_INT", "HIGHRES_IMU or RAW_IMU"),
+}
+"""What a device is to send for its position, and for its IMU, by protocol."""
+_MOSTLY = 0.5
+"""Part of the bytes in sound frames from which they are named: text about a protocol has fewer."""
 _WHOLE = 0.995
 """Part of the bytes in frames from which no others are mentioned: rounded, they would be 0 %."""
 _TEXT_PART = 0.9
@@ -82,10 +94,44 @@ def recognise(data: bytes) -> list[Candidate]:
     return sorted(found, key=_rank, reverse=True)
 
 
-def _tried(name: str, data: bytes) -> Candidate | None:
+def sound_frames(data: bytes) -> str:
+    """Return a sentence on the frames of a device that hold no position; empty if there are none.
+
+    Parameters
+    ----------
+    data
+        The first bytes, as of `recognise`.
+    """
+    best, text = 0, ""
+    for name, (position, imu) in _TURN_ON.items():
+        decoder = _made(name)
+        if not isinstance(decoder, StreamDecoder):
+            continue
+        has_imu = bool(len(decoder.feed(data[:_LARGEST]).imu))
+        part = 1 - decoder.statistics.skipped / max(decoder.statistics.bytes, 1)
+        if part < _MOSTLY or decoder.own_frames < max(_FEWEST[name in _STRONG], best + 1):
+            continue
+        best = decoder.own_frames
+        lacking, wanted = "position", [position]
+        if imu and not has_imu:
+            lacking, wanted = "position or IMU", [position, imu]
+        where = "" if len(data) < _LARGEST else f" in the first {_LARGEST // 1024} kB"
+        found = f"{_NAMES[name]}, {best:,} sound messages{where}"
+        text = f"{found}, none with {lacking}: turn on {' and '.join(wanted)}."
+    return text
+
+
+def _made(name: str) -> Decoder | None:
+    """Return a decoder; None if its library is not installed."""
     try:
-        decoder = DECODERS[name]()
+        return DECODERS[name]()
     except ImportError:
+        return None
+
+
+def _tried(name: str, data: bytes) -> Candidate | None:
+    decoder = _made(name)
+    if decoder is None:
         return None
     parts = (decoder.feed(data), decoder.finish())
     seen = decoder.statistics

@@ -15,6 +15,7 @@ from lab.data.protocols.samples import (
     NO_FIX,
     READING,
     UNKNOWN,
+    UNMEASURED,
     Samples,
     Vector,
     packed_fix,
@@ -22,10 +23,10 @@ from lab.data.protocols.samples import (
     packed_reading,
 )
 
-_LARGEST_HEIGHT = 1e6
+LARGEST_HEIGHT = 1e6
 """Largest height of a fix that is believed [m]: the space station orbits at 4e5 m. Damaged floats hold any
 number."""
-_LARGEST_SPEED = 1e4
+LARGEST_SPEED = 1e4
 """Largest speed of a fix that is believed [m/s]: an orbit has 7800 m/s."""
 
 _LARGEST_READING = {aid.live: max(-aid.column.low, aid.column.high) for aid in SENT} | {
@@ -89,13 +90,13 @@ class Rows:
         sea_level: bool = False,
     ) -> None:
         """Take a fix, or count it as refused; fields as of `FIX`. Without a fix, its position is unknown."""
-        if fix_type <= NO_FIX:
+        if fix_type <= NO_FIX and fix_type not in UNMEASURED:
             latitude = longitude = height = NAN
             velocity_n = UNKNOWN
         elif (
             not (-np.pi / 2 <= latitude <= np.pi / 2 and abs(longitude) <= 2 * np.pi)
-            or abs(height) > _LARGEST_HEIGHT
-            or any(abs(speed) > _LARGEST_SPEED for speed in velocity_n)
+            or abs(height) > LARGEST_HEIGHT
+            or any(abs(speed) > LARGEST_SPEED for speed in velocity_n)
         ):
             self._statistics.refused += 1
             return

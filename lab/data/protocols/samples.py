@@ -54,10 +54,11 @@ FIX: Final = np.dtype(
 """A fix of a receiver.
 
 ``time`` of the clock that also stamps the IMU of the same stream [s]; ``week_time`` of GPS [s]; ``utc``
-since 1970 [s]; ``latitude``, ``longitude`` [rad]; ``height`` above the ellipsoid [m], or above the sea
-where ``sea_level`` is 1 because the receiver does not give the height of the geoid; ``velocity_n`` (3,)
-north, east, down [m/s]; σ of position in each horizontal axis and vertically [m], and of speed [m/s];
-``satellites`` used; ``fix_type`` as in `FIX_TYPES`; ``end`` as of `IMU`.
+since 1970, or since a midnight where the device gives no date [s]; ``latitude``, ``longitude`` [rad];
+``height`` above the ellipsoid [m], or above the sea where ``sea_level`` is 1 because the receiver does not
+give the height of the geoid; ``velocity_n`` (3,) north, east, down [m/s]; σ of position in each horizontal
+axis and vertically [m], and of speed [m/s]; ``satellites`` used; ``fix_type``, `NO_FIX` or one of those below
+it, by MAVLink's numbers where it has them; ``end`` as of `IMU`.
 """
 READING: Final = np.dtype(
     [
@@ -74,22 +75,30 @@ READING: Final = np.dtype(
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
 ``speed`` forward [m/s]; what further sensors read; σ of the heading [rad].
 """
-FIX_TYPES: Final = {
-    0: "no receiver",
-    1: "no fix",
-    2: "2-D",
-    3: "3-D",
-    4: "differential",
-    5: "RTK float",
-    6: "RTK",
-}
-"""Kinds of fixes, in MAVLink's numbers (GPS_FIX_TYPE). Without a fix, position and velocity are NaN."""
-NO_FIX: Final = 1  # GPS_FIX_TYPE_NO_FIX
+NO_FIX: Final = 1
+"""Kind of a fix that is none, GPS_FIX_TYPE_NO_FIX of MAVLink: position and velocity are NaN."""
 FIX_2D: Final = 2  # GPS_FIX_TYPE_2D_FIX
 FIX_3D: Final = 3  # GPS_FIX_TYPE_3D_FIX
 FIX_DIFFERENTIAL: Final = 4  # GPS_FIX_TYPE_DGPS
 FIX_RTK_FLOAT: Final = 5  # GPS_FIX_TYPE_RTK_FLOAT
 FIX_RTK: Final = 6  # GPS_FIX_TYPE_RTK_FIXED
+SIMULATED: Final = 16  # the receiver runs in its simulator mode
+COMBINED: Final = 17  # measured, and smoothed by the receiver's dead reckoning
+UNSENT: Final = -1  # the device does not send the kind
+ESTIMATED: Final = -2  # `UNMEASURED` says what these three are
+ENTERED: Final = -3  # in manual mode
+WARNED: Final = -4  # by the receiver itself
+UNMEASURED: Final = {
+    ESTIMATED: "the receiver estimated the position (dead reckoning)",
+    ENTERED: "the position was typed in (manual mode)",
+    WARNED: "the receiver warns of the position (status V of NMEA, gnssFixOK = 0 of UBX)",
+}
+"""Positions that satellites did not give, in words. No consumer takes them unless it asks for them."""
+NAMED: Final = {
+    SIMULATED: "simulated: the receiver runs in its simulator mode",
+    COMBINED: "of satellites combined with the receiver's dead reckoning",
+}
+"""Kinds of fixes that are used and reported, in words that follow "are"."""
 
 NAN: Final = float("nan")
 UNKNOWN: Final = (NAN, NAN, NAN)

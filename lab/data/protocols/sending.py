@@ -32,7 +32,7 @@ class SentFix(NamedTuple):
     week_time, utc : float
         As of `lab.data.protocols.samples.FIX` [s].
     satellites, kind : int
-        Satellites, and a key of `lab.data.protocols.samples.FIX_TYPES`.
+        Satellites, and a ``fix_type`` of `lab.data.protocols.samples.FIX`.
     """
 
     latitude: float

@@ -144,7 +144,8 @@ def report(
     force, rate = _fast_force(flight, rebuilt), _fast_rate(flight, rebuilt)
     seen, in_fewer = _thinned(flight, rebuilt)
     moves = motion(in_fewer)
-    found = (*findings(seen, in_fewer, moves), *_losses(raw, flight), *_loudness(force))
+    doubts = (FlightFinding(QUESTIONABLE, sentence) for sentence in raw.doubts)
+    found = (*doubts, *findings(seen, in_fewer, moves), *_losses(raw, flight), *_loudness(force))
     levels = {finding.level for finding in found}
     verdict = next((level for level in (IMPLAUSIBLE, QUESTIONABLE) if level in levels), PLAUSIBLE)
     rows = [

@@ -11,6 +11,8 @@ from lab.data.rebuild.time_repair import REPAIRED, TIME_STAMPS
 from lab.flying.coordinated_turn import VEHICLES
 
 AUTO = "auto"
+MEASURED, ALL = "measured", "all"
+"""Which positions of a receiver are used."""
 CURVES = ("velocity", "position", "air data")
 """Sources for the reconstruction of a flight."""
 
@@ -32,6 +34,13 @@ class ImportSettings(Settings):
         label="Time stamps",
         doc="repaired: rounded, repeated or jittery time stamps are re-estimated from the stamps and the "
         "motion, if the motion supports it. as recorded: the stamps are used unchanged.",
+    )
+    positions = param.Selector(
+        default=MEASURED,
+        objects=[MEASURED, ALL],
+        label="Positions",
+        doc="measured: positions that the receiver itself calls estimated (dead reckoning), typed in or "
+        "doubtful (a warning, status V) are left out as without a fix. all: they are kept.",
     )
     longest_gap = Quantity(
         2.0,

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.files.bounds import MIN_SAMPLES
+from lab.base.files.mission_error import MissionError
 
 JUDGED_SAMPLES = 20_000
 """Samples by which a longer recording is judged: enough for every statistic taken, quick whatever its
@@ -72,6 +74,25 @@ class Reset:
     change: str
 
 
+@dataclass(frozen=True, eq=False)
+class Unmeasured:
+    """Samples whose positions are no measurement, as their source says itself.
+
+    Attributes
+    ----------
+    reason : str
+        Why, as of `Dropped`.
+    rows : (n,) array
+        The mask of them.
+    first_row : int
+        As of `Dropped`.
+    """
+
+    reason: str
+    rows: NDArray[np.bool_]
+    first_row: int
+
+
 VERTICAL_VELOCITY = "vertical velocity"
 """What `RawFlight.made` says where the vertical velocity is the slope of the heights."""
 
@@ -119,6 +140,10 @@ class RawFlight:
         What the reader made of other quantities: "vertical velocity", the slope of the heights.
     resets : tuple of Reset
         Where the solution jumps though nothing moved like that.
+    unmeasured : tuple of Unmeasured
+        Samples that `measured` leaves out.
+    doubts : tuple of str
+        Why the source itself does not stand for the flight, as whole sentences.
     """
 
     format: str
@@ -141,6 +166,8 @@ class RawFlight:
     rates: tuple[tuple[str, float], ...] = ()
     made: tuple[str, ...] = ()
     resets: tuple[Reset, ...] = ()
+    unmeasured: tuple[Unmeasured, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.quantities:
@@ -186,4 +213,33 @@ class RawFlight:
         arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in self.quantities}
         for array in arrays.values():
             array.setflags(write=False)
-        return replace(self, **arrays, dropped=(*self.dropped, *dropped))
+        unmeasured = tuple(replace(one, rows=one.rows[kept]) for one in self.unmeasured)
+        return replace(self, **arrays, dropped=(*self.dropped, *dropped), unmeasured=unmeasured)
+
+    def measured(self) -> RawFlight:
+        """Return the flight without the samples whose positions are no measurement.
+
+        Raises
+        ------
+        MissionError
+            If there are too few others.
+        """
+        if not self.unmeasured:
+            return self
+        lost = np.any([one.rows for one in self.unmeasured], axis=0)
+        dropped = tuple(Dropped(one.reason, int(one.rows.sum()), one.first_row) for one in self.unmeasured)
+        if (~lost).sum() < MIN_SAMPLES:
+            why = "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
+            raise MissionError(
+                f"{(~lost).sum()} of {len(lost)} positions are measured ({why}); accepted are at least "
+                f"{MIN_SAMPLES}. --set positions=all, or Positions on the page, keeps the others"
+            )
+        return replace(self.rows(~lost, dropped), unmeasured=())
+
+    def with_all_positions(self) -> RawFlight:
+        """Return the flight with all samples, and a doubt for those whose positions are no measurement."""
+        kept = (
+            f"{int(one.rows.sum())} of {len(one.rows)} positions are kept that are {one.reason}."
+            for one in self.unmeasured
+        )
+        return replace(self, unmeasured=(), doubts=(*self.doubts, *kept))

@@ -18,7 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.data.clock.device_clock import FORWARD
 from lab.data.protocols.catalogue import DECODERS, decoder_of
 from lab.data.protocols.column_map import ColumnMap
-from lab.data.protocols.recognition import recognise
+from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples, joined
 from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
@@ -157,6 +157,9 @@ def _recognised(path: str | os.PathLike[str]) -> str:
     """Return the protocol of the first bytes."""
     found = recognise(_begin(path, _LOOKED_AT))
     if not found:
+        known = sound_frames(_begin(path, _LOOKED_AT))
+        if known:
+            raise RecordingError(f"{path}: {known}")
         raise RecordingError(
             f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "
             f"bytes of a device, as another program saved them, of the protocols {', '.join(DECODERS)}"

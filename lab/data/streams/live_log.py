@@ -12,7 +12,7 @@ from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, S
 from lab.data.log.pressure_height import Heights
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.log.spikes import stream_spikes
-from lab.data.protocols.samples import FIX_3D
+from lab.data.protocols.samples import FIX_3D, UNSENT
 
 MICROTESLA = 1e6
 """Microtesla per tesla: logs have the field in µT."""
@@ -158,7 +158,7 @@ def usable_fixes(fixes: NDArray[np.void]) -> NDArray[np.bool_]:
     """
     good = np.isfinite(fixes["time"]) & np.isfinite(fixes["longitude"]) & np.isfinite(fixes["height"])
     good &= np.abs(fixes["latitude"]) <= np.pi / 2  # NaN is not
-    return np.asarray(good & ((fixes["fix_type"] >= FIX_3D) | (fixes["fix_type"] < 0)))
+    return np.asarray(good & ((fixes["fix_type"] >= FIX_3D) | (fixes["fix_type"] == UNSENT)))
 
 
 def _increasing(time: FloatArray) -> NDArray[np.bool_]:

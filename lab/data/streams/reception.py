@@ -6,7 +6,7 @@ samples, bit for bit.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +22,8 @@ from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder, Statistics
-from lab.data.protocols.recognition import Candidate, recognise
-from lab.data.protocols.samples import NO_FIX, Samples
+from lab.data.protocols.recognition import Candidate, recognise, sound_frames
+from lab.data.protocols.samples import NAMED, NO_FIX, UNMEASURED, Samples
 from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.transport import Chunk, TransportError
@@ -124,6 +124,7 @@ class Reception:
         self.rate = rate
         self.triads_apart = False
         self._missing = 0
+        self._kinds: Counter[int] = Counter()  # of positions
         self.clock = DeviceClock()
         self.fix_clock = DeviceClock()
         self._columns = ColumnMap.of(columns) if columns else None
@@ -169,7 +170,19 @@ class Reception:
     @property
     def described(self) -> str:
         """What speaks for the protocol, and what the decoder found out about the device, in sentences."""
-        return f"{self.evidence} {getattr(self._decoder, 'evidence', '')}".strip()
+        found = (self.evidence, getattr(self._decoder, "evidence", ""), *self.positions)
+        return " ".join(text for text in found if text)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """What the receiver says of positions that are no usual fixes, in sentences."""
+        total = self._kinds.total()
+        left_out = {kind: f"not used: {reason}" for kind, reason in UNMEASURED.items()}
+        return tuple(
+            f"{self._kinds[kind]} of {counted(total, 'position')} are {words}."
+            for kind, words in (NAMED | left_out).items()
+            if self._kinds[kind]
+        )
 
     @property
     def columns(self) -> ColumnMap | None:
@@ -238,7 +251,8 @@ class Reception:
         found = recognise(b"".join(one.data for one in first))
         if not found:
             seen = counted(self.statistics.bytes, "byte")
-            self.evidence = f"Nothing is recognised in {seen}."
+            known = sound_frames(b"".join(one.data for one in first))
+            self.evidence = known or f"Nothing is recognised in {seen}."
             return _NO_IMU, _NO_FIX
         self._use(found[0])
         parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]
@@ -419,7 +433,9 @@ class Reception:
 
     def _timed_fix(self, rows: Rows, arrival: float) -> Rows:
         """Return fixes at their times of validity; those without position are left out."""
-        rows = rows[(rows["fix_type"] > NO_FIX) & np.isfinite(rows["latitude"])]
+        rows = rows[np.isfinite(rows["latitude"])]
+        self._kinds.update(rows["fix_type"].tolist())
+        rows = rows[rows["fix_type"] > NO_FIX]
         if not len(rows):
             return _NO_FIX
         own = rows["time"]

@@ -171,10 +171,13 @@ def log_of_recording(
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     name, arm = Path(path).name, np.array(lever_arm)
-    log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
+    try:
+        log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
+    except MissionError as error:
+        raise MissionError(". ".join((str(error), *found.reception.positions))) from error
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
-    return replace(log, repairs=(*log.repairs, *remarks))
+    return replace(log, repairs=(*log.repairs, *remarks, *found.reception.positions))
 
 
 def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[str] = ()) -> SensorLog | None:

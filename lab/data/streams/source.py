@@ -251,7 +251,8 @@ class Source:
         ):
             return STALE, f"{why} {remark}".rstrip()
         if not sum(end) and self._reception.statistics.bytes:
-            return STREAMING, self._reception.evidence or "Bytes come; no sample is complete yet."
+            why = " ".join((self._reception.evidence, *self._reception.positions)).strip()
+            return STREAMING, why or "Bytes come; no sample is complete yet."
         return STREAMING, f"{self._why} {remark}".rstrip()
 
     def _measured(self, now: float) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ from lab.data.protocols.catalogue import ENCODERS, decoder_of
 from lab.data.protocols.samples import Samples
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
-from lab.data.protocols.ublox import Ublox
+from lab.data.protocols.ubx import Ubx
 from lab.data.protocols.vectornav_ascii import VectorNavAscii
 from lab.data.protocols.vectornav_binary import VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
@@ -50,7 +50,7 @@ STREAMS: dict[
 
 def decoder_for(protocol: str) -> StreamDecoder | TextLines:
     """Return a decoder of the protocol alone: NMEA makes a fix of several sentences with 8 bits each."""
-    alone = {"vectornav": (VectorNavBinary(), VectorNavAscii()), "ublox": (Ublox("raw"),)}
+    alone = {"vectornav": (VectorNavBinary(), VectorNavAscii()), "ublox": (Ubx("raw"),)}
     return StreamDecoder(protocol, alone[protocol]) if protocol in alone else decoder_of(protocol)
 
 

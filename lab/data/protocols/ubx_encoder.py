@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab.base.parameters.units import WEEK
 from lab.data.protocols.framing import fletcher16
 from lab.data.protocols.sending import known, merged, vector
-from lab.data.protocols.ublox import (
+from lab.data.protocols.ubx import (
     COUNT_FROM,
     ESF_MEAS,
     ESF_RAW,
