@@ -64,7 +64,7 @@ STOPS_AT: Final = 2000.0
 """σ of the position at which the navigator stops and keeps the attitude only [m]: it comes from a velocity
 wrong by tens of metres per second, and such errors are not small."""
 STEP: Final = 0.05
-"""Shortest time of samples that is processed at once [s]: no page draws more often, and a call costs 0.4 ms."""
+"""Shortest time of samples that is processed at once [s]: no page draws oftener; a call costs 0.4 ms."""
 WAIT: Final = 0.1
 """Longest wait for samples of a source that is followed [s]."""
 SOON: Final = 1.0
