@@ -27,10 +27,13 @@ SCALARS = {
     "instance": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
     "pressure": "pressure",
+    "roll": "angle", "pitch": "angle", "yaw": "angle", "q0": "", "q1": "", "q2": "", "q3": "",
+    "position_resets": "", "velocity_resets": "", "attitude_resets": "",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
-a side is N, S, E or W, an instance is the number of one of several sensors."""
+a side is N, S, E or W, an instance is the number of one of several sensors. q0 is the scalar part of a
+quaternion; resets are counters of an estimator."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 GIVEN = "given"
@@ -124,6 +127,37 @@ class Heading:
         return VECTORS.get(self.quantity) or SCALARS[self.quantity]
 
 
+_QUATERNION = re.compile(
+    r"(?i)^(?P<of>(?:.*[\s_./:])?(?:q|quat|quaternion|orientation|attitude))[\s_./:-]*(?:q[\s_.]?)?"
+    r"(?:\[(?P<place>[0-3])\]|[\s_.]?(?P<part>[0-3wxyzrijk]))$"
+)
+_PARTS = "0123wxyzrijk"
+"""Names of the parts of a quaternion, in fours, the scalar first; after numbers it may be the last."""
+NUMBERED = "numbered"
+"""Begin of the sensor of a quaternion whose parts have numbers."""
+_RESETS = {
+    "velocity_resets": {"vel", "velocity", "vxy", "vz", "vd", "speed"},
+    "attitude_resets": {"quat", "q", "quaternion", "heading", "yaw", "attitude", "att", "hdg"},
+}
+"""What an estimator's counter of resets counts by its other words; those of positions by none of them."""
+
+
+def _of_estimator(text: str, words: Sequence[str]) -> Heading | None:
+    """Return a part of a quaternion or a counter of resets; None for another column."""
+    if found := _QUATERNION.match(text.strip().strip("\"'")):
+        part = found["place"] or found["part"].lower()
+        numbered = f"{NUMBERED} " if part.isdigit() else ""
+        rank = sum(_WORSE.get(word, 0) for word in words)
+        return Heading(
+            text, f"q{_PARTS.index(part) % 4}", sensor=f"{numbered}{found['of'].lower()}", rank=rank
+        )
+    given = set(words)
+    if given & {"reset", "resets"} and not given & {"time", "delta", "reason", "since"}:
+        quantity = next((name for name, theirs in _RESETS.items() if given & theirs), "position_resets")
+        return Heading(text, quantity)
+    return None
+
+
 def heading_of(text: str, file: str = "") -> Heading | None:
     """Return what a column is by its heading; None for one that names nothing that is read.
 
@@ -140,6 +174,8 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     given = set(words)
     rank = sum(_WORSE.get(word, 0) for word in given)
     joined = "".join(words)
+    if found := _of_estimator(text, _words(text)):
+        return found
     if axis and joined in _INDEXED:
         quantity = _INDEXED[joined]["xyz".index(axis)]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
@@ -153,9 +189,7 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     if joined in _NAMED:
         quantity, named, worse = _NAMED[joined]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit or named), rank=rank + worse)
-    if found := _stamp(text, words, unit, rank):
-        return found
-    return _scalar(text, words, unit, rank)
+    return _stamp(text, words, unit, rank) or _scalar(text, words, unit, rank)
 
 
 def given_heading(text: str, column: str) -> Heading | None:
@@ -398,6 +432,11 @@ _SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("speed", re.compile(
         r"(?:.*(?:gps|gnss|location|position|osd))?(?:ground|d|h|g)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
         r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
+    *((name, re.compile(
+        rf"(?:.*(?:attitude|att|euler|eulerangles?|osd|ins|imu|ahrs|vehicle|body|aircraft|orientation|rpy|nav|"
+        rf"ekf|true|plane|angles?))?(?:{theirs})(?:angle)?")) for name, theirs in (
+        ("roll", "roll|bank|phi"), ("pitch", "pitch|theta|tht"),
+        ("yaw", "yaw|psi|azimuth|trueheading|headingtrue|headingangle"))),
     ("course", re.compile(
         r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|hdg|direction|trackangle|headmot|"
         r"courseoverground|ground(?:course|track)|motionheading|orientation)|headingofmotion")),

@@ -90,6 +90,11 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
 
 
+def rescaled(column: Column, kind: str, unit: str, source: str) -> Column:
+    """Return a column whose numbers are in another unit than the first of its kind."""
+    return column._replace(values=column.values * UNITS[kind][unit], unit=unit, source=source)
+
+
 def about_heights(name: str) -> tuple[str, ...]:
     """Return above what the heights of a column are, by its heading; empty without one, or if it is told."""
     if not name or _ABOVE_START.search(name):

@@ -233,6 +233,42 @@ def _is_steady(triad: Triad) -> bool:
     return mean > _STEADY * _length(triad)
 
 
+OF_MOTION = "guessed by the motion"
+"""How a unit is known that only the changes of the fixes can bear out."""
+_AT_REST = (0.93, 1.07)
+"""Length of a specific force at rest [g]: MEMS have biases of 20 to 50 mg."""
+_QUIET = 0.03
+"""σ of the samples within a second at rest, over g: idling engines shake by 0.02 g."""
+_REST_BLOCKS = 3
+"""Fewest blocks of a second each at rest."""
+_CALMEST = 0.1
+"""Part of the blocks that are the calmest ones: a lap of two minutes begins with some ten seconds at rest."""
+_MAX_BLOCKS = 3600
+"""Most blocks that are looked at."""
+
+
+def _length_at_rest(triad: Triad, unit: str) -> float:
+    """Return how long a vector of an unknown unit is at rest [g]; 0 if that is not gravity.
+
+    Without gravity it would be nearly 0 then.
+    """
+    known = np.isfinite(triad.values).all(axis=1) & np.isfinite(triad.clock.time)
+    values = triad.values[known] * UNITS["acceleration"][unit] / STANDARD_GRAVITY
+    step = float(np.median(np.diff(triad.clock.time[known]))) if len(values) > 1 else 0.0
+    count = max(2, round(_AVERAGED / step)) if step > 0 else len(values) + 1
+    blocks = values[: len(values) // count * count].reshape(-1, count, 3)[:_MAX_BLOCKS]
+    if len(blocks) < _REST_BLOCKS:
+        return 0.0
+    mean, shaken = blocks.mean(axis=1), blocks.std(axis=1).max(axis=1)
+    calmest = np.argsort(shaken, kind="stable")[: max(_REST_BLOCKS, round(_CALMEST * len(blocks)))]
+    for rest in (np.arange(_REST_BLOCKS), calmest):
+        size, one_way = np.linalg.norm(mean[rest], axis=1), np.linalg.norm(mean[rest].mean(axis=0))
+        inside = (size > _AT_REST[0]) & (size < _AT_REST[1])
+        if inside.all() and (shaken[rest] < _QUIET).all() and one_way > _STEADY * size.mean():
+            return float(one_way)
+    return 0.0
+
+
 def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Triad, list[str]]:
     """Return the first accelerometer with gravity in it, in m/s²; or one without, with gravity added."""
     for guess in _FORCE_UNITS:
@@ -242,6 +278,10 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
                 source = NAMED if triad.unit else f"guessed: it is {size:.3g} g long"
                 return _scaled(triad, unit, source), []
+    for triad in forces:
+        for unit in () if triad.unit else _FORCE_UNITS:
+            if size := _length_at_rest(triad, unit):
+                return _scaled(triad, unit, f"guessed: at rest it is {size:.3g} g long"), []
     bare = forces[0]
     size, unit = _length(bare), bare.unit or "m/s²"
     beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
@@ -267,15 +307,37 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             f"{where}: the accelerometers measure {size:.3g} {unit} (median), but gravity is 9.81 m/s²: the "
             f"numbers look like {fitting[0]}, although the heading names {unit}; state the unit"
         )
+    if not bare.unit and fitting and fitting[0] != unit and not gravity:
+        return _scaled(bare, fitting[0], f"{OF_MOTION}: it is {size:.3g} {fitting[0]} long"), []
     if size * UNITS["acceleration"][unit] < _ONE_G[0] * STANDARD_GRAVITY or not _is_steady(bare):
-        raise MissionError(
-            f"{where}: the accelerations are {size:.3g} {unit} long (median), so they are without gravity; "
-            "accepted is specific force with gravity, which phones call accelerometer with g or total "
-            "acceleration, or the columns of gravity beside"
-        )
+        raise MissionError(without_gravity(_scaled(bare, unit, "")))
     raise MissionError(
         f"{where}: the accelerometers measure {size:.3g} (median), which is gravity in none of the units "
         f"{', '.join(_FORCE_UNITS)}: the numbers may be raw counts; accepted are numbers with a unit"
+    )
+
+
+def without_gravity(force: Triad) -> str:
+    """Return why accelerations of an unknown unit are not used, in which gravity does not show.
+
+    Parameters
+    ----------
+    force
+        The accelerations in SI units, with the unit in which they were read.
+    """
+    size = _length(force) / UNITS["acceleration"][force.unit]
+    named = any(one.unit for one in force.headings)
+    first = force.headings[0].text
+    hint = (
+        ""
+        if named
+        else f'. If they have gravity in them, state their unit: --unit "{first}=g", y and z alike'
+    )
+    return (
+        f"{force.sheet.name}, columns {first} to {force.headings[2].text}: the accelerations are "
+        f"{size:.3g} {force.unit} long (median), so they are without gravity; accepted is specific force "
+        "with gravity, which phones call accelerometer with g or total acceleration, or the columns of "
+        f"gravity beside{hint}"
     )
 
 

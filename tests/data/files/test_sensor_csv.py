@@ -281,7 +281,7 @@ HEADINGS = {
     "locationCourse(°)": "course[°]", "bearingAccuracy": "", "speedAccuracy": "speed_sigma", "GCrs": "course",
     "vel_d_m_s": "down[m/s]", "velocity_north": "north", "alt_ft": "height[ft]", "Satellites in range": "",
     "Magnetometer z": "field_z",
-    "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "", "yaw": "", "temp": "",
+    "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "q1", "yaw": "yaw", "temp": "",
 }  # fmt: skip
 """Headings of real loggers, and what they are."""
 
