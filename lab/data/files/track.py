@@ -149,7 +149,7 @@ class Track:
         elif np.isfinite(self.speed).any():
             why = "they are known at too few points" if has_height else "they are together with heights only"
             remarks.append(f"Speed and course are not used: {why}.")
-        whole = None if self.euler is None else np.isfinite(self.euler).all(axis=1)
+        whole = None if self.euler is None else np.asarray(np.isfinite(self.euler).all(axis=1))
         has_attitude = whole is not None and bool(kept.any() and whole[kept].mean() >= _MIN_KNOWN)
         if whole is not None and has_attitude:
             self._keep(kept, whole, "without an attitude")

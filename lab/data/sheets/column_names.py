@@ -43,6 +43,8 @@ IGNORED = "-"
 
 _CALIBRATED = re.compile(r"(?i)_cal$")
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$")
+"""What may follow a unit: above what, or from which north."""
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
 _INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
@@ -111,6 +113,8 @@ class Heading:
         The lowest is the best of several columns of one quantity.
     sign : int
         -1 for a column that is to be negated.
+    source : str
+        How its unit is known, if it has one.
     """
 
     text: str
@@ -120,6 +124,7 @@ class Heading:
     unit: str = ""
     rank: int = 0
     sign: int = 1
+    source: str = "named in the heading"
 
     @property
     def kind(self) -> str:
@@ -240,7 +245,7 @@ def _cut(text: str) -> tuple[str, str, str]:
         stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
     insides = _BRACKETS.findall(stem)
     stem = _BRACKETS.sub(" \0 ", stem)
-    for inside in insides:
+    for inside in (_DATUM.sub("", one) for one in insides):
         if re.fullmatch(r"(?i)([xyz])([\s-]*axis)?", inside):
             axis = axis or inside[0].lower()
         elif not unit and any(unit_of(kind, inside) for kind in UNITS):
@@ -299,8 +304,6 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         quantity = found
     if quantity == "rate" and unit_of("acceleration", unit) == "g" and joined == "g":
         quantity = "force"
-    if joined == "g" and not unit and text.strip().startswith("G("):  # of Torque: G(x)
-        quantity, unit = "force", "g"
     if joined in {"gf", "gforce"} and not unit:
         unit = "g"
     known = unit_of(VECTORS[quantity], f"{unit}/s" if unit == "rad" else unit) if unit else ""

@@ -39,7 +39,7 @@ from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
-from lab.data.sheets.sheet_imu import OF_MOTION, Imu, app_of, imu_of, in_other_unit, without_gravity
+from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (
     KITTI_FRAME,
@@ -80,13 +80,19 @@ def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
     if head.startswith(_ZIP):
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
-    if KITTI_STAMP.match(head):
-        return True
     text = as_utf8(head)
     if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
         return False
+    return KITTI_STAMP.match(head) is not None or _names_enough(text)
+
+
+def _names_enough(text: bytes) -> bool:
+    """Return whether a text has a header that names time, and a position or a sensor."""
     # Columns x, y and z are of a sensor that the name of the file tells.
-    layout = layout_of(as_table(text), "accelerometer")
+    try:
+        layout = layout_of(as_table(text), "accelerometer")
+    except MissionError:
+        return True  # of several profiles, which reading reports
     if layout is None:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
@@ -103,7 +109,10 @@ def recognises(head: bytes) -> bool:
 
 def missing_time_reason(head: bytes) -> str:
     """Return advice for a table that names positions or sensors, and no time; else an empty text."""
-    layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    try:
+        layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    except MissionError:
+        return ""
     known = [] if layout is None else [one for one in layout.known if one is not None]
     names = {one.quantity for one in known}
     if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
@@ -395,7 +404,7 @@ def _is_phone(imu: Imu) -> bool:
     words = imu.accelerometer.headings[0].sensor.lower()
     if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
         return imu.gyro.sheet is not imu.accelerometer.sheet
-    if app_of(imu.gyro, imu.accelerometer):
+    if any(one.sheet.phone for one in (imu.gyro, imu.accelerometer)):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
 

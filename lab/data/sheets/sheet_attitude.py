@@ -226,7 +226,7 @@ class _Motion(NamedTuple):
 def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Motion:
     """Return velocity and acceleration (n, 2), north and east, at even times."""
     none = _Motion(np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
-    kept = np.isfinite(time) & np.isfinite(position[:, :2]).all(axis=1)
+    kept = np.isfinite(time) & np.asarray(np.isfinite(position[:, :2]).all(axis=1))
     kept[kept] = np.append(True, np.diff(np.maximum.accumulate(time[kept])) > 0)[: kept.sum()]
     t = time[kept]
     if t.size < _MIN_STEPS:
@@ -258,7 +258,7 @@ class _Agreement(NamedTuple):
 def _agreement(attitude: Attitude, motion: _Motion) -> _Agreement:
     """Return how well an attitude agrees with course and acceleration, and that in words."""
     euler = attitude.at(motion.time)
-    known = np.isfinite(euler).all(axis=1)
+    known = np.asarray(np.isfinite(euler).all(axis=1))
     moving = known & (np.hypot(*motion.velocity.T) > _MOVES)
     if moving.sum() < _MIN_STEPS:
         return _Agreement(0.0, False, "the motion does not show whether it is")
@@ -312,7 +312,7 @@ def reference_of(
     inside = (time >= log.time[0]) & (time <= log.time[-1])
     at = np.arange(log.time[0], log.time[-1], _RATE_STEP)
     euler = found.at(at + log.epoch)
-    known = np.isfinite(euler).all(axis=1)
+    known = np.asarray(np.isfinite(euler).all(axis=1))
     both = known[1:] & known[:-1]
     if inside.sum() < 2 or not both.any():
         return None, ["The attitude in the files is of another time than the IMU, and is not used."]

@@ -50,6 +50,8 @@ _MIN_LEGS = 10
 """Fewest legs that show it."""
 _LEG, _MIN_RISE = 5.0, 0.8
 """Time over which heights and vertical velocity are compared [s], and the correlation that shows a unit."""
+_CLIMBED = 30.0
+"""Range of heights from which a vertical velocity of zeros is none [m]: receivers are off by less."""
 _LIKE_RISE = 0.3
 """Largest distance of the ratio of both from a unit, as a logarithm: noise of the heights adds to it."""
 _VERTICAL = ("m/s", "ft/min", "ft/s", "km/h", "kt", "cm/s", "mm/s")
@@ -333,16 +335,18 @@ def _of_heights(
     """
     said, step = -sign * vertical.values[rows], np.diff(time)
     known = np.isfinite(said) & np.isfinite(height) & np.append(True, step > 0)
-    if known.sum() < _MIN_LEGS or not (np.diff(time[known]) > 0).all():
-        return vertical, []
     t, v, h = time[known], said[known], height[known]
+    if len(t) < _MIN_LEGS or t[-1] - t[0] < _MIN_LEGS * _LEG or not (np.diff(t) > 0).all():
+        return vertical, []
     way = np.append(0.0, np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2))
     begin = np.arange(t[0], t[-1] - _LEG, _LEG / 2)
-    if begin.size < _MIN_LEGS:
-        return vertical, []
     rise, stated = (np.interp(begin + _LEG, t, one) - np.interp(begin, t, one) for one in (h, way))
     size = np.sqrt(np.sum(rise**2) * np.sum(stated**2))
     like = float(np.sum(rise * stated) / size) if size else 0.0
+    if not v.any() and np.ptp(h) > _CLIMBED:
+        return None, [
+            f"The vertical velocity {vertical.name} is not used: it is always zero, and the heights change."
+        ]
     if like < -_MIN_RISE:
         return None, [
             f"The vertical velocity {vertical.name} is not used: the heights change the other way. "

@@ -40,10 +40,6 @@ _SLOW_DEGREES = 0.15
 """Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
 _RESTLESS = 0.2
 """σ of the size of the specific force from which a vehicle moves or shakes [m/s²]; at rest it is noise."""
-_OF_SENSOR_LOGGER = {"time", "seconds_elapsed"}
-"""Time stamps in each table of Sensor Logger, whose gyros are in rad/s on every phone (its UNITS.md)."""
-_OF_PHYSICS_TOOLBOX = "gFxgFygFzwxwywz"
-"""Headings of accelerometers and gyros of Physics Toolbox, one after the other."""
 _COUNTED = {"acc smooth", "acc adc"}
 """Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
 _COUNTS = (256, 512, 1024, 2048, 4096)
@@ -139,7 +135,7 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
-    if force.unit == "mg" and force.source != NAMED:
+    if force.unit == "mg" and force.source.startswith("guessed"):
         refuse_cm_per_s2(time, samples, force.place)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
@@ -192,10 +188,10 @@ def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
             if clock is None or len(axes) < len("xyz"):
                 continue
             headings = tuple(axes[axis][0] for axis in "xyz")
-            unit = next((one.unit for one in headings if one.unit), "")
-            values = np.column_stack([_in_unit(*axes[axis], unit) for axis in "xyz"])
+            named = next((one for one in headings if one.unit), headings[0])
+            values = np.column_stack([_in_unit(*axes[axis], named.unit) for axis in "xyz"])
             if np.isfinite(values).all(axis=1).any():
-                found.append(Triad(sheet, clock, values, headings, unit, NAMED))
+                found.append(Triad(sheet, clock, values, headings, named.unit, named.source))
     return sorted(
         found,
         key=lambda one: (
@@ -276,7 +272,7 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             unit = triad.unit or guess
             size = _length(triad) * UNITS["acceleration"][unit] / STANDARD_GRAVITY
             if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
-                source = NAMED if triad.unit else f"guessed: it is {size:.3g} g long"
+                source = triad.source if triad.unit else f"guessed: it is {size:.3g} g long"
                 return _scaled(triad, unit, source), []
     for triad in forces:
         for unit in () if triad.unit else _FORCE_UNITS:
@@ -286,7 +282,7 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
     size, unit = _length(bare), bare.unit or "m/s²"
     beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
     if beside is not None and (factor := _gravity_factor(beside)):
-        total = _scaled(bare, unit, NAMED if bare.unit else "assumed")
+        total = _scaled(bare, unit, bare.source if bare.unit else "assumed")
         added = _interpolated(beside.clock.time, beside.values * factor, bare.clock.time)
         return total._replace(values=total.values + added), [
             f"These accelerations are without gravity; {beside.headings[0].text} to "
@@ -361,8 +357,6 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
         return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
-    if app := app_of(gyro, force):
-        return _scaled(gyro, "rad/s", f"as {app} writes")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
     unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
     if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
@@ -370,14 +364,6 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
     elif force.unit in ("g", "mg"):
         unit, why = "°/s", f"guessed, because the accelerometers are in {force.unit}"
     return _scaled(gyro, unit, why)
-
-
-def app_of(gyro: Triad, force: Triad) -> str:
-    """Return the app that writes rad/s even beside accelerations in g; empty for another one."""
-    if {one.text for one in gyro.sheet.headings} >= _OF_SENSOR_LOGGER:
-        return "Sensor Logger"
-    names = "".join(one.text for triad in (force, gyro) for one in triad.headings)
-    return "Physics Toolbox" if names == _OF_PHYSICS_TOOLBOX else ""
 
 
 def in_other_unit(imu: Imu) -> Imu | None:

@@ -273,7 +273,7 @@ HEADINGS = {
     "accelerometerAccelerationX(G)": "force_x[g]", "motionRotationRateY(rad/s)": "rate_y[rad/s]",
     "accelerometer_lsm6ds3_c.x": "force_x", "rotation_Vector.x": "", "MAGNETIC FIELD X (μT)": "field_x[µT]",
     "Mag_X": "field_x",
-    "Acceleration Sensor(X axis)(g)": "force_x[g]", " G(z)": "force_z[g]", "xacc": "force_x",
+    "Acceleration Sensor(X axis)(g)": "force_x[g]", "xacc": "force_x",
     "gyro_rad[2]": "rate_z[rad/s]", "header.stamp.nanosec": "fraction[ns]", "header.stamp.secs": "seconds[s]",
     "#timestamp [ns]": "time[ns]", "TimeUS": "time[µs]", "SampleTimeFine": "time[1e-4 s]", "HDop": "",
     "LOCATION Latitude : ": "latitude", "GPS_Speed_kmh": "speed[km/h]",
