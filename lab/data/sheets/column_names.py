@@ -163,6 +163,11 @@ def _of_estimator(text: str, words: Sequence[str]) -> Heading | None:
     return None
 
 
+def kind_of(quantity: str) -> str:
+    """Return the kind of the unit of a quantity, a key of `UNITS`; empty for one without a unit."""
+    return VECTORS.get(quantity) or SCALARS.get(quantity, "")
+
+
 def heading_of(text: str, file: str = "") -> Heading | None:
     """Return what a column is by its heading; None for one that names nothing that is read.
 

@@ -176,7 +176,8 @@ def _candidates(sheets: Sequence[Sheet]) -> Iterator[_Columns]:
 
 def _readings(columns: _Columns) -> Iterator[_Reading]:
     """Yield the ways in which columns may be an attitude, the usual one first; NaN turns are none."""
-    values = np.where(np.isfinite(columns.values).all(axis=1)[:, None], columns.values, 0.0)
+    known = np.asarray(np.isfinite(columns.values).all(axis=1))
+    values = np.where(known[:, None], columns.values, 0.0)
     if len(columns.headings) == len("rpy"):
         largest = float(np.abs(values).max())
         named = next((one.unit for one in columns.headings if one.unit), "")

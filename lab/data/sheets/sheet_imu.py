@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.mission_error import MissionError
+from lab.base.files.mission_error import MissionError, QuestionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.sheet_stamps import is_regular, smooth
 from lab.data.clock.stamps import ACCEPTED, ZONES
@@ -136,7 +136,7 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
     if force.unit == "mg" and force.source.startswith("guessed"):
-        refuse_cm_per_s2(time, samples, force.place)
+        refuse_cm_per_s2(time, samples, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
@@ -453,7 +453,7 @@ _AMBIGUOUS = (0.971, 0.9905)
 flight with turns. A bias of 20 mg, usual for MEMS, makes the same of mg."""
 
 
-def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
+def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, force: Triad) -> None:
     """Raise if accelerations that are read as mg may be cm/s².
 
     Parameters
@@ -462,12 +462,12 @@ def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
         Time stamps [s].
     samples : (n, 6) array
         Angular rate, and specific force read as mg [m/s²].
-    place
-        Their first column, and where it stands.
+    force
+        The accelerometer they are of.
 
     Raises
     ------
-    MissionError
+    QuestionError
         If gravity is as long as that in cm/s².
     """
     known = np.isfinite(samples).all(axis=1) & np.isfinite(time)
@@ -478,11 +478,12 @@ def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
     if not len(parts):
         return
     turn = np.linalg.norm(parts[:, :, :3], axis=2).mean(axis=1)
-    force = np.linalg.norm(parts[:, :, 3:].mean(axis=1), axis=1)
-    size = float(np.median(force[turn <= np.quantile(turn, _CALM)])) / STANDARD_GRAVITY
+    pull = np.linalg.norm(parts[:, :, 3:].mean(axis=1), axis=1)
+    size = float(np.median(pull[turn <= np.quantile(turn, _CALM)])) / STANDARD_GRAVITY
     if _AMBIGUOUS[0] < size < _AMBIGUOUS[1]:
-        raise MissionError(
-            f"{place}: the accelerometers measure {1000 * size:.0f} without turns, which may be gravity in "
-            "cm/s² (981) or in mg (1000) with a bias, and the headings name no unit; accepted are columns "
-            "with their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg"
+        raise QuestionError(
+            f"{force.place}: the accelerometers measure {1000 * size:.0f} without turns, which may be "
+            "gravity in cm/s² (981) or in mg (1000) with a bias, and the headings name no unit; accepted are "
+            "columns with their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg",
+            {unit: {one.text: unit for one in force.headings} for unit in ("cm/s²", "mg")},
         )
