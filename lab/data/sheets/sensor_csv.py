@@ -257,17 +257,19 @@ def _oriented_log(
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
     """Return the IMU with its log, in the other unit of its gyros if the motion contradicts a guessed one."""
+    other = in_other_unit(imu)
     try:
         return imu, _borne_out(imu, checked(imu, fixes.gnss))
     except MissionError as error:
-        other = in_other_unit(imu)
-        try:
-            if other is None:
-                raise
-            return other, checked(other, fixes.gnss)
-        except MissionError:
-            hint = _leap_seconds(imu, fixes.gnss, checked)
-            raise MissionError(_with_report(error, imu, fixes, hint)) from None
+        refusal = error
+    try:
+        if other is not None:
+            return other, _borne_out(other, checked(other, fixes.gnss))
+    except MissionError:
+        pass
+    if imu.accelerometer.source.startswith(OF_MOTION):
+        raise MissionError(without_gravity(imu.accelerometer))
+    raise MissionError(_with_report(refusal, imu, fixes, _leap_seconds(imu, fixes.gnss, checked)))
 
 
 def _borne_out(imu: Imu, read: Oriented) -> Oriented:
