@@ -152,6 +152,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2,
         columns=(ColumnUnit("", "", ""),) * 5, rows_read=len(gnss.time), remarks=tuple(remarks),
         down=gnss.velocity_n[:, 2], euler=attitude.at(gnss.time) if attitude else None,
+        vehicle=attitude.vehicle if attitude else "",
     ).flight()  # fmt: skip
     return replace(flight, units=tuple(columns.values()), resets=resets)
 

@@ -52,6 +52,9 @@ _OTHER = 0.2
 """Weight of the one of both that agrees less."""
 _MIN_TILT = 0.8
 """Rms of the acceleration that the tilt says from which it is compared [m/s²]: 5°. Cars lean less."""
+_LEVEL = 0.3
+"""Acceleration of the bank over that across the course below which a vehicle does not fly."""
+_ON_WHEELS = "It does not bank into its turns: a car is assumed (setting vehicle)."
 _MOST_TILT = np.radians(60.0)
 """Median tilt from which an attitude is that of a sensor in another position, such as an upright phone."""
 _MAX_GAP = 2.5
@@ -77,12 +80,15 @@ class Attitude(NamedTuple):
         Its columns.
     remark : str
         What was taken, or why nothing was.
+    vehicle : str
+        "car" for one that does not bank into its turns, as nothing that flies; else empty.
     """
 
     time: FloatArray
     euler: FloatArray
     units: tuple[ColumnUnit, ...]
     remark: str
+    vehicle: str = ""
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return roll, pitch, yaw (n, 3) at other times; NaN where they are unknown."""
@@ -139,9 +145,10 @@ def attitude_of(
         best = max(scores, key=lambda one: one.size)
         as_written = columns.given and len(columns.headings) == len("rpy")
         at = 0 if as_written else next(i for i, one in enumerate(scores) if one.size >= best.size - _LIKE)
-        found = _known(columns, read[at], scores[at].words)
         if columns.given or scores[at].agrees:
-            return found
+            found = _known(columns, read[at], scores[at].words)
+            words = f"{found.remark} {_ON_WHEELS}" if scores[at].level else found.remark
+            return found._replace(remark=words, vehicle="car" if scores[at].level else "")
         names = ", ".join(one.text for one in columns.headings)
         refused = refused or Attitude(
             np.empty(0), np.empty((0, 3)), (),
@@ -254,6 +261,7 @@ class _Agreement(NamedTuple):
     size: float
     agrees: bool
     words: str
+    level: bool = False
 
 
 def _agreement(attitude: Attitude, motion: _Motion) -> _Agreement:
@@ -276,9 +284,15 @@ def _agreement(attitude: Attitude, motion: _Motion) -> _Agreement:
     shown = float(np.sqrt(np.mean(np.sum(said**2, axis=1)))) > _MIN_TILT and bool(seen.any())
     tilt = float(np.sum(said * seen) / np.sqrt(np.sum(said**2) * np.sum(seen**2))) if shown else 0.0
     agrees = (along > _ALONG and tilt > -_TILTED) or tilt > _TILTED
+    fast = moving[known]
+    across = (motion.velocity[known, 0] * motion.acceleration[known, 1]
+              - motion.velocity[known, 1] * motion.acceleration[known, 0])[fast]  # fmt: skip
+    across /= np.hypot(*motion.velocity[known].T)[fast]
+    banked = float(np.sum(STANDARD_GRAVITY * np.tan(roll[fast]) * across) / max(np.sum(across**2), 1e-9))
+    level = along > _ALONG and banked < _LEVEL and float(np.sqrt(np.mean(across**2))) > _MIN_TILT
     words = f"the mean cosine between nose and course is {along:.2f}"
     words += f", the correlation of tilt and acceleration {tilt:.2f}" if shown else ""
-    return _Agreement(max(along, tilt) + _OTHER * min(along, tilt), agrees, words)
+    return _Agreement(max(along, tilt) + _OTHER * min(along, tilt), agrees, words, level)
 
 
 _SAME_TURNS = 0.7

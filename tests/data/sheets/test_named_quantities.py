@@ -306,3 +306,26 @@ def test_a_sigma_of_hundreds_of_metres_beside_fixes_that_agree_is_in_another_uni
         columns[name] = columns[name] + 500 * size * rng.standard_normal(len(flown.time))
     gnss = fixes_of(sheets_of([flown.write(tmp_path / "b.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[:, 0], 1000.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("outwards", [0.0, 0.15])
+def test_what_does_not_bank_into_its_turns_is_a_car(tmp_path, outwards):
+    """A car leans outwards by a sixth of what an aeroplane banks inwards: its roll is no fault."""
+    flown = Flight(wind=(0.0, 0.0), airspeed=20.0)
+    flown.euler[:, 0] *= -outwards
+    columns = flown.placed() | dict(zip(("roll", "pitch", "heading"), np.degrees(flown.euler).T, strict=True))
+    columns |= dict(zip(("vn", "ve", "vd"), flown.velocity.T, strict=True))
+    made = prepare_import(flown.write(tmp_path / "a.csv", columns))
+    assert made.rebuilt.vehicle == "car" and made.report.verdict == "plausible"
+    assert apart(made.raw.euler, flown.euler) < 1e-3
+    assert not Flight().euler[:, 0].std() < 0.1
+    assert (
+        prepare_import(
+            Flight().write(
+                tmp_path / "b.csv",
+                Flight().placed()
+                | dict(zip(("roll", "pitch", "heading"), np.degrees(Flight().euler).T, strict=True)),
+            )
+        ).rebuilt.vehicle
+        == "aircraft"
+    )
