@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lab.base.files.mission_error import MissionError
-from lab.data.files.unit_names import UNITS
+from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.sheets.column_words import FIELD_WORDS, GLUED_FIELD, in_english, names_field
-from lab.data.sheets.sheet_cells import UNIT, unit_of
+from lab.data.sheets.sheet_cells import UNIT
 
 VECTORS = {
     "rate": "angular rate", "force": "acceleration", "gravity": "acceleration", "field": "magnetic field",

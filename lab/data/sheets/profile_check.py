@@ -15,10 +15,10 @@ from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files import simulator_csv
 from lab.data.files.profile import Profile, own_folder, own_profiles, read_profile, shipped_profiles
 from lab.data.files.table import head_lines
+from lab.data.files.unit_names import unit_of
 from lab.data.sheets.column_names import VECTORS, Heading, given_heading, kind_of
 from lab.data.sheets.sensor_csv import sheets_of
 from lab.data.sheets.sheet import as_utf8, layout_of
-from lab.data.sheets.sheet_cells import unit_of
 from lab.data.sheets.sheet_sources import as_table
 
 _FILE_NAME = re.compile(r"[^\w-]+")

@@ -21,14 +21,13 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
 from lab.data.files.profile import Profile, profile_of
-from lab.data.files.unit_names import UNITS
+from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.sheets.column_names import SCALARS, Heading, given_heading, heading_of
 from lab.data.sheets.sheet_cells import (
     angles_of_cells,
     are_decimal_commas,
     numbers_of_cells,
     signs_of_sides,
-    unit_of,
     without_placeholders,
 )
 
