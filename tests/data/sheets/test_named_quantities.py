@@ -288,11 +288,11 @@ def test_accuracies_share_the_unit_of_what_they_are_of(
         "time": flown.time, "lat": np.rint(latitude * 1e7), "lon": np.rint(longitude * 1e7),
         name: np.rint(height * factor),
         **dict(zip(velocities, np.rint(factor * flown.velocity).T, strict=True)),
-        **{name: np.full(len(flown.time), size * factor / 1e3)
+        **{name: np.full(len(flown.time), np.rint(size * factor / 1e3))
            for name, size in zip(accuracies, (1515.0, 1500.0, 100.0), strict=True)},
     }  # fmt: skip
     gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
-    np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=1e-6)
+    np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=4e-3)  # 152 cm
     np.testing.assert_allclose(gnss.velocity_sigma[5, :2], 0.1, rtol=1e-6)
 
 
@@ -329,3 +329,30 @@ def test_what_does_not_bank_into_its_turns_is_a_car(tmp_path, outwards):
         ).rebuilt.vehicle
         == "aircraft"
     )
+
+
+def test_accuracies_in_metres_beside_heights_in_mm_stay_metres(tmp_path):
+    """MAVLink writes heights in mm and, in some exports, accuracies in metres with fractions."""
+    flown = Flight()
+    rng = np.random.default_rng(2)
+    flown.place[:, :2] += 1.2e-5 * rng.standard_normal((len(flown.time), 2))
+    latitude, longitude, height = flown.place.T
+    columns = {
+        "time": flown.time, "lat": np.rint(latitude * 1e7), "lon": np.rint(longitude * 1e7),
+        "height [mm]": np.rint(height * 1e3), "hAcc": 1.5 + 0.1 * np.sin(flown.time),
+        "vAcc": np.full(len(height), 2.0),
+    }  # fmt: skip
+    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    np.testing.assert_allclose(gnss.position_sigma[:, 0], columns["hAcc"] / 1.515, rtol=1e-6)
+    np.testing.assert_allclose(gnss.position_sigma[:, 2], 2.0, rtol=1e-6)
+
+
+def test_one_accuracy_that_names_its_unit_names_that_of_the_others(tmp_path):
+    flown = Flight()
+    size = len(flown.time)
+    columns = flown.placed(names=("lat", "lon", "alt_m")) | {
+        "hAcc [mm]": np.full(size, 1515.0), "vAcc": np.full(size, 1500.0), "sAcc [mm/s]": np.full(size, 80.0),
+    }  # fmt: skip
+    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=1e-6)
+    np.testing.assert_allclose(gnss.velocity_sigma[5, 0], 0.08, rtol=1e-6)
