@@ -30,6 +30,8 @@ _COMPASS = re.compile(r"(?i)heading|hdg")
 """A course that is called so beside roll and pitch is where the nose points."""
 _TURN = 2.05 * np.pi
 """Largest angle that may be in radians [rad]: a full turn and 2 % of rounding."""
+_USUAL = 0.99
+"""Part of the rows by whose angles the unit is judged: single cells are damaged."""
 _FIXED_POINT = ((7.3e2, "°"), (3.61e4, "0.01°"), (3.61e7, "1e-5°"))
 """Largest angle in each unit: two turns in degrees, a turn in centidegrees (ArduPilot, MAVLink), and in 1e-5°
 (UBX-NAV-ATT)."""
@@ -41,6 +43,8 @@ _STEP = 1.0
 """Time between the positions that show course and acceleration [s]: a metre of noise adds 0.6 m/s²."""
 _MOVES = 2.0
 """Speed from which the positions show a course [m/s]."""
+_MAX_STEPS = 100_000
+"""Most steps: 28 hours."""
 _MIN_STEPS = 10
 """Fewest such steps."""
 _ALONG = 0.7
@@ -63,8 +67,8 @@ _LEAST_GAP = 1.0
 """Interval over which it is interpolated in any case [s]."""
 _SWAP, _FLIP = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)), (1.0, -1.0, -1.0)
 """East, north, up from north, east, down; and the diagonal to forward, left, up from forward, right, down."""
-_LEAST_NORM = 0.5
-"""Norm of a quaternion below which there is none: loggers write zeros."""
+_LENGTHS = (0.5, 2.0)
+"""Length of a quaternion over the usual one within which it is one: loggers write zeros."""
 
 
 class Attitude(NamedTuple):
@@ -177,8 +181,19 @@ def _candidates(sheets: Sequence[Sheet]) -> Iterator[_Columns]:
         for one in sets:
             headings = tuple(heading for heading, _ in one)
             values = np.column_stack([heading.sign * numbers for heading, numbers in one])
+            values = _of_unit_length(values) if len(one) > len("rpy") else values
             if np.isfinite(values).all(axis=1).any():
                 yield _Columns(sheet, clock, headings, values, any(two.sensor == GIVEN for two in headings))
+
+
+def _of_unit_length(values: FloatArray) -> FloatArray:
+    """Return quaternions over their usual length, as of fixed-point numbers; NaN for those that are none."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.linalg.norm(values, axis=1)
+        known = size[np.isfinite(size) & (size > 0)]
+        ratio = size / (float(np.median(known)) if known.size else 1.0)
+        fine = (ratio > _LENGTHS[0]) & (ratio < _LENGTHS[1])
+        return np.where(fine[:, None], values / size[:, None], np.nan)
 
 
 def _readings(columns: _Columns) -> Iterator[_Reading]:
@@ -186,7 +201,7 @@ def _readings(columns: _Columns) -> Iterator[_Reading]:
     known = np.asarray(np.isfinite(columns.values).all(axis=1))
     values = np.where(known[:, None], columns.values, 0.0)
     if len(columns.headings) == len("rpy"):
-        largest = float(np.abs(values).max())
+        largest = float(np.quantile(np.abs(values[known]).max(axis=1), _USUAL))
         named = next((one.unit for one in columns.headings if one.unit), "")
         by_size = next((unit for most, unit in _FIXED_POINT if largest <= most), "°")
         units = [named] if named else [by_size] if largest > _TURN else ["°", "rad"]
@@ -198,7 +213,7 @@ def _readings(columns: _Columns) -> Iterator[_Reading]:
             enu = np.column_stack((np.pi / 2 - yaw, -pitch, roll))
             yield _Reading(Rotation.from_euler("ZYX", enu), unit, ", yaw from east to north")
         return
-    values[np.linalg.norm(values, axis=1) < _LEAST_NORM, 0] = 1.0
+    values[~known, 0] = 1.0
     orders = (True, False) if columns.headings[0].sensor.startswith(NUMBERED) else (True,)
     for first in orders:
         scalar = "" if first else ", the scalar last"
@@ -231,6 +246,11 @@ class _Motion(NamedTuple):
     acceleration: FloatArray
 
 
+def _even(first: float, last: float, step: float) -> FloatArray:
+    """Return even times; at most `_MAX_STEPS`, whatever the stamps of a damaged file are."""
+    return np.asarray(first + step * np.arange(min(max((last - first) / step, 0.0), _MAX_STEPS)))
+
+
 def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Motion:
     """Return velocity and acceleration (n, 2), north and east, at even times."""
     none = _Motion(np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
@@ -240,7 +260,7 @@ def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Mo
     if t.size < _MIN_STEPS:
         return none
     step = max(_STEP, float(np.median(np.diff(t))))
-    even = np.arange(t[0], t[-1], step)[:100_000]
+    even = _even(t[0], t[-1], step)
     if even.size < _MIN_STEPS:
         return none
     place = position[kept]
@@ -325,7 +345,7 @@ def reference_of(
         return None, [found.remark] if found else []
     time = found.time - log.epoch
     inside = (time >= log.time[0]) & (time <= log.time[-1])
-    at = np.arange(log.time[0], log.time[-1], _RATE_STEP)
+    at = _even(log.time[0], log.time[-1], _RATE_STEP)
     euler = found.at(at + log.epoch)
     known = np.asarray(np.isfinite(euler).all(axis=1))
     both = known[1:] & known[:-1]

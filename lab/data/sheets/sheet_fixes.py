@@ -48,6 +48,8 @@ _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
 """Fewest legs that show it."""
+_MAX_LEGS = 100_000
+"""Most legs: of 70 hours."""
 _LEG, _MIN_RISE = 5.0, 0.8
 """Time over which heights and vertical velocity are compared [s], and the correlation that shows a unit."""
 _CLIMBED = 30.0
@@ -339,7 +341,7 @@ def _of_heights(
     if len(t) < _MIN_LEGS or t[-1] - t[0] < _MIN_LEGS * _LEG or not (np.diff(t) > 0).all():
         return vertical, []
     way = np.append(0.0, np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2))
-    begin = np.arange(t[0], t[-1] - _LEG, _LEG / 2)
+    begin = t[0] + _LEG / 2 * np.arange(min((t[-1] - t[0] - _LEG) / (_LEG / 2), _MAX_LEGS))
     rise, stated = (np.interp(begin + _LEG, t, one) - np.interp(begin, t, one) for one in (h, way))
     size = np.sqrt(np.sum(rise**2) * np.sum(stated**2))
     like = float(np.sum(rise * stated) / size) if size else 0.0

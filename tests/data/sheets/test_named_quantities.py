@@ -356,3 +356,28 @@ def test_one_accuracy_that_names_its_unit_names_that_of_the_others(tmp_path):
     gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=1e-6)
     np.testing.assert_allclose(gnss.velocity_sigma[5, 0], 0.08, rtol=1e-6)
+
+
+@pytest.mark.parametrize("stamp", [1e9, 1e15, 1e300])
+@pytest.mark.parametrize("value", [0.0, 1e200, 1e308])
+def test_damaged_stamps_and_attitudes_end_nothing(tmp_path, stamp, value):
+    """A span of 10^15 s asks for no memory; quaternions of zeros, or beyond all numbers, are none."""
+    flown = Flight()
+    names = ("q0", "q1", "q2", "q3")
+    columns = flown.placed("time_s") | dict(zip(names, flown.quaternion.T * 16384, strict=True))
+    columns |= dict(zip(("vn", "ve", "vd"), flown.velocity.T, strict=True))
+    columns = {name: one.copy() for name, one in columns.items()}
+    columns["time_s"][-1] = stamp
+    for name in names:
+        columns[name][100:103] = value
+    flight = read_raw(flown.write(tmp_path / "a.csv", columns))
+    assert flight.euler is not None and len(flight.time) > 700
+    assert apart(flight.euler[:90], flown.euler[:90]) < 0.1
+
+
+@pytest.mark.parametrize("value", [1e9, 1e200, 1e308])
+def test_damaged_angles_end_nothing(tmp_path, value):
+    flown = Flight()
+    columns = flown.placed() | dict(zip(("roll", "pitch", "yaw"), np.degrees(flown.euler).T, strict=True))
+    columns["yaw"] = np.where(np.arange(len(flown.time)) == 50, value, columns["yaw"])
+    assert read_raw(flown.write(tmp_path / "a.csv", columns)).latitude is not None
