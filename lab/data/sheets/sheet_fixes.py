@@ -50,6 +50,9 @@ _MIN_LEGS = 10
 """Fewest legs that show it."""
 _MAX_LEGS = 100_000
 """Most legs: of 70 hours."""
+_OF_NOSE = re.compile(r"(?i)heading|hdg|yaw")
+_CRAB = np.radians(2.0)
+"""Median angle between a heading and the motion from which it is no course [rad]."""
 _LEG, _MIN_RISE = 5.0, 0.8
 """Time over which heights and vertical velocity are compared [s], and the correlation that shows a unit."""
 _CLIMBED = 30.0
@@ -304,7 +307,7 @@ def _velocity(
         used += [north, east]
         velocity[:, 0], velocity[:, 1] = north.values[rows], east.values[rows]
         pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
-    elif speed is not None and course is not None:
+    elif speed is not None and course is not None and not _is_of_nose(course, sheet, rows, time, position):
         speed = _speed_unit(speed, rows, time, position)
         course = _course_unit(course, rows, time, position)
         used += [speed, course]
@@ -326,6 +329,20 @@ def _velocity(
         words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
         remarks.append(f"Velocity: {words}.")
     return velocity, pace, angle, used, remarks
+
+
+def _is_of_nose(
+    course: Column, sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> bool:
+    """Return whether a heading beside roll and pitch is not the direction of motion: in wind they differ."""
+    if not (sheet.all_of("roll") and sheet.all_of("pitch")) or not _OF_NOSE.search(course.name):
+        return False
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
+    step += np.diff(position[:, 0]) * per_latitude[1:]
+    written = _course_unit(course, rows, time, position).values[rows][1:]
+    fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(written)
+    return bool(fast.sum() >= _MIN_LEGS and np.median(np.abs(wrap(np.angle(step) - written)[fast])) > _CRAB)
 
 
 def _of_heights(

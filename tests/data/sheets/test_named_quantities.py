@@ -381,3 +381,15 @@ def test_damaged_angles_end_nothing(tmp_path, value):
     columns = flown.placed() | dict(zip(("roll", "pitch", "yaw"), np.degrees(flown.euler).T, strict=True))
     columns["yaw"] = np.where(np.arange(len(flown.time)) == 50, value, columns["yaw"])
     assert read_raw(flown.write(tmp_path / "a.csv", columns)).latitude is not None
+
+
+@pytest.mark.parametrize(("wind", "used"), [((4.0, -11.0), False), ((0.0, 0.0), True)])
+def test_a_heading_beside_roll_and_pitch_is_a_course_only_if_the_motion_is_along_it(tmp_path, wind, used):
+    flown = Flight(wind=wind)
+    columns = flown.placed() | {"ground speed": np.hypot(*flown.velocity[:, :2].T)}
+    columns |= dict(zip(("roll", "pitch", "heading"), np.degrees(flown.euler).T, strict=True))
+    flight = read_raw(flown.write(tmp_path / "a.csv", columns))
+    assert (flight.velocity_n is not None) == used
+    if used:
+        np.testing.assert_allclose(flight.velocity_n[:, :2], flown.velocity[:, :2], atol=0.01)
+    assert apart(flight.euler, flown.euler) < 1e-3
