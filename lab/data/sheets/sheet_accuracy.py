@@ -57,11 +57,10 @@ def _beside(sheet: Sheet, columns: Sequence[Column], position: FloatArray) -> _B
     others = [found for name in _SIGMAS if (found := column_of(sheet, name)) and found.source != "assumed"]
     fine = [one for one in (*columns, *others) if one.unit.removesuffix("/s") in _FINE]
     units = {kind: one.unit for one in fine[::-1] for kind in _KINDS if one.unit in UNITS[kind]}
-    metres = np.column_stack((*metres_per_radian(position[:, 0], 0.0), np.ones(len(position))))
-    place = (np.unwrap(position, axis=0) - position[0]) * metres
-    place = place[np.isfinite(place[:, :2]).all(axis=1), :2]
     scatter, way = np.inf, 0.0
+    place = position[np.isfinite(position[:, :2]).all(axis=1), :2]
     if len(place) >= _MIN_FIXES:
+        place = (np.unwrap(place, axis=0) - place[0]) * np.column_stack(metres_per_radian(place[:, 0], 0.0))
         scatter = float(np.median(np.abs(np.diff(place, n=3, axis=0)))) * _SIGMA_OF_THIRD
         way = float(np.linalg.norm(np.ptp(place, axis=0)))
     return _Beside(units, " and ".join(dict.fromkeys(one.name for one in fine)), scatter, way)

@@ -9,12 +9,6 @@ from writers import flightgear_csv as writer
 from lab.data.formats import read_raw, reader_of
 from lab.missions import MissionError, Recording, mission, prepare_import
 
-PATHS = (
-    "Time", "/position/longitude-deg", "/position/latitude-deg", "/position/altitude-ft",
-    "/orientation/heading-deg", "/orientation/pitch-deg", "/orientation/roll-deg",
-    "/velocities/speed-north-fps", "/velocities/speed-east-fps", "/velocities/speed-down-fps", "/controls/x",
-)  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def flown() -> Recording:
@@ -46,7 +40,7 @@ def check(flight, flown: Recording, height: float = 1.0) -> None:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-@pytest.mark.parametrize("titles", [writer.TITLES, PATHS])
+@pytest.mark.parametrize("titles", [writer.TITLES, writer.PATHS])
 def test_titles_and_paths_give_the_flight(file, flown, titles, delimiter):
     logged = dict(zip(titles, writer.columns(flown).values(), strict=True))
     check(file(logged, delimiter), flown)
@@ -93,7 +87,9 @@ def test_the_report_finds_nothing_wrong(tmp_path, flown):
 
 def test_milliseconds_of_paths_are_told_by_the_speed(file, flown):
     rows = np.arange(0, len(flown.time), 10)
-    logged = {title: value[rows] for title, value in zip(PATHS, writer.columns(flown).values(), strict=True)}
+    logged = {
+        title: value[rows] for title, value in zip(writer.PATHS, writer.columns(flown).values(), strict=True)
+    }
     seconds = logged["Time"]
     logged["Time"] = np.round(1000 * seconds)
     flight = file(logged)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from lab.data.formats import read_raw
 from lab.data.sheets.sensor_csv import read, sheets_of
 from lab.data.sheets.sheet_fixes import fixes_of
-from lab.missions import prepare_import
+from lab.missions import MissionError, prepare_import
 
 GRAVITY = 9.80665
 RADIUS = 6.371e6
@@ -373,6 +373,14 @@ def test_damaged_stamps_and_attitudes_end_nothing(tmp_path, stamp, value):
     flight = read_raw(flown.write(tmp_path / "a.csv", columns))
     assert flight.euler is not None and len(flight.time) > 700
     assert apart(flight.euler[:90], flown.euler[:90]) < 0.1
+
+
+def test_accuracies_without_a_fix_are_refused(tmp_path):
+    flown = Flight()
+    columns = flown.placed() | {"hAcc": flown.time}
+    columns["lat"] = columns["lat"] * np.nan
+    with pytest.raises(MissionError):
+        read_raw(flown.write(tmp_path / "a.csv", columns))
 
 
 @pytest.mark.parametrize("value", [1e9, 1e200, 1e308])
