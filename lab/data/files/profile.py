@@ -67,7 +67,7 @@ class Profile:
     simulator : bool
         Whether `lab.data.files.simulator_csv` reads it; the rest is for it alone.
     prefix, suffix : str
-        What may stand before and after each heading.
+        What may stand before and after each heading that is a path.
     shared : tuple of str
         Headings that other programs write too: a file with no others does not have this profile.
     advice : str

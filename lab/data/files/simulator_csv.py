@@ -103,7 +103,9 @@ def _fields(path: Path, profile: tuple[tuple[str, str], ...], around: tuple[str,
 
 def _spellings(heading: str, prefix: str = "", suffix: str = "") -> tuple[str, ...]:
     """Return what a heading may be, as `lab.data.files.table.plain` gives it."""
-    befores, afters = dict.fromkeys((prefix, "")), dict.fromkeys(("", suffix))
+    is_path = "/" in heading
+    befores = dict.fromkeys((prefix, "") if is_path else ("",))
+    afters = dict.fromkeys(("", suffix) if is_path else ("",))
     return tuple(plain(f"{before}{heading}{after}") for before in befores for after in afters)
 
 
