@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,8 @@ _STEP = 1.0
 """Time between the positions that show course and acceleration [s]: a metre of noise adds 0.6 m/s²."""
 _MOVES = 2.0
 """Speed from which the positions show a course [m/s]."""
+_MAX_JUDGED = 50_000
+"""Most rows by which readings are compared."""
 _MAX_STEPS = 100_000
 """Most steps: 28 hours."""
 _MIN_STEPS = 10
@@ -124,6 +127,12 @@ class _Columns(NamedTuple):
     values: FloatArray
     given: bool
 
+    def thinned(self) -> _Columns:
+        """Return the columns themselves, or every so many rows of a long table, which show as much."""
+        every = slice(None, None, -(-len(self.values) // _MAX_JUDGED))
+        clock = self.clock._replace(time=self.clock.time[every])
+        return self if every.step == 1 else self._replace(clock=clock, values=self.values[every])
+
 
 def attitude_of(
     sheets: Sequence[Sheet], time: FloatArray, position: FloatArray, velocity: FloatArray
@@ -144,13 +153,15 @@ def attitude_of(
     refused = None
     motion = _motion(time, position, velocity)
     for columns in _candidates(sheets):
-        read = list(_readings(columns))
-        scores = [_agreement(_known(columns, one, ""), motion) for one in read]
+        some = columns.thinned()
+        read = list(_readings(some))
+        scores = [_agreement(_known(some, one, ""), motion) for one in read]
         best = max(scores, key=lambda one: one.size)
         as_written = columns.given and len(columns.headings) == len("rpy")
         at = 0 if as_written else next(i for i, one in enumerate(scores) if one.size >= best.size - _LIKE)
         if columns.given or scores[at].agrees:
-            found = _known(columns, read[at], scores[at].words)
+            whole = read[at] if some is columns else next(islice(_readings(columns), at, None))
+            found = _known(columns, whole, scores[at].words)
             words = f"{found.remark} {_ON_WHEELS}" if scores[at].level else found.remark
             return found._replace(remark=words, vehicle="car" if scores[at].level else "")
         names = ", ".join(one.text for one in columns.headings)
