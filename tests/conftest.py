@@ -16,6 +16,7 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 import pytest
 from hypothesis import HealthCheck, settings
 
+from lab.data.files.profile import FOLDER_VARIABLE
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 
 # Build machines are slow and shared: what a property costs in time is no property of it.
@@ -65,6 +66,7 @@ def own_missions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("missions")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(OWN_FOLDER_VARIABLE, str(folder))
+        patch.setenv(FOLDER_VARIABLE, str(tmp_path_factory.mktemp("profiles")))
         yield folder
 
 

@@ -41,6 +41,12 @@ def drive(path: Path) -> None:
     write(path, Tables(imu[::4], gnss, reference))
 
 
+def logged(path: Path) -> None:
+    """Write the fixes of a logger whose headings say nothing."""
+    rows = [f"{200 * i},{465_000_000 + 900 * i},{70_000_000 + 400 * i},{90_000 + i}" for i in range(99)]
+    written(path, "\n".join(("t_ms,q1,q2,q3", *rows)))
+
+
 def at_rest(path: Path) -> None:
     """Write five minutes of an IMU at rest."""
     rng = np.random.default_rng(1)
@@ -110,6 +116,8 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "phone.csv": lambda path: written(path, WRITERS["csv with named columns"](montreal(60))),
     "phone.zip": zipped,
     "capture.bin": capture,
+    "my_logger.csv": logged,
+    "my_logger.toml": lambda path: written(path, toml_of("docs/profiles.md", 0)),
     "my_drive": drive,
     "drive": drive,
     "my_copter": lambda path: write(path, copter()),

@@ -58,6 +58,10 @@ COMMANDS |= {
         "lab.cli.import_flight:import_flight",
         "Report on a recorded flight of any known format, rebuild it, and add it to your own missions.",
     ),
+    "profile": (
+        "lab.cli.profile:profile",
+        "What the columns of a maker's csv are: list the profiles, and check one.",
+    ),
     "record": (
         "lab.cli.record:record",
         "Record a mission from a running X-Plane.",

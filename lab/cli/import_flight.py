@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import shlex
+import sys
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import click
 import typer
 
 from lab.cli.app import CommandError, print_json, working
@@ -119,6 +122,15 @@ def import_flight(
     implausible: Annotated[
         bool, typer.Option("--implausible", help="Add the flight even if it is implausible.")
     ] = False,
+    save_profile: Annotated[
+        str | None,
+        typer.Option(
+            "--save-profile",
+            metavar="NAME",
+            help="Keep what --column and --unit say, for all csv files with these headings.",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -126,10 +138,11 @@ def import_flight(
     from lab.data.rebuild.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
     from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
 
+    given = _units(units) | _columns(columns)
     if kind is Kind.LOG:
-        given = _units(units) | _columns(columns)
         chosen = [axis.strip() for axis in axes.split(",")] if axes else []
-        _add_log(files, name, title, preview, as_json, given, chosen, vehicle)
+        given = _add_log(files, name, title, preview, as_json, given, chosen, vehicle)
+        _save_profile(save_profile, files, given)
         return
     if axes or vehicle:
         raise CommandError(
@@ -137,7 +150,6 @@ def import_flight(
         )
     settings = ImportSettings()
     settings.set_texts(assignments or [])
-    given = _units(units) | _columns(columns)
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
         read = prepare_import(files, settings, given, _noise(card))
@@ -148,6 +160,8 @@ def import_flight(
             progress("writing", 0.7)
             added = read.add(name or _free_name(files[0]), title, overwrite=force).name
     _show(read, added, shown, as_json)
+    if not refused:
+        _save_profile(save_profile, files, given)
     if refused:
         raise CommandError(f"{files[0]}: not added, since it is implausible; to add it anyway: --implausible")
 
@@ -161,8 +175,8 @@ def _add_log(
     units: dict[str, str],
     axes: Sequence[str],
     named_vehicle: str,
-) -> None:
-    """Add the IMU and GPS data of a file as a sensor log."""
+) -> dict[str, str]:
+    """Add the IMU and GPS data of a file as a sensor log; return what was said of columns."""
     from lab.data.log.log_section import piece  # noqa: PLC0415 - beside what it goes with
     from lab.data.log.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
@@ -173,7 +187,7 @@ def _add_log(
         raise CommandError(f"--vehicle {named_vehicle}: accepted are {', '.join(VEHICLES)}")
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
-        log = _log_in(files, units, axes, named_vehicle)
+        log, units = _answered(files, units, lambda said: _log_in(files, said, axes, named_vehicle))
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
@@ -186,13 +200,50 @@ def _add_log(
     }
     if as_json:
         print_json(facts)
-        return
+        return units
     print(f"IMU: {len(log.dtheta)} samples in {log.duration:.1f} s. GPS: {len(log.gnss.time)} fixes.")
     for repair in repairs:
         print(f"- {repair}")
     if not vehicle:
         print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")
     print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
+    return units
+
+
+def _answered(
+    files: Sequence[Path], units: dict[str, str], read: Callable[[dict[str, str]], SensorLog]
+) -> tuple[SensorLog, dict[str, str]]:
+    """Return what is read, and the units with the answer to a question about them.
+
+    Without a terminal, the command that answers is printed instead.
+    """
+    from lab.base.files.mission_error import QuestionError  # noqa: PLC0415 - beside what it goes with
+
+    try:
+        return read(units), units
+    except QuestionError as question:
+        words = list(question.choices)
+        if not sys.stdin.isatty():
+            names = shlex.join(map(str, files))
+            commands = [
+                f"  ins-lab import {names} --as log "
+                + shlex.join([part for at, unit in said.items() for part in ("--unit", f"{at}={unit}")])
+                for said in question.choices.values()
+            ]
+            raise CommandError("\n".join((f"{question}. Either of:", *commands))) from question
+        print(question, file=sys.stderr)
+        answer = typer.prompt(" or ".join(words), type=click.Choice(words), err=True)
+        said = {**units, **question.choices[answer]}
+        return read(said), said
+
+
+def _save_profile(name: str | None, files: Sequence[Path], units: dict[str, str]) -> None:
+    """Keep what is said of columns as a profile."""
+    if name is None:
+        return
+    from lab.data.sheets.profile_check import save_profile  # noqa: PLC0415 - beside what it goes with
+
+    print(f"Profile: {save_profile(name, files, units)}", file=sys.stderr)
 
 
 def _log_in(

@@ -8,6 +8,7 @@ import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from lab.base.files.file_content import check_file
@@ -16,22 +17,20 @@ from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
 from lab.data.files import (
     ardupilot,
     fit,
-    flight_recorder,
     flightgear,
-    flightgear_csv,
-    fslogger,
     garmin_csv,
     gpx,
     igc,
-    jsbsim_csv,
     kml,
     mavlink,
     own_csv,
     sdlog2,
+    simulator_csv,
     tcx,
     ulog,
     xplane_data,
 )
+from lab.data.files.profile import shipped_profiles
 from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols import receiver_file
 from lab.data.protocols.recognition import sound_frames
@@ -80,11 +79,12 @@ def _is_other_table(head: bytes) -> bool:
 READERS: tuple[Reader, ...] = (
     Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
     Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
-    Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
-    Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
+    *(
+        Reader(one.name, partial(simulator_csv.recognises, one), partial(simulator_csv.read, one))
+        for one in shipped_profiles()
+        if one.simulator
+    ),
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
-    Reader(flightgear_csv.NAME, flightgear_csv.recognises, flightgear_csv.read),
-    Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
     Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(fit.NAME, fit.recognises, fit.read),
@@ -105,6 +105,7 @@ READERS: tuple[Reader, ...] = (
 _COPIED_BYTES = 2**20
 """Bytes by which it is judged whether a file was copied as text: logs of PX4 begin with 64 kB of few line
 feeds."""
+_JSBSIM = "JSBSim csv"
 _UNMISTAKABLE = re.compile(rb"[{}]|[a-z]/[a-z]+-[a-z]")
 """What headings have that are JSBSim's alone: V_{North} (ft/s), or the path of a property."""
 _TABLE = (
@@ -246,7 +247,7 @@ def read_raw(
     except MissionError as refusal:
         if copied:
             raise MissionError(f"{refusal}. {copied}") from refusal
-        if readers[0].name != jsbsim_csv.NAME or any(_UNMISTAKABLE.search(_head(path)) for path in files):
+        if readers[0].name != _JSBSIM or any(_UNMISTAKABLE.search(_head(path)) for path in files):
             raise
         # JSBSim's headings time, latitude and vn are those of any receiver, too.
         try:

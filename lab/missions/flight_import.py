@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.files.mission_error import MissionError
+from lab.base.files.mission_error import MissionError, QuestionError
 from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
 from lab.data.log.auxiliary_data import Comparison
 from lab.data.log.sensor_log import SensorLog
@@ -211,6 +211,8 @@ def read_log(
     if reader.read_logs is not None:
         try:
             return reader.read_logs(files, units or {}, axes, vehicle)
+        except QuestionError:
+            raise
         except MissionError as error:
             raise MissionError(f"{error}{_without_columns(paths, files)}") from error
     if len(files) != 1:

@@ -30,6 +30,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "ensemble",
         "sweep",
         "fly",
+        "profile",
         "cards",
         "allan",
         "outage",

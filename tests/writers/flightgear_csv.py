@@ -1,4 +1,4 @@
-"""FlightGear's logger: titles with units, ten significant digits, seconds since the simulator began."""
+"""FlightGear's logger: paths, or titles with units; ten significant digits, seconds since its start."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ TITLES = (
     "Time", "Longitude (deg)", "Latitude (deg)", "Altitude (ft)", "Heading (deg)", "Pitch (deg)",
     "Roll (deg)", "Speed North (fps)", "Speed East (fps)", "Speed Down (fps)", "Rudder",
 )  # fmt: skip
+PATHS = (
+    "Time", "/position/longitude-deg", "/position/latitude-deg", "/position/altitude-ft",
+    "/orientation/heading-deg", "/orientation/pitch-deg", "/orientation/roll-deg",
+    "/velocities/speed-north-fps", "/velocities/speed-east-fps", "/velocities/speed-down-fps", "/controls/x",
+)  # fmt: skip
+"""What the logger writes where the user gives no titles."""
 START = 12.35
 
 
@@ -34,5 +40,5 @@ def text(logged: dict[str, np.ndarray], delimiter: str = ",") -> bytes:
 
 
 def write(recording: Recording) -> bytes:
-    """Return the log of a flight."""
-    return text(columns(recording))
+    """Return the log of a flight, under the paths of its properties."""
+    return text(dict(zip(PATHS, columns(recording).values(), strict=True)))

@@ -35,7 +35,7 @@ from lab.data.files.fields import (
 )
 from lab.data.files.fixes import NO_FIX, UtcClock
 from lab.data.files.table import NO_NUMBER, Header, find_header, plain
-from lab.data.files.unit_names import UNITS
+from lab.data.files.unit_names import unit_of
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
@@ -60,10 +60,6 @@ FIELDS = (
 REQUIRED = (("lcldate",), ("lcltime",), ("latitude",), ("longitude",))
 _NUMBERS = (("latitude",), ("longitude",))
 _TEXTS = ("lcldate", "lcltime", "utcofst", "gpsfix")
-_SPELLINGS = {
-    "degrees": "°", "deg": "°", "ftmsl": "ft", "ftwgs": "ft", "ft": "ft", "m": "m", "kt": "kt",
-    "fpm": "ft/min", "ft/min": "ft/min", "m/s": "m/s", "km/h": "km/h", "mph": "mph",
-}  # fmt: skip
 _IN_BRACKETS = re.compile(r"\(([^()]*)\)")
 _OFFSET = re.compile(r"[+-]?\d\d:\d\d")
 _MAX_HEADER_LINE = 100
@@ -176,11 +172,10 @@ def _fields(heading: _Heading) -> list[Field]:
     """Return what is read, in the units that the file names."""
     fields = []
     for field in FIELDS:
-        named = [_SPELLINGS.get(plain(heading.units.get(name, ""))) for name in field.names]
-        unit = next((one for one in named if one is not None), None)
         # A damaged head may name a unit of something else.
-        known = unit is not None and unit in UNITS[field.quantity]
-        fields.append(replace(field, unit=unit or "", source=NAMED) if known else field)
+        named = [unit_of(field.quantity, plain(heading.units.get(name, ""))) for name in field.names]
+        unit = next(filter(None, named), "")
+        fields.append(replace(field, unit=unit, source=NAMED) if unit else field)
     return fields
 
 

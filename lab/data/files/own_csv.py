@@ -12,19 +12,20 @@ from lab.motion.recordings.flight_csv import COLUMNS, read_flight_csv
 
 NAME = "INS Lab flight csv"
 
-_NAMES = frozenset(column.name for column in COLUMNS)
-_MIN_COLUMNS = 3
-"""Fewest of our columns that a header must have: other programs use one or two of the names."""
+_NAMES = frozenset(column.name for column in COLUMNS if column.required)
 _UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins with remarks and a header with at least three of our columns."""
+    """Return whether a file begins with remarks and a header with all columns that ours must have.
+
+    Other programs use some of the names: such a file is a csv with named columns.
+    """
     lines = (part for line in head.split(b"\n") for part in line.decode("utf-8", "replace").splitlines())
     for line in lines:
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
             cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
-            return "time_s" in cells and len(cells & _NAMES) >= _MIN_COLUMNS
+            return cells >= _NAMES
     return False
 
 

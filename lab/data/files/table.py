@@ -27,6 +27,8 @@ from lab.data.rebuild.raw_flight import Dropped
 _DELIMITERS = "|\t;,"
 _MAX_HEADER_LINE = 100
 """Last line on which the header may stand."""
+_MAX_NAMED = 12
+"""Most headings for one need that a message names."""
 _MAX_COLUMNS = 10_000
 """Most columns: X-Plane and JSBSim have some hundred."""
 _MAX_RECORDINGS = 1000
@@ -220,7 +222,10 @@ def _first_header(path: Path, text: TextBlocks, required: Required) -> Header:
             return header
         if text.next_line > _MAX_HEADER_LINE:
             break
-    needs = ", ".join(" or ".join(need) for need in required)
+    needs = ", ".join(
+        " or ".join((*list(need)[:_MAX_NAMED], *(["others"] if len(need) > _MAX_NAMED else ())))
+        for need in required
+    )
     raise MissionError(
         f"{path}: no header within the first {_MAX_HEADER_LINE} lines; accepted is one with {needs} "
         f"among at most {_MAX_COLUMNS} columns"

@@ -81,6 +81,8 @@ class Track:
         Vertical velocity, positive down, if the file has it [m/s].
     columns : tuple of ColumnUnit
         What the file calls its quantities: latitude, longitude, height, speed, course; in this order.
+    euler : (n, 3) array or None
+        Roll, pitch, yaw, if the file has them [rad].
     rows_read, dropped, remarks, doubts, vehicle
         As of `RawFlight`, of what came before.
     unmeasured : Mapping
@@ -104,6 +106,7 @@ class Track:
     down: FloatArray | None = None
     doubts: tuple[str, ...] = ()
     unmeasured: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    euler: FloatArray | None = None
     _lost: list[Dropped] = field(default_factory=list, init=False)
 
     def flight(self) -> RawFlight:
@@ -146,6 +149,12 @@ class Track:
         elif np.isfinite(self.speed).any():
             why = "they are known at too few points" if has_height else "they are together with heights only"
             remarks.append(f"Speed and course are not used: {why}.")
+        whole = None if self.euler is None else np.asarray(np.isfinite(self.euler).all(axis=1))
+        has_attitude = whole is not None and bool(kept.any() and whole[kept].mean() >= _MIN_KNOWN)
+        if whole is not None and has_attitude:
+            self._keep(kept, whole, "without an attitude")
+        elif whole is not None and whole.any():
+            remarks.append("The attitude is not used: it is known at too few points.")
         self._refuse_if_too_few(kept)
         velocity = None
         if has_velocity:
@@ -160,6 +169,7 @@ class Track:
             longitude=np.radians(self.longitude[kept]),
             height=self.height[kept] if has_height else None,
             velocity_n=velocity,
+            euler=self.euler[kept] if self.euler is not None and has_attitude else None,
             rows_read=self.rows_read,
             dropped=(*self.dropped, *self._lost),
             units=tuple(unit for unit, there in zip(self.columns, used, strict=True) if there),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Collection, Mapping
 
 from lab.base.files.mission_error import MissionError
@@ -17,7 +18,25 @@ from lab.base.parameters.units import (
     STANDARD_GRAVITY,
 )
 
-UNITS: dict[str, dict[str, float]] = {
+_COUNTS = re.compile(r"(.+)/(0*[1-9]\d{0,8}(?:\.\d{1,9})?)")
+"""A unit over how many counts it is."""
+
+
+class Factors(dict[str, float]):
+    """Factors to SI by unit; a unit over a number, such as ``g/16384`` of raw counts, is one too."""
+
+    def __missing__(self, unit: str) -> float:
+        if unit not in self:
+            raise KeyError(unit)
+        base, _, count = unit.rpartition("/")
+        return self[base] / float(count)
+
+    def __contains__(self, unit: object) -> bool:
+        found = _COUNTS.fullmatch(unit) if isinstance(unit, str) else None
+        return super().__contains__(unit) or (found is not None and super().__contains__(found[1]))
+
+
+UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
     "time": {
         "s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0, "days": DAY,
     },
@@ -37,25 +56,56 @@ UNITS: dict[str, dict[str, float]] = {
     },
     "magnetic field": {"µT": 1.0, "nT": 1e-3, "mT": 1e3, "T": 1e6, "G": 100.0, "mG": 0.1},
     "pressure": {"hPa": 100.0, "kPa": 1000.0, "Pa": 1.0, "mbar": 100.0, "bar": 1e5, "inHg": 3386.389},
-}  # fmt: skip
+}.items()}  # fmt: skip
 """Factor to SI of each unit, by quantity; angles in radians, magnetic fields in µT."""
 
-_SPELLINGS = {
-    "seconds": "s", "second": "s", "sec": "s", "milliseconds": "ms", "microseconds": "µs", "us": "µs",
-    "minutes": "min", "hours": "h", "day": "days",
-    "deg": "°", "degrees": "°", "degree": "°", "radians": "rad", "radian": "rad",
-    "metres": "m", "meters": "m", "metre": "m", "meter": "m", "feet": "ft", "foot": "ft",
-    "ftmsl": "ft", "ftagl": "ft",
-    "mps": "m/s", "knots": "kt", "knot": "kt", "kts": "kt", "ktas": "kt", "fps": "ft/s", "kmh": "km/h",
-    "kn": "kt", "kph": "km/h", "fpm": "ft/min",
-    "deg/s": "°/s", "degps": "°/s", "degreespersecond": "°/s", "radps": "rad/s", "rad/sec": "rad/s",
-    "radianspersecond": "rad/s", "rad_sec": "rad/s",
-    "m/s2": "m/s²", "m/s^2": "m/s²", "mps2": "m/s²", "gforce": "g", "ft/s2": "ft/s²", "ft/s^2": "ft/s²",
-    "ft/sec^2": "ft/s²",
-    "cm/s2": "cm/s²", "cm/s^2": "cm/s²", "gal": "cm/s²", "mm/s2": "mm/s²", "mm/s^2": "mm/s²",
-    "ug": "µg", "μg": "µg", "deg/h": "°/h", "deg/hr": "°/h", "°/hr": "°/h", "deg/hour": "°/h",
-    "metrespersecond": "m/s", "meterspersecond": "m/s", "feetpersecond": "ft/s",
-}  # fmt: skip
+_SPELLINGS = {spelling: unit for unit, spellings in {
+    "s": "seconds second sec secs",
+    "ms": "milliseconds msec millis",
+    "µs": "microseconds us usec micros μs",
+    "min": "minutes",
+    "h": "hours",
+    "days": "day",
+    "°": "deg degrees degree º wgs84",
+    "rad": "radians radian",
+    "m": "metres meters metre meter",
+    "ft": "feet foot ftmsl ftagl ftwgs",
+    "m/s": "mps metrespersecond meterspersecond m_s meters/second meter/s meters/s m/sec",
+    "kt": "knots knot kts ktas kn",
+    "ft/s": "fps feetpersecond ft_s ft/sec",
+    "km/h": "kmh kph km_h kmph km/hr",
+    "ft/min": "fpm",
+    "°/s": "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "
+        "deg*s^-1 d/s º/s degrees/s degrees/sec degree/s",
+    "rad/s": "radps rad/sec radianspersecond rad_sec rads rad_s radsec rad_per_s rad_per_sec rps rads^-1 "
+        "rad*s^-1 r/s",
+    "m/s²": "m/s2 m/s^2 mps2 m_s2 m_s^2 ms2 ms^2 m_s_2 mpss m_per_s2 m/s/s ms^-2 m*s^-2 m/sec^2 m/sec2 "
+        "m/(s^2) m/s**2 meters/s^2",
+    "g": "gforce gs gravity",
+    "ft/s²": "ft/s2 ft/s^2 ft/sec^2",
+    "cm/s²": "cm/s2 cm/s^2 gal",
+    "mm/s²": "mm/s2 mm/s^2",
+    "µg": "ug μg",
+    "°/h": "deg/h deg/hr °/hr deg/hour",
+    "m°/s": "mdps",
+    "mrad/s": "mrad_s",
+    "mg": "millig milli_g",
+    "ns": "nsec nanos nanoseconds",
+    "1e-7°": "1e7 e7 dege7",
+    "′": "arcmin",
+    "µT": "ut µt μt microt microtesla",
+    "T": "tesla",
+    "nT": "nanotesla",
+    "mT": "millitesla",
+    "G": "gauss",
+    "mG": "mgauss milligauss",
+    "hPa": "hpa hectopascal",
+    "kPa": "kpa",
+    "Pa": "pa",
+    "mbar": "millibar",
+    "inHg": "inhg",
+}.items() for spelling in spellings.split()}  # fmt: skip
+"""Units by what files and people write, without blanks and in lower case."""
 
 
 def unit_name(quantity: str, spelling: str) -> str:
@@ -74,6 +124,8 @@ def unit_name(quantity: str, spelling: str) -> str:
         If this is no unit of the quantity, listing those that are.
     """
     text = "".join(spelling.split())
+    if found := _COUNTS.fullmatch(text):
+        return f"{unit_name(quantity, found[1])}/{found[2]}"
     for candidate in (text, text.lower()):
         name = _SPELLINGS.get(candidate, candidate)
         if name in UNITS[quantity]:
@@ -107,3 +159,11 @@ def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[s
                 f"{path}: a unit is given for the column {column}, which is not read from this file"
                 f"{f' (do you mean {near[0]}?)' if near else ''}; accepted are {', '.join(columns)}"
             )
+
+
+def unit_of(kind: str, spelling: str) -> str:
+    """Return a unit as `UNITS` has it; empty for what is no unit of the kind."""
+    try:
+        return unit_name(kind, spelling.strip("[]() "))
+    except (MissionError, KeyError):
+        return ""

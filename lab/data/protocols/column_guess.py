@@ -16,8 +16,7 @@ import numpy as np
 
 from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
-from lab.base.files.mission_error import MissionError
-from lab.data.files.unit_names import unit_name
+from lab.data.files.unit_names import unit_of
 from lab.data.protocols.column_map import MAX_COLUMNS, SEPARATORS, UNITS_OF, Column, ColumnMap, ColumnMapError
 from lab.data.sheets.column_names import heading_of
 
@@ -26,28 +25,18 @@ MIN_LINES = 8
 NUMBER = r"[+-]?(?:\d{1,15}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
 _IS_NUMBER = re.compile(NUMBER)
 _PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
-_HEADING = re.compile(r"(.*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*")
-_OTHERS = (
-    ("count", re.compile(r"count|counter|sample|n|index")),
-    ("magnetic", re.compile(r"(?:magnetic|mag|magnetometer|magnetic ?field|m|b).?([xyz])")),
-    ("temperature", re.compile(r"temp|temperature|t imu")),
-    ("pressure", re.compile(r"pres|press|pressure|baro")),
+_STREAMED = (
+    ("count", "", re.compile(r"count|counter|sample|n|index")),
+    ("temperature", "", re.compile(r"temp|temperature|t imu")),
+    ("pressure", "pressure", re.compile(r"pres|baro")),
     # A heading without a word is often magnetic, and a speed that of a receiver: both have to be said.
-    ("heading", re.compile(r"true heading|heading true")),
-    ("speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
-    *((aid.live, re.compile(aid.live.replace("_", " "))) for aid in FURTHER if aid.live),
+    ("heading", "angle", re.compile(r"true heading|heading true")),
+    ("speed", "speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
+    *((aid.live, "", re.compile(aid.live.replace("_", " "))) for aid in FURTHER if aid.live),
 )
-"""Names of what only streams have; those of times, rates and forces are in `lab.data.sheets.column_names`."""
-_SHARED = ("time", "rate", "force")
-"""Quantities whose names streams and csv files share."""
-_BARE = re.compile(r"[xyz]")
-_SPELLINGS = {
-    "ut": "µT", "μt": "µT", "µt": "µT", "microtesla": "µT", "gauss": "G", "mgauss": "mG", "milligauss": "mG",
-    "t": "T", "nt": "nT", "c": "°C", "degc": "°C", "celsius": "°C", "pa": "Pa", "hpa": "hPa", "mbar": "hPa",
-    "kpa": "kPa", "mrad/s": "mrad/s", "mg": "mg", "ns": "ns", "μs": "µs", "rad/s": "rad/s",
-    "deg": "°", "degrees": "°", "rad": "rad", "kmh": "km/h", "kph": "km/h",
-}  # fmt: skip
-_QUANTITY_OF_UNIT = {"time": "time", "angular rate": "rate", "acceleration": "force"}
+"""Names of what only streams have, each with the kind of its unit."""
+_SHARED = {"time": "time", "rate": "rate", "force": "force", "field": "magnetic", "pressure": "pressure"}
+"""What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
 _DEFAULT_UNITS = {
     "time": "s", "count": "", "temperature": "°C", "pressure": "Pa", "heading": "°", "speed": "m/s",
     **{aid.live: aid.unit for aid in FURTHER if aid.live},
@@ -171,34 +160,16 @@ def _named(headings: Sequence[str], remarks: list[str]) -> list[Column]:
 
 def _quantity(heading: str) -> tuple[str, str, int]:
     """Return the quantity, unit and rank of a heading; the lowest rank is the best of one quantity."""
-    cut = _HEADING.fullmatch(heading)
-    stem, unit = (cut[1], cut[2] or "") if cut else (heading, "")
+    stem, _, unit = heading.rstrip(")] ").replace("[", "(").partition("(")
     name = stem.replace("_", " ").strip().lower()
-    if _BARE.fullmatch(name) and (known := _unit("magnetic", unit)):
-        return f"magnetic_{name}", known, 0
-    for quantity, pattern in _OTHERS:
-        if found := pattern.fullmatch(name):
-            return f"{quantity}_{found[1]}" if pattern.groups else quantity, _unit(quantity, unit), 0
+    for quantity, kind, pattern in _STREAMED:
+        if pattern.fullmatch(name):
+            return quantity, unit_of(kind, unit) if kind else "", 0
     named = heading_of(heading)
     if named is None or named.quantity not in _SHARED:
         return "-", "", 0
-    known = _unit(named.quantity, unit) or _unit(named.quantity, named.unit)
-    return f"{named.quantity}_{named.axis}" if named.axis else named.quantity, known, named.rank
-
-
-def _unit(quantity: str, spelling: str) -> str:
-    """Return a unit as `UNITS_OF` has it; nothing for what is none of a quantity."""
-    text = "".join(spelling.split())
-    for candidate in (text, _SPELLINGS.get(text.lower(), "")):
-        if candidate and candidate in UNITS_OF[quantity]:
-            return candidate
-    for known, ours in _QUANTITY_OF_UNIT.items():
-        if ours == quantity and text:
-            try:
-                return unit_name(known, text)
-            except MissionError:
-                return ""
-    return ""
+    ours = _SHARED[named.quantity]
+    return f"{ours}_{named.axis}" if named.axis else ours, named.unit, named.rank
 
 
 def _columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:

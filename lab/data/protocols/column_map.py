@@ -6,8 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from lab.base.aid_table import FURTHER, SENT
-from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.files.unit_names import UNITS
+from lab.data.files.unit_names import UNITS, Factors
 
 _AXES = ("x", "y", "z")
 VECTORS = ("rate", "force", "magnetic")
@@ -16,15 +15,15 @@ UNITS_OF = {
     "time": UNITS["time"],
     "count": {"": 1.0},
     "rate": UNITS["angular rate"],
-    "force": {**UNITS["acceleration"], "g/256": STANDARD_GRAVITY / 256},
-    "magnetic": {unit: UNITS["magnetic field"][unit] / 1e6 for unit in ("T", "µT", "mT", "nT", "G", "mG")},
+    "force": UNITS["acceleration"],
+    "magnetic": Factors({unit: factor / 1e6 for unit, factor in UNITS["magnetic field"].items()}),
     "temperature": {"°C": 1.0},
-    "pressure": {unit: UNITS["pressure"][unit] for unit in ("Pa", "hPa", "kPa")},
-    "heading": {unit: UNITS["angle"][unit] for unit in ("°", "rad")},
-    "speed": {unit: UNITS["speed"][unit] for unit in ("m/s", "km/h", "mm/s")},
+    "pressure": UNITS["pressure"],
+    "heading": UNITS["angle"],
+    "speed": UNITS["speed"],
     **{aid.live: {aid.unit: 1.0} for aid in FURTHER if aid.live},
 }
-"""Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
+"""Factor to SI of each unit, by quantity."""
 READINGS = tuple(aid.live for aid in SENT)
 """Quantities that stand alone: readings of sensors besides the IMU."""
 QUANTITIES = (

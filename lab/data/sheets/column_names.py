@@ -11,9 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lab.base.files.mission_error import MissionError
-from lab.data.files.unit_names import UNITS
-from lab.data.sheets.column_words import FIELD_WORDS, GLUED_FIELD, in_english, names_field
-from lab.data.sheets.sheet_cells import UNIT, unit_of
+from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.sheets.column_words import (
+    FIELD_WORDS,
+    GLUED_FIELD,
+    NAMES,
+    PATTERNS,
+    SENSORS,
+    STAMPS,
+    WORSE,
+    in_english,
+    names_field,
+)
+from lab.data.sheets.sheet_cells import UNIT
 
 VECTORS = {
     "rate": "angular rate", "force": "acceleration", "gravity": "acceleration", "field": "magnetic field",
@@ -27,10 +37,13 @@ SCALARS = {
     "instance": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
     "pressure": "pressure",
+    "roll": "angle", "pitch": "angle", "yaw": "angle", "q0": "", "q1": "", "q2": "", "q3": "",
+    "position_resets": "", "velocity_resets": "", "attitude_resets": "",
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
-a side is N, S, E or W, an instance is the number of one of several sensors."""
+a side is N, S, E or W, an instance is the number of one of several sensors. q0 is the scalar part of a
+quaternion; resets are counters of an estimator."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 GIVEN = "given"
@@ -40,6 +53,8 @@ IGNORED = "-"
 
 _CALIBRATED = re.compile(r"(?i)_cal$")
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$")
+"""What may follow a unit: above what, or from which north."""
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
 _INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
@@ -53,39 +68,6 @@ _LEADING = re.compile(
 _QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate", "magnetic field": "field"}
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[a-zµμ]+|%|\d+")
-
-_NOT_SENSORS = {
-    "bias", "covariance", "cov", "variance", "var", "std", "stddev", "sigma", "noise", "temp", "temperature",
-    "accuracy", "orientation", "quaternion", "quat", "vector", "delta", "magnitude", "norm", "clip",
-    "clipping", "offset", "scale", "magnetic", "mag", "magnetometer", "time", "timestamp", "count", "rotvec",
-    "attitude", "euler", "error", "jerk", "abs", "mean",
-}  # fmt: skip
-_GYRO = {"gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "omega", "angvel", "angularvelocity",
-         "rotationrate", "pqr"}  # fmt: skip
-_ACCEL = {"accelerometer", "accelerometers", "accel", "acc", "acceleration", "accelerations", "accelero",
-          "linacc", "acce"}  # fmt: skip
-_SHORT_RATE = {"w", "g", "imug", "imuw", "rate", "rates", "wrss"}
-_SHORT_FORCE = {"a", "f", "gf", "imua", "arss", "force", "forces"}
-"""Short names; those with rs and s are of EuRoC: w_RS_S_x."""
-_WORSE = {
-    "total": -1, "uncalibrated": 4, "uncal": 4, "raw": 1, "filtered": 2, "lpf": 2, "linear": 2, "lin": 2,
-    "user": 3, "free": 3, "est": 8, "estimate": 8, "estimated": 8, "estimator": 8, "ekf": 8, "kf": 8,
-    "truth": 9,
-    "true": 2, "ref": 9, "reference": 9, "gt": 9, "network": 5, "google": 3, "obd": 9, "home": 9, "target": 9,
-    "setpoint": 9, "sp": 9, "max": 9, "min": 9, "sea": -1,
-    "ellipsoid": -2, "ellipsoidal": -2, "hae": -2, "amsl": -1,
-    "baroaltitude": 6, "baroalt": 6,
-    "takeoff": 9, "relative": 5, "rel": 5, "agl": 6, "baro": 6, "barometer": 6,
-    "pressure": 6, "last": 9, "local": 6,
-}  # fmt: skip
-"""How much worse a column is for words in its heading: what is estimated, relative or of another origin."""
-_ALONG_GRAVITY = {"accelerometeracceleration", "motionuseracceleration", "motiongravity"}
-"""Names of Apple's Core Motion, whose accelerations at rest point down: minus the specific force."""
-_RECEIVER = {"gps", "gnss", "location", "fix", "navsatfix"}
-_TIMES = {"time", "timestamp", "timestamps", "stamp", "t", "millis", "micros", "utc", "epoch", "elapsed",
-          "unixtime", "timems", "timeus", "timens", "timesec", "datetime", "gmt", "msec", "usec"}  # fmt: skip
-_NOT_TIMES = {"rate", "accuracy", "zone", "relative", "dt", "delta", "offset", "error", "since", "local",
-              "week", "fix", "diff", "latency", "duration", "day"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -108,6 +90,8 @@ class Heading:
         The lowest is the best of several columns of one quantity.
     sign : int
         -1 for a column that is to be negated.
+    source : str
+        How its unit is known, if it has one.
     """
 
     text: str
@@ -117,11 +101,48 @@ class Heading:
     unit: str = ""
     rank: int = 0
     sign: int = 1
+    source: str = "named in the heading"
 
     @property
     def kind(self) -> str:
         """Kind of its unit, a key of `UNITS`."""
         return VECTORS.get(self.quantity) or SCALARS[self.quantity]
+
+
+_QUATERNION = re.compile(
+    r"(?i)^(?P<of>(?:.*[\s_./:])?(?:q|quat|quaternion|orientation|attitude))[\s_./:-]*(?:q[\s_.]?)?"
+    r"(?:\[(?P<place>[0-3])\]|[\s_.]?(?P<part>[0-3wxyzrijk]))$"
+)
+_PARTS = "0123wxyzrijk"
+"""Names of the parts of a quaternion, in fours, the scalar first; after numbers it may be the last."""
+NUMBERED = "numbered"
+"""Begin of the sensor of a quaternion whose parts have numbers."""
+_RESETS = {
+    "velocity_resets": {"vel", "velocity", "vxy", "vz", "vd", "speed"},
+    "attitude_resets": {"quat", "q", "quaternion", "heading", "yaw", "attitude", "att", "hdg"},
+}
+"""What an estimator's counter of resets counts by its other words; those of positions by none of them."""
+
+
+def _of_estimator(text: str, words: Sequence[str]) -> Heading | None:
+    """Return a part of a quaternion or a counter of resets; None for another column."""
+    if found := _QUATERNION.match(text.strip().strip("\"'")):
+        part = found["place"] or found["part"].lower()
+        numbered = f"{NUMBERED} " if part.isdigit() else ""
+        rank = sum(WORSE.get(word, 0) for word in words)
+        return Heading(
+            text, f"q{_PARTS.index(part) % 4}", sensor=f"{numbered}{found['of'].lower()}", rank=rank
+        )
+    given = set(words)
+    if given & {"reset", "resets"} and not given & {"time", "delta", "reason", "since"}:
+        quantity = next((name for name, theirs in _RESETS.items() if given & theirs), "position_resets")
+        return Heading(text, quantity)
+    return None
+
+
+def kind_of(quantity: str) -> str:
+    """Return the kind of the unit of a quantity, a key of `UNITS`; empty for one without a unit."""
+    return VECTORS.get(quantity) or SCALARS.get(quantity, "")
 
 
 def heading_of(text: str, file: str = "") -> Heading | None:
@@ -138,8 +159,10 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
     words = _words(stem)
     given = set(words)
-    rank = sum(_WORSE.get(word, 0) for word in given)
+    rank = sum(WORSE.get(word, 0) for word in given)
     joined = "".join(words)
+    if found := _of_estimator(text, _words(text)):
+        return found
     if axis and joined in _INDEXED:
         quantity = _INDEXED[joined]["xyz".index(axis)]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
@@ -150,12 +173,10 @@ def heading_of(text: str, file: str = "") -> Heading | None:
         )
     if axis:
         return _vector(text, axis, unit, words, file, rank)
-    if joined in _NAMED:
-        quantity, named, worse = _NAMED[joined]
+    if joined in NAMES:
+        quantity, named, worse = NAMES[joined]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit or named), rank=rank + worse)
-    if found := _stamp(text, words, unit, rank):
-        return found
-    return _scalar(text, words, unit, rank)
+    return _stamp(text, words, unit, rank) or _scalar(text, words, unit, rank)
 
 
 def given_heading(text: str, column: str) -> Heading | None:
@@ -206,7 +227,7 @@ def _cut(text: str) -> tuple[str, str, str]:
         stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
     insides = _BRACKETS.findall(stem)
     stem = _BRACKETS.sub(" \0 ", stem)
-    for inside in insides:
+    for inside in (_DATUM.sub("", one) for one in insides):
         if re.fullmatch(r"(?i)([xyz])([\s-]*axis)?", inside):
             axis = axis or inside[0].lower()
         elif not unit and any(unit_of(kind, inside) for kind in UNITS):
@@ -243,19 +264,19 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
     if not names:
         # Columns x, y and z are of the sensor that their unit or the name of the file names.
         names = _words(file.partition(".")[0])
-        rank = sum(_WORSE.get(word, 0) for word in names)
+        rank = sum(WORSE.get(word, 0) for word in names)
     given = set(names)
     joined = "".join(names)
     sensor = " ".join(words) or file
     is_field = names_field(frozenset(given), joined)
-    if is_field or given & _NOT_SENSORS:
+    if is_field or given & SENSORS["other"]:
         known = unit_of(VECTORS["field"], unit) if unit else ""
-        measured = is_field and not given & (_NOT_SENSORS - FIELD_WORDS) and (known or not unit)
+        measured = is_field and not given & (SENSORS["other"] - FIELD_WORDS) and (known or not unit)
         # Core Motion removes the iron of the device from the field of its motions.
         better = int("motion" in given)
         return Heading(text, "field", axis, sensor, known, rank - better) if measured else None
     if given & {"gravity", "grav"}:
-        sign = -1 if joined in _ALONG_GRAVITY else 1
+        sign = -1 if joined in SENSORS["along_gravity"] else 1
         return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank, sign)
     quantity = _sensor_of(given, joined)
     if not quantity:
@@ -265,8 +286,6 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         quantity = found
     if quantity == "rate" and unit_of("acceleration", unit) == "g" and joined == "g":
         quantity = "force"
-    if joined == "g" and not unit and text.strip().startswith("G("):  # of Torque: G(x)
-        quantity, unit = "force", "g"
     if joined in {"gf", "gforce"} and not unit:
         unit = "g"
     known = unit_of(VECTORS[quantity], f"{unit}/s" if unit == "rad" else unit) if unit else ""
@@ -274,7 +293,7 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         return None if unit_of("angle", unit) or unit_of("speed", unit) else Heading(
             text, quantity, axis, sensor, "", rank + 1
         )  # fmt: skip
-    return Heading(text, quantity, axis, sensor, known, rank, -1 if joined in _ALONG_GRAVITY else 1)
+    return Heading(text, quantity, axis, sensor, known, rank, -1 if joined in SENSORS["along_gravity"] else 1)
 
 
 _FRAMES = {
@@ -296,10 +315,16 @@ def given_frame(words: Sequence[str]) -> tuple[tuple[str, int], ...] | None:
 def _sensor_of(given: set[str], joined: str) -> str:
     """Return the quantity that words name; empty if they name none."""
     turning = given & {"angular", "angle"} and given & {"velocity", "rate", "rates", "vel", "speed"}
-    if given & _GYRO or turning or {"rotation", "rate"} <= given or joined in _SHORT_RATE:
+    if given & SENSORS["gyro"] or turning or {"rotation", "rate"} <= given or joined in SENSORS["short_rate"]:
         return "rate"
     pushing = {"specific", "force"} <= given or {"g", "force"} <= given or "specificforce" in given
-    return "force" if ("angular" not in given and given & _ACCEL) or pushing or joined in _SHORT_FORCE else ""
+    return (
+        "force"
+        if ("angular" not in given and given & SENSORS["accelerometer"])
+        or pushing
+        or joined in SENSORS["short_force"]
+        else ""
+    )
 
 
 _ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
@@ -309,34 +334,6 @@ _INDEXED = {
     "gpscoord": ("latitude", "longitude", "height"),
 }
 """What columns with an index instead of an axis are."""
-_NAMED: dict[str, tuple[str, str, int]] = {
-    **dict.fromkeys(
-        ("position", "gps", "coordinates", "latlon", "latlng", "location", "gpsposition", "gpslocation"),
-        ("place", "", 0),
-    ),
-    **dict.fromkeys(("ns", "ew", "latdir", "londir", "lngdir", "latitudedirection", "longitudedirection"),
-                    ("side", "", 0)),
-    **dict.fromkeys(("i", "instance", "imuinstance", "imuid", "sensorid", "sensorinstance", "gpsid"),
-                    ("instance", "", 0)),
-    "p": ("pressure", "", 1),  # of Physics Toolbox
-    "feet": ("height", "ft", 0),
-    "kts": ("speed", "kt", 0),
-    "mph": ("speed", "mph", 1),
-}  # fmt: skip
-"""Quantity, unit and rank of headings that are a name of their own, or a unit alone."""
-_NAMED_STAMPS = {
-    **dict.fromkeys(("date", "lcldate", "utcdate", "gpsdate"), ("date", "", 0)),
-    **{name: (name, "", 0) for name in ("year", "month", "day", "hour", "minute", "second")},
-    "hours": ("hour", "", 1), **dict.fromkeys(("min", "minutes"), ("minute", "", 1)),
-    "sec": ("second", "", 1),
-    **dict.fromkeys(("tow", "gpstow", "timeofweek"), ("time", "", 6)),
-    "itow": ("time", "ms", 6),
-    "cts": ("time", "ms", 1),  # of GoPro
-    "clockoffsettime": ("time", "s", 1),  # of DJI
-    "yyyymoddhhmisssss": ("time", "", 4),
-    "sampletimefine": ("time", "1e-4 s", 2),
-}  # fmt: skip
-"""Quantity, unit and rank of stamps with names of their own."""
 
 
 def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | None:
@@ -348,12 +345,12 @@ def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | N
         part = given & {"nsecs", "nanosec", "nsec", "nanosecs"} or unit_of("time", unit) == "ns"
         if whole or part:
             return Heading(text, "seconds" if whole else "fraction", unit="s" if whole else "ns")
-    if joined in _NAMED_STAMPS:
-        quantity, known, worse = _NAMED_STAMPS[joined]
+    if joined in STAMPS:
+        quantity, known, worse = STAMPS[joined]
         return Heading(text, quantity, unit=unit_of("time", unit) or known, rank=worse)
     since = "since" in given
-    if (not given & _TIMES | given & {"seconds"} and joined not in {"ms", "us"}) or (
-        given & _NOT_TIMES and not since
+    if (not given & SENSORS["time"] | given & {"seconds"} and joined not in {"ms", "us"}) or (
+        given & SENSORS["no_time"] and not since
     ):
         return None
     if since and "start" not in given:
@@ -362,47 +359,9 @@ def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | N
         last = next((word for word in reversed(words) if unit_of("time", word)), "")
         unit = {"millis": "ms", "micros": "us"}.get(joined, last if last not in {"h", "min"} else "")
     # A receiver's own time differs from the logger's clock, by leap seconds at least.
-    worse = 3 * bool(given & (_RECEIVER | {"utc", "gmt"})) + bool(given & {"elapsed", "seconds"})
+    worse = 3 * bool(given & (SENSORS["receiver"] | {"utc", "gmt"})) + bool(given & {"elapsed", "seconds"})
     device = -1 if "device" in given else 0
     return Heading(text, "time", unit=unit_of("time", unit) if unit else "", rank=2 + worse + rank + device)
-
-
-_SCALAR_WORDS: tuple[tuple[str, re.Pattern[str]], ...] = (
-    ("horizontal_sigma", re.compile(
-        r"(?:location|gps|gnss|fix)*(?:horizontal|pos|position|h)?(?:accuracy|acc)(?:horizontal|h|horiz)?|eph")),
-    ("vertical_sigma", re.compile(r"(?:location|gps|gnss|fix)*(?:vertical|altitude|v)(?:accuracy|acc)|epv")),
-    ("speed_sigma", re.compile(
-        r"(?:location|gps|gnss|fix)*(?:speed|velocity|s)(?:accuracy|acc)|svariance|speedaccuracyms")),
-    ("pressure", re.compile(
-        r"(?:phone|sensor|air|atmospheric|atm|ambient|abs|absolute|static|baro|barometer|barometric|altimeter)*"
-        r"press(?:ure)?(?:pa)?")),
-    ("latitude", re.compile(r".*latitude(?:ns)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?lat")),
-    ("longitude", re.compile(
-        r".*longitude(?:ew|west)?|(?:.*(?:gps|gnss|position|pos|fix|location|lla))?(?:lon|long|lng)")),
-    ("north", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:n|north|south|ned0)(?:velocity|speed)?|(?:north|south)velocity|(?:north|south)vel|"
-        r"(?:gps|gnss)?vnorth|velnms")),
-    ("east", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:e|east|west|ned1)(?:velocity|speed)?|(?:east|west)velocity|(?:east|west)vel|"
-        r"(?:gps|gnss)?(?:vel|velocity)(?:nwu)?w")),
-    ("down", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity|speed)(?:ned|enu|nwu)?(?:d|down|ned2)(?:velocity|speed)?|downvelocity|downvel")),
-    ("up", re.compile(
-        r"(?:.*(?:gps|gnss))?(?:v|vel|velocity)(?:enu|nwu)?(?:u|up)|upvelocity|upvel|verticalspeed|verticalvelocity|climb|"
-        r"vspd|vertvel|vertrate|vertspeed|climbrate")),
-    ("height", re.compile(
-        r".*(?:altitude|elevation)(?:a?msl|hae|(?:above)?ellipsoid|google|wgs|above(?:mean)?sealevel)?|"
-        r"(?:.*(?:gps|gnss|position|pos|fix|location|lla))?"
-        r"(?:alt|height|ele|hgt|hmsl|altmsl|heightmsl|altgps|altellipsoid)(?:a?msl|hae|(?:above)?ellipsoid)?|"
-        r"ellipsoid(?:al)?(?:height|alt)|h(?:ae|ell|ellipsoid)")),
-    ("speed", re.compile(
-        r"(?:.*(?:gps|gnss|location|position|osd))?(?:ground|d|h|g)?(?:speed|spd|gspeed|sog|gs|velms|groundspeed)"
-        r"(?:overground)?(?:2d)?|(?:gps|gnss)velocity|(?:gps|gnss)?velm|groundvelocity|velocity")),
-    ("course", re.compile(
-        r"(?:.*(?:gps|gnss|location|position))?(?:bearing|course|cog|track|gcrs|heading|hdg|direction|trackangle|headmot|"
-        r"courseoverground|ground(?:course|track)|motionheading|orientation)|headingofmotion")),
-)  # fmt: skip
-"""What a column is by its words, put together."""
 
 
 _PLANES = {"2d", "3d"}
@@ -414,15 +373,19 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
     words = [word for before, word in zip(["", *words], words, strict=False) if before + word not in _PLANES]
     kept = [word for word in words if word not in _SAY_NOTHING]
     joined = "".join(kept)
-    for quantity, pattern in _SCALAR_WORDS:
+    for quantity, pattern in PATTERNS:
         if not pattern.fullmatch(joined):
             continue
         known = unit_of(SCALARS[quantity], unit) if unit else ""
-        if quantity == "course" and not (set(words) & _RECEIVER) and set(words) & {"heading", "hdg"}:
+        if (
+            quantity == "course"
+            and not (set(words) & SENSORS["receiver"])
+            and set(words) & {"heading", "hdg"}
+        ):
             rank += 3  # a compass has a heading too
-        if quantity == "course" and "orientation" in words and not set(words) & _RECEIVER:
+        if quantity == "course" and "orientation" in words and not set(words) & SENSORS["receiver"]:
             return None
-        if set(words) & _RECEIVER:
+        if set(words) & SENSORS["receiver"]:
             rank -= 2
         reversed_ = {"longitude": {"west"}, "east": {"west", "w"}, "north": {"south"}}
         if set(words) & reversed_.get(quantity, set()):

@@ -1,4 +1,4 @@
-"""Column words: words of column headings in other languages, and those that name a magnetometer.
+"""Column words: the words of column headings, in ``words.toml``: what they name, and in other languages.
 
 Apps such as phyphox export in the language of the phone: ``Beschleunigung x (m/s^2)``, ``Temps (s)``. Phones
 and loggers call a magnetometer ``Magnetic field x``, ``magnetometerX``, ``mag_x_uT``, ``Bx``; SensorLog on an
@@ -8,61 +8,47 @@ iPhone calls the field of its compass ``locationHeadingX``.
 from __future__ import annotations
 
 import re
+import tomllib
 import unicodedata
 from functools import lru_cache
+from pathlib import Path
 
-_WORDS = {
-    "time": "zeit uhrzeit zeitstempel temps heure horodatage tiempo hora tempo",
-    "date": "datum fecha",
-    "acceleration": "beschleunigung beschleunigungssensor acceleration accelerometre aceleracion "
-    "acelerometro accelerazione accelerometro",
-    "linear": "lineare lineaire lineal",
-    "gyroscope": "gyroskop drehrate winkelgeschwindigkeit rotationsrate giroscopio girometre",
-    "magnetic": "magnetfeld magnetometre magnetique magnetico",
-    "pressure": "druck luftdruck pression presion pressione",
-    "gravity": "schwerkraft gravitation gravite gravedad gravita",
-    "latitude": "breite breitengrad latitud latitudine",
-    "longitude": "lange langengrad longitud longitudine",
-    "altitude": "hohe hauteur altura altitud altezza altitudine",
-    "speed": "geschwindigkeit vitesse velocidad velocita",
-    "course": "richtung kurs cap direccion rumbo direzione rotta",
-    "location": "ort standort localisation ubicacion posizione",
-    "horizontal": "horizontale orizzontale",
-    "vertical": "vertikale verticale",
-    "accuracy": "genauigkeit precision exactitud precisione",
-}
-"""Words by their meaning, without accents; those that are spelled as in English are not needed."""
-_PHRASES = {
-    "vitesse angulaire": "gyroscope", "velocidad angular": "gyroscope", "velocita angolare": "gyroscope",
-    "vitesse de rotation": "gyroscope", "champ magnetique": "magnetic", "campo magnetico": "magnetic",
-}  # fmt: skip
-"""Names of several words, of which one alone means something else."""
-_MEANING = {word: meaning for meaning, words in _WORDS.items() for word in words.split()} | _PHRASES
+_TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+SENSORS = {name: frozenset(text.split()) for name, text in _TABLES["sensors"].items()}
+"""Words of sensors and of times, by what they say."""
+WORSE = {word: int(rank) for rank, text in _TABLES["worse"].items() for word in text.split()}
+"""How much worse a column is for words in its heading: what is estimated, relative or of another origin."""
+_ENTRY = re.compile(r"(\w+)(?:\[(.*)\])?(?: \+(\d+))?")
+"""A quantity, its unit, and by how much it is worse than others."""
+
+
+def _names(table: str) -> dict[str, tuple[str, str, int]]:
+    """Return quantity, unit and rank of each whole heading of a table."""
+    found: dict[str, tuple[str, str, int]] = {}
+    for entry, text in _TABLES[table].items():
+        parts = _ENTRY.fullmatch(entry)
+        assert parts is not None
+        found |= dict.fromkeys(text.split(), (parts[1], parts[2] or "", int(parts[3] or 0)))
+    return found
+
+
+NAMES, STAMPS = _names("names"), _names("stamps")
+"""Quantity, unit and rank of headings that are a name of their own, and of those of time stamps."""
+PATTERNS = tuple(
+    (quantity, re.compile("".join(text.format(**_TABLES["parts"]).split())))
+    for quantity, text in _TABLES["patterns"].items()
+)
+"""What a column is by its words, put together; the first pattern that fits is taken."""
+_MEANING = {word: meaning for meaning, text in _TABLES["languages"].items() for word in text.split()}
+_MEANING |= _TABLES["phrases"]
 _KNOWN = re.compile(
     rf"(?<![a-z])(?:{'|'.join(sorted(_MEANING, key=len, reverse=True))})(?![a-z])", re.IGNORECASE
 )
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")
-FIELD_WORDS = frozenset(
-    {"magnetic", "magnetometer", "magnetometers", "mag", "magn", "magneto", "magneticfield", "geomagnetic",
-     "vector"}
-)  # fmt: skip
+FIELD_WORDS = SENSORS["field"]
 """Words of a measured field; a vector is one only beside another of them."""
 GLUED_FIELD = re.compile(r"(?i)^(?:(?:.*[\s_.:/-])?mag|[bm])([xyz])$")
 """A short name with its axis, such as ``mx`` or ``imu_magx``."""
-_SHORT = {"b", "m", "locationheading"}
-_COMPUTED = {
-    "declination",
-    "inclination",
-    "ned",
-    "enu",
-    "earth",
-    "world",
-    "expected",
-    "model",
-    "offsets",
-    "ofs",
-}
-"""Words of fields that are no measurement in the axes of the sensor."""
 
 
 def names_field(words: frozenset[str], joined: str) -> bool:
@@ -75,8 +61,8 @@ def names_field(words: frozenset[str], joined: str) -> bool:
     joined
         The same, put together.
     """
-    named = words & (FIELD_WORDS - {"vector"}) or joined in _SHORT
-    return bool(named) and not words & _COMPUTED
+    named = words & (FIELD_WORDS - {"vector"}) or joined in SENSORS["short_field"]
+    return bool(named) and not words & SENSORS["computed_field"]
 
 
 @lru_cache(maxsize=4096)

@@ -32,13 +32,14 @@ from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet, as_utf8, layout_of
+from lab.data.sheets.sheet_attitude import attitude_of, reference_of
 from lab.data.sheets.sheet_axes import Oriented, axes_matrix, oriented
 from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark_on_ends, times_of
 from lab.data.sheets.sheet_field import field_of
-from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of
+from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
-from lab.data.sheets.sheet_imu import Imu, app_of, imu_of, in_other_unit
+from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (
     KITTI_FRAME,
@@ -79,13 +80,19 @@ def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
     if head.startswith(_ZIP):
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
-    if KITTI_STAMP.match(head):
-        return True
     text = as_utf8(head)
     if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
         return False
+    return KITTI_STAMP.match(head) is not None or _names_enough(text)
+
+
+def _names_enough(text: bytes) -> bool:
+    """Return whether a text has a header that names time, and a position or a sensor."""
     # Columns x, y and z are of a sensor that the name of the file tells.
-    layout = layout_of(as_table(text), "accelerometer")
+    try:
+        layout = layout_of(as_table(text), "accelerometer")
+    except MissionError:
+        return True  # of several profiles, which reading reports
     if layout is None:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
@@ -102,7 +109,10 @@ def recognises(head: bytes) -> bool:
 
 def missing_time_reason(head: bytes) -> str:
     """Return advice for a table that names positions or sensors, and no time; else an empty text."""
-    layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    try:
+        layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+    except MissionError:
+        return ""
     known = [] if layout is None else [one for one in layout.known if one is not None]
     names = {one.quantity for one in known}
     if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
@@ -130,16 +140,41 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     sheets = sheets_of(paths, units)
     fixes = fixes_of(sheets, with_height=False)
     gnss = fixes.gnss
-    columns = {unit.column: unit for unit in (*fixes.units, *_of_imu(sheets)) if unit.column}
-    places = (*fixes.units[:3], *fixes.units[3:5], *(ColumnUnit("", "", ""),) * 2)[:5]
-    remarks = (*_of_rows(sheets), *fixes.remarks, *about_heights(fixes.units[2].column))
+    attitude = attitude_of(sheets, gnss.time, gnss.position, gnss.velocity_n)
+    columns = {one.column: one for one in (*fixes.units, *_of_imu(sheets)) if one.column}
+    columns |= {one.column: one for one in (attitude.units if attitude else ())}
+    resets, counters = resets_of(fixes)
+    remarks = [*_of_rows(sheets), *fixes.remarks, *([attitude.remark] if attitude else [])]
+    remarks += [*unread(sheets, [*columns, *counters], remarks), *about_heights(fixes.units[2].column)]
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,
-        course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2, columns=places,
-        rows_read=len(gnss.time), remarks=remarks,
+        course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2,
+        columns=(ColumnUnit("", "", ""),) * 5, rows_read=len(gnss.time), remarks=tuple(remarks),
+        down=gnss.velocity_n[:, 2], euler=attitude.at(gnss.time) if attitude else None,
+        vehicle=attitude.vehicle if attitude else "",
     ).flight()  # fmt: skip
-    return replace(flight, units=tuple(columns.values()))
+    return replace(flight, units=tuple(columns.values()), resets=resets)
+
+
+_MAX_UNREAD = 20
+"""Most headings of columns that are not read that are reported."""
+
+
+def unread(sheets: Sequence[Sheet], used: Sequence[str], remarks: Sequence[str]) -> list[str]:
+    """Return a sentence on the columns of which nothing is used; none if there are none."""
+    stamps = {*_STAMPS, "fraction", "year", "month", "day", "hour", "minute", "side", "instance"}
+    texts = [
+        text
+        for one in sheets
+        for text in (*(known.text for known in one.headings if known.quantity not in stamps), *one.unknown)
+    ]
+    said = " ".join(remarks)
+    left = sorted({text for text in texts if text and text not in used and text not in said})
+    if not left:
+        return []
+    more = f" and {len(left) - _MAX_UNREAD} more" if len(left) > _MAX_UNREAD else ""
+    return [f"Columns not read: {', '.join(left[:_MAX_UNREAD])}{more}."]
 
 
 def read_log(path: Path) -> SensorLog:
@@ -196,14 +231,15 @@ def read_logs(
         if unit != height.unit:
             fixes = in_height_unit(fixes, unit, factor)
             log, forward = checked(imu, fixes.gnss)
-    unread = sorted({text for sheet in (imu.gyro.sheet, fixes.sheet) for text in sheet.unknown})
     field, pressure = field_of(sheets, log, axes_matrix(forward)), barometer_of(sheets, log)
     remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks]
     remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []
-    if unread:
-        remarks.append(f"Columns not read: {', '.join(unread)}.")
+    reference, told = reference_of(sheets, log, fixes.gnss)
+    remarks += told
+    named = (*imu.gyro.headings, *imu.accelerometer.headings)
+    remarks += unread(sheets, [*(one.text for one in named), *(one.column for one in fixes.units)], remarks)
     beside = replace(log.auxiliary, magnetometer=field.magnetometer, barometer=pressure.barometer)
-    return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside)
+    return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside, reference=reference)
 
 
 def _oriented_log(
@@ -222,17 +258,26 @@ def _oriented_log(
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
     """Return the IMU with its log, in the other unit of its gyros if the motion contradicts a guessed one."""
+    other = in_other_unit(imu)
     try:
-        return imu, checked(imu, fixes.gnss)
+        return imu, _borne_out(imu, checked(imu, fixes.gnss))
     except MissionError as error:
-        other = in_other_unit(imu)
-        try:
-            if other is None:
-                raise
-            return other, checked(other, fixes.gnss)
-        except MissionError:
-            hint = _leap_seconds(imu, fixes.gnss, checked)
-            raise MissionError(_with_report(error, imu, fixes, hint)) from None
+        refusal = error
+    try:
+        if other is not None:
+            return other, _borne_out(other, checked(other, fixes.gnss))
+    except MissionError:
+        pass
+    if imu.accelerometer.source.startswith(OF_MOTION):
+        raise MissionError(without_gravity(imu.accelerometer))
+    raise MissionError(_with_report(refusal, imu, fixes, _leap_seconds(imu, fixes.gnss, checked)))
+
+
+def _borne_out(imu: Imu, read: Oriented) -> Oriented:
+    """Return a log, or raise if only the motion can show the unit of its accelerations, and does not."""
+    if imu.accelerometer.source.startswith(OF_MOTION) and not is_explained(read.log):
+        raise MissionError(without_gravity(imu.accelerometer))
+    return read
 
 
 def _leap_seconds(imu: Imu, gnss: GnssLog, checked: _Checked) -> str:
@@ -362,7 +407,7 @@ def _is_phone(imu: Imu) -> bool:
     words = imu.accelerometer.headings[0].sensor.lower()
     if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
         return imu.gyro.sheet is not imu.accelerometer.sheet
-    if app_of(imu.gyro, imu.accelerometer):
+    if any(one.sheet.phone for one in (imu.gyro, imu.accelerometer)):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
 

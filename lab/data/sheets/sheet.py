@@ -20,14 +20,14 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
-from lab.data.files.unit_names import UNITS
+from lab.data.files.profile import Profile, profile_of
+from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.sheets.column_names import SCALARS, Heading, given_heading, heading_of
 from lab.data.sheets.sheet_cells import (
     angles_of_cells,
     are_decimal_commas,
     numbers_of_cells,
     signs_of_sides,
-    unit_of,
     without_placeholders,
 )
 
@@ -85,6 +85,8 @@ class Sheet:
         The report on its rows.
     signed : bool
         Whether it is known that its accelerations are specific force, and not the negative of it.
+    phone : bool
+        Whether its profile says that the sensors are those of a phone.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Sheet:
     restarts: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     signed: bool = False
+    phone: bool = False
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -116,6 +119,7 @@ class Layout:
     delimiter: str
     headings: tuple[str, ...]
     known: tuple[Heading | None, ...]
+    profile: Profile | None = None
 
     @property
     def worth(self) -> int:
@@ -172,7 +176,8 @@ def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> Lay
                 continue
             if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
                 continue
-            layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}))
+            profile = profile_of(name, cells)
+            layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}, profile), profile)
             if best is None or layout.worth > best.worth:
                 best = layout
     return best if best is not None and best.worth else None
@@ -242,7 +247,18 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
             text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
         ),
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
-        remarks=remarks,
+        remarks=(*remarks, *_about(name, layout.profile)),
+        phone=layout.profile is not None and layout.profile.phone,
+    )
+
+
+def _about(name: str, profile: Profile | None) -> tuple[str, ...]:
+    """Return what the report says of a profile."""
+    if profile is None or not profile.columns:
+        return profile.remarks if profile else ()
+    return (
+        f"The profile {profile.name} ({profile.path.name}) says what columns of {name} are.",
+        *profile.remarks,
     )
 
 
@@ -311,17 +327,38 @@ def _cells(text: str, delimiter: str) -> tuple[str, ...]:
     return tuple(cell.strip().strip("\"'\ufeff").strip() for cell in cells)
 
 
-def _known(cells: Sequence[str], name: str, overrides: Overrides) -> tuple[Heading | None, ...]:
-    """Return what columns are; the first of two with one heading counts."""
+def _known(
+    cells: Sequence[str], name: str, overrides: Overrides, profile: Profile | None
+) -> tuple[Heading | None, ...]:
+    """Return what columns are: as a person says, or a profile, or the heading; the first of two counts."""
     known: list[Heading | None] = []
     for place, cell in enumerate(cells):
         if cell in cells[:place]:
             known.append(None)
         elif cell in overrides:
             known.append(_corrected(cell, overrides[cell], name))
+        elif profile is not None and cell in profile.columns:
+            known.append(_of_profile(cell, profile))
         else:
-            known.append(heading_of(cell, name) if cell else None)
+            found = heading_of(cell, name) if cell else None
+            known.append(found if found is None or profile is None else _defaulted(found, profile))
     return tuple(known)
+
+
+def _of_profile(cell: str, profile: Profile) -> Heading | None:
+    """Return what a profile says that a column is."""
+    try:
+        found = given_heading(profile.columns[cell], cell)
+    except MissionError as error:
+        raise MissionError(f"{profile.path}: {error}") from None
+    source = f"as {profile.name} writes"
+    return found and replace(found, sensor=profile.name, source=source)
+
+
+def _defaulted(found: Heading, profile: Profile) -> Heading:
+    """Return a column in the unit that a profile says for its quantity, if its heading names none."""
+    unit = unit_of(found.kind, profile.defaults.get(found.quantity, ""))
+    return found if found.unit or not unit else replace(found, unit=unit, source=f"as {profile.name} writes")
 
 
 def _corrected(cell: str, text: str, name: str) -> Heading | None:

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
+from lab.data.files import estimator_resets
 from lab.data.files.unit_names import UNITS
-from lab.data.log.sensor_log import GnssLog, believed_sigma
-from lab.data.rebuild.raw_flight import ColumnUnit
+from lab.data.log.sensor_log import GnssLog
+from lab.data.rebuild.raw_flight import ColumnUnit, Reset
 from lab.data.sheets.sheet import Sheet
+from lab.data.sheets.sheet_accuracy import sigmas_of
 from lab.data.sheets.sheet_clock import Clock, clock_of
-from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of
+from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of, rescaled
 from lab.data.sheets.sheet_imu import in_order, is_of_another_device, of_odd_stamps
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
@@ -35,9 +37,6 @@ _HUNDRED, _MINUTES = 100.0, 60.0
 """Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
 _ROUNDING = 1e-9
 """By how much a coordinate may be beyond a pole, relative to 90°."""
-_SIGMA_OF_RADIUS = 1.515
-"""Radius of the circle with 68 % of the fixes, which phones give as accuracy, over σ of an axis:
-sqrt(-2 ln 0.32)."""
 _ALONG, _CLEARLY = 0.9, 0.5
 """Mean cosine between the course and the motion of the positions from which they agree, and the largest part
 of the rms angle between them in ° that may be left in rad."""
@@ -49,6 +48,18 @@ _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
 """Fewest legs that show it."""
+_MAX_LEGS = 100_000
+"""Most legs: of 70 hours."""
+_OF_NOSE = re.compile(r"(?i)heading|hdg|yaw")
+_CRAB = np.radians(2.0)
+"""Median angle between a heading and the motion from which it is no course [rad]."""
+_LEG, _MIN_RISE = 5.0, 0.8
+"""Time over which heights and vertical velocity are compared [s], and the correlation that shows a unit."""
+_CLIMBED = 30.0
+"""Range of heights from which a vertical velocity of zeros is none [m]: receivers are off by less."""
+_LIKE_RISE = 0.3
+"""Largest distance of the ratio of both from a unit, as a logarithm: noise of the heights adds to it."""
+_VERTICAL = ("m/s", "ft/min", "ft/s", "km/h", "kt", "cm/s", "mm/s")
 _UNIT_TOLERANCE = 0.1
 """Largest deviation of a median ratio from that of a unit: km/h and ft/s are 10 % apart."""
 
@@ -179,9 +190,12 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
-    sigmas, more = _sigmas(sheet, rows)
+    sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
-    used = tuple(ColumnUnit(one.name, one.unit, one.source) for one in (latitude, longitude, height, *units))
+    used = tuple(
+        ColumnUnit(one.name, one.unit, one.source)
+        for one in (latitude, longitude, height, *units, *accuracies)
+    )
     return Fixes(
         sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, units), *more), rows
     )
@@ -293,7 +307,7 @@ def _velocity(
         used += [north, east]
         velocity[:, 0], velocity[:, 1] = north.values[rows], east.values[rows]
         pace, angle = np.hypot(*velocity[:, :2].T), np.arctan2(velocity[:, 1], velocity[:, 0])
-    elif speed is not None and course is not None:
+    elif speed is not None and course is not None and not _is_of_nose(course, sheet, rows, time, position):
         speed = _speed_unit(speed, rows, time, position)
         course = _course_unit(course, rows, time, position)
         used += [speed, course]
@@ -305,12 +319,66 @@ def _velocity(
     if north is None and vertical is not None and _is_uncertainty(vertical, sheet):
         vertical = None
     if vertical is not None:
-        used.append(vertical)
-        velocity[:, 2] = vertical.values[rows] * (1 if down is not None else -1)
+        sign = 1 if down is not None else -1
+        vertical, why = _of_heights(vertical, sign, rows, time, position[:, 2])
+        remarks += why
+        if vertical is not None:
+            used.append(vertical)
+            velocity[:, 2] = sign * vertical.values[rows]
     if used:
         words = ", ".join(f"{one.name} in {one.unit} ({one.source})" for one in used)
         remarks.append(f"Velocity: {words}.")
     return velocity, pace, angle, used, remarks
+
+
+def _is_of_nose(
+    course: Column, sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> bool:
+    """Return whether a heading beside roll and pitch is not the direction of motion: in wind they differ."""
+    if not (sheet.all_of("roll") and sheet.all_of("pitch")) or not _OF_NOSE.search(course.name):
+        return False
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
+    step += np.diff(position[:, 0]) * per_latitude[1:]
+    written = _course_unit(course, rows, time, position).values[rows][1:]
+    fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(written)
+    return bool(fast.sum() >= _MIN_LEGS and np.median(np.abs(wrap(np.angle(step) - written)[fast])) > _CRAB)
+
+
+def _of_heights(
+    vertical: Column, sign: int, rows: NDArray[np.intp], time: FloatArray, height: FloatArray
+) -> tuple[Column | None, list[str]]:
+    """Return a vertical velocity in the unit that the heights show, if its heading names none.
+
+    One that the heights contradict is None, with the reason.
+    """
+    said, step = -sign * vertical.values[rows], np.diff(time)
+    known = np.isfinite(said) & np.isfinite(height) & np.append(True, step > 0)
+    t, v, h = time[known], said[known], height[known]
+    if len(t) < _MIN_LEGS or t[-1] - t[0] < _MIN_LEGS * _LEG or not (np.diff(t) > 0).all():
+        return vertical, []
+    way = np.append(0.0, np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2))
+    begin = t[0] + _LEG / 2 * np.arange(min((t[-1] - t[0] - _LEG) / (_LEG / 2), _MAX_LEGS))
+    rise, stated = (np.interp(begin + _LEG, t, one) - np.interp(begin, t, one) for one in (h, way))
+    size = np.sqrt(np.sum(rise**2) * np.sum(stated**2))
+    like = float(np.sum(rise * stated) / size) if size else 0.0
+    if not v.any() and np.ptp(h) > _CLIMBED:
+        return None, [
+            f"The vertical velocity {vertical.name} is not used: it is always zero, and the heights change."
+        ]
+    if like < -_MIN_RISE:
+        return None, [
+            f"The vertical velocity {vertical.name} is not used: the heights change the other way. "
+            f'--column "{vertical.name}={"-down" if sign > 0 else "-up"}[{vertical.unit}]" reverses it.'
+        ]
+    if vertical.source != "assumed" or like < _MIN_RISE:
+        return vertical, []
+    ratio = float(np.sqrt(np.sum(rise**2) / np.sum(stated**2)))
+    unit = min(_VERTICAL, key=lambda one: abs(np.log(ratio / UNITS["speed"][one])))
+    if unit == vertical.unit or abs(np.log(ratio / UNITS["speed"][unit])) > _LIKE_RISE:
+        return vertical, []
+    source = f"guessed: the heights change {ratio:.3g} times as fast as in m/s"
+    return rescaled(vertical, "speed", unit, source), []
 
 
 def _is_uncertainty(vertical: Column, sheet: Sheet) -> bool:
@@ -389,23 +457,26 @@ def _course_unit(course: Column, rows: NDArray[np.intp], time: FloatArray, posit
     )
 
 
-def _sigmas(sheet: Sheet, rows: NDArray[np.intp]) -> tuple[FloatArray, list[str]]:
-    """Return σ of position and velocity (m, 6), and a report."""
-    sigmas = np.full((len(rows), 6), np.nan)
-    remarks = []
-    horizontal, vertical, speed = (
-        column_of(sheet, f"{name}_sigma") for name in ("horizontal", "vertical", "speed")
-    )
-    if horizontal is not None:
-        sigmas[:, :2] = horizontal.values[rows, None] / _SIGMA_OF_RADIUS
-        remarks.append(
-            f"σ of the horizontal position: {horizontal.name} over {_SIGMA_OF_RADIUS}, as the radius with "
-            "68 % of the fixes."
-        )
-    if vertical is not None:
-        sigmas[:, 2] = vertical.values[rows]
-        remarks.append(f"σ of the height: {vertical.name}.")
-    if speed is not None:
-        sigmas[:, 3:5] = speed.values[rows, None]
-        remarks.append(f"σ of the horizontal velocity: {speed.name}.")
-    return believed_sigma(sigmas), remarks
+_COUNTERS = {
+    "position_resets": estimator_resets.POSITION, "velocity_resets": estimator_resets.VELOCITY,
+}  # fmt: skip
+
+
+def resets_of(fixes: Fixes) -> tuple[tuple[Reset, ...], list[str]]:
+    """Return where the counters of an estimator count a jump of the fixes, and the counters' headings."""
+    found: list[Reset] = []
+    names = []
+    values = {"position_resets": fixes.gnss.position, "velocity_resets": fixes.gnss.velocity_n}
+    for quantity, kind in _COUNTERS.items():
+        counters = fixes.sheet.all_of(quantity)
+        known = np.isfinite(values[quantity]).all(axis=1)
+        names += [heading.text for heading, _ in counters]
+        if not counters or not known.any():
+            continue
+        rows = fixes.rows[known]
+        changes = np.sum([np.abs(np.diff(np.nan_to_num(one[rows]))) for _, one in counters], axis=0)
+        time, jumping = fixes.gnss.time[known], values[quantity][known]
+        for at in estimator_resets.resets(kind, time, jumping, np.append(0.0, np.cumsum(changes))):
+            step = estimator_resets.reported_step(kind, jumping, int(at))
+            found.append(Reset(float(time[at]), step))
+    return tuple(sorted(found, key=lambda one: one.time)), names

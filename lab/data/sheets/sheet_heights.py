@@ -43,8 +43,6 @@ _MIN_LEVELS = 4
 _HIGHEST = 18_000.0
 """Height at which civil receivers stop [m] (Wassenaar Arrangement, 7.A.5): larger numbers are mm."""
 
-_FOREFLIGHT = {"Timestamp", "Altitude", "Course", "Speed", "Horizontal Error", "Vertical Error"}
-"""Headings of the track logs of ForeFlight, whose heights are in feet and speeds in knots."""
 _SIMCONNECT = re.compile(r"(?i)\bplane[ _]?alt(?:itude)?\b")
 """A variable of Microsoft's simulators, in feet."""
 _ABOVE_START = re.compile(r"(?i)take-?_? ?off|relative|(?<![a-z])rel(?![a-z])")
@@ -86,8 +84,13 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     heading, values = found[0]
     kind = SCALARS[quantity]
     unit = heading.unit or next(iter(UNITS[kind]))
-    source = "named in the heading" if heading.unit else "assumed"
+    source = heading.source if heading.unit else "assumed"
     return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
+
+
+def rescaled(column: Column, kind: str, unit: str, source: str) -> Column:
+    """Return a column whose numbers are in another unit than the first of its kind."""
+    return column._replace(values=column.values * UNITS[kind][unit], unit=unit, source=source)
 
 
 def about_heights(name: str) -> tuple[str, ...]:
@@ -133,9 +136,7 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
     if found is None:
         return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
     height = _in_metres(found, latitude)
-    if found.source == "assumed" and {*(one.text for one in sheet.headings), *sheet.unknown} >= _FOREFLIGHT:
-        height = found._replace(values=found.values * FOOT, unit="ft", source="as ForeFlight writes")
-    elif found.source == "assumed" and _SIMCONNECT.search(found.name):
+    if found.source == "assumed" and _SIMCONNECT.search(found.name):
         height = found._replace(values=found.values * FOOT, unit="ft", source="as SimConnect has it")
     above = _FROM_START if _ABOVE_START.search(height.name) else ""
     return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).{above}"

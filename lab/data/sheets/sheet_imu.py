@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.mission_error import MissionError
+from lab.base.files.mission_error import MissionError, QuestionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.sheet_stamps import is_regular, smooth
 from lab.data.clock.stamps import ACCEPTED, ZONES
@@ -40,10 +40,6 @@ _SLOW_DEGREES = 0.15
 """Angular rate below which numbers are no °/s of a moving vehicle: seven real logs have 0.21 °/s and more."""
 _RESTLESS = 0.2
 """σ of the size of the specific force from which a vehicle moves or shakes [m/s²]; at rest it is noise."""
-_OF_SENSOR_LOGGER = {"time", "seconds_elapsed"}
-"""Time stamps in each table of Sensor Logger, whose gyros are in rad/s on every phone (its UNITS.md)."""
-_OF_PHYSICS_TOOLBOX = "gFxgFygFzwxwywz"
-"""Headings of accelerometers and gyros of Physics Toolbox, one after the other."""
 _COUNTED = {"acc smooth", "acc adc"}
 """Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
 _COUNTS = (256, 512, 1024, 2048, 4096)
@@ -139,8 +135,8 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
-    if force.unit == "mg" and force.source != NAMED:
-        refuse_cm_per_s2(time, samples, force.place)
+    if force.unit == "mg" and force.source.startswith("guessed"):
+        refuse_cm_per_s2(time, samples, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
@@ -192,10 +188,10 @@ def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
             if clock is None or len(axes) < len("xyz"):
                 continue
             headings = tuple(axes[axis][0] for axis in "xyz")
-            unit = next((one.unit for one in headings if one.unit), "")
-            values = np.column_stack([_in_unit(*axes[axis], unit) for axis in "xyz"])
+            named = next((one for one in headings if one.unit), headings[0])
+            values = np.column_stack([_in_unit(*axes[axis], named.unit) for axis in "xyz"])
             if np.isfinite(values).all(axis=1).any():
-                found.append(Triad(sheet, clock, values, headings, unit, NAMED))
+                found.append(Triad(sheet, clock, values, headings, named.unit, named.source))
     return sorted(
         found,
         key=lambda one: (
@@ -233,6 +229,42 @@ def _is_steady(triad: Triad) -> bool:
     return mean > _STEADY * _length(triad)
 
 
+OF_MOTION = "guessed by the motion"
+"""How a unit is known that only the changes of the fixes can bear out."""
+_AT_REST = (0.93, 1.07)
+"""Length of a specific force at rest [g]: MEMS have biases of 20 to 50 mg."""
+_QUIET = 0.03
+"""σ of the samples within a second at rest, over g: idling engines shake by 0.02 g."""
+_REST_BLOCKS = 3
+"""Fewest blocks of a second each at rest."""
+_CALMEST = 0.1
+"""Part of the blocks that are the calmest ones: a lap of two minutes begins with some ten seconds at rest."""
+_MAX_BLOCKS = 3600
+"""Most blocks that are looked at."""
+
+
+def _length_at_rest(triad: Triad, unit: str) -> float:
+    """Return how long a vector of an unknown unit is at rest [g]; 0 if that is not gravity.
+
+    Without gravity it would be nearly 0 then.
+    """
+    known = np.isfinite(triad.values).all(axis=1) & np.isfinite(triad.clock.time)
+    values = triad.values[known] * UNITS["acceleration"][unit] / STANDARD_GRAVITY
+    step = float(np.median(np.diff(triad.clock.time[known]))) if len(values) > 1 else 0.0
+    count = max(2, round(_AVERAGED / step)) if step > 0 else len(values) + 1
+    blocks = values[: len(values) // count * count].reshape(-1, count, 3)[:_MAX_BLOCKS]
+    if len(blocks) < _REST_BLOCKS:
+        return 0.0
+    mean, shaken = blocks.mean(axis=1), blocks.std(axis=1).max(axis=1)
+    calmest = np.argsort(shaken, kind="stable")[: max(_REST_BLOCKS, round(_CALMEST * len(blocks)))]
+    for rest in (np.arange(_REST_BLOCKS), calmest):
+        size, one_way = np.linalg.norm(mean[rest], axis=1), np.linalg.norm(mean[rest].mean(axis=0))
+        inside = (size > _AT_REST[0]) & (size < _AT_REST[1])
+        if inside.all() and (shaken[rest] < _QUIET).all() and one_way > _STEADY * size.mean():
+            return float(one_way)
+    return 0.0
+
+
 def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Triad, list[str]]:
     """Return the first accelerometer with gravity in it, in m/s²; or one without, with gravity added."""
     for guess in _FORCE_UNITS:
@@ -240,13 +272,17 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             unit = triad.unit or guess
             size = _length(triad) * UNITS["acceleration"][unit] / STANDARD_GRAVITY
             if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
-                source = NAMED if triad.unit else f"guessed: it is {size:.3g} g long"
+                source = triad.source if triad.unit else f"guessed: it is {size:.3g} g long"
                 return _scaled(triad, unit, source), []
+    for triad in forces:
+        for unit in () if triad.unit else _FORCE_UNITS:
+            if size := _length_at_rest(triad, unit):
+                return _scaled(triad, unit, f"guessed: at rest it is {size:.3g} g long"), []
     bare = forces[0]
     size, unit = _length(bare), bare.unit or "m/s²"
     beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
     if beside is not None and (factor := _gravity_factor(beside)):
-        total = _scaled(bare, unit, NAMED if bare.unit else "assumed")
+        total = _scaled(bare, unit, bare.source if bare.unit else "assumed")
         added = _interpolated(beside.clock.time, beside.values * factor, bare.clock.time)
         return total._replace(values=total.values + added), [
             f"These accelerations are without gravity; {beside.headings[0].text} to "
@@ -267,15 +303,37 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             f"{where}: the accelerometers measure {size:.3g} {unit} (median), but gravity is 9.81 m/s²: the "
             f"numbers look like {fitting[0]}, although the heading names {unit}; state the unit"
         )
+    if not bare.unit and fitting and fitting[0] != unit and not gravity:
+        return _scaled(bare, fitting[0], f"{OF_MOTION}: it is {size:.3g} {fitting[0]} long"), []
     if size * UNITS["acceleration"][unit] < _ONE_G[0] * STANDARD_GRAVITY or not _is_steady(bare):
-        raise MissionError(
-            f"{where}: the accelerations are {size:.3g} {unit} long (median), so they are without gravity; "
-            "accepted is specific force with gravity, which phones call accelerometer with g or total "
-            "acceleration, or the columns of gravity beside"
-        )
+        raise MissionError(without_gravity(_scaled(bare, unit, "")))
     raise MissionError(
         f"{where}: the accelerometers measure {size:.3g} (median), which is gravity in none of the units "
         f"{', '.join(_FORCE_UNITS)}: the numbers may be raw counts; accepted are numbers with a unit"
+    )
+
+
+def without_gravity(force: Triad) -> str:
+    """Return why accelerations of an unknown unit are not used, in which gravity does not show.
+
+    Parameters
+    ----------
+    force
+        The accelerations in SI units, with the unit in which they were read.
+    """
+    size = _length(force) / UNITS["acceleration"][force.unit]
+    named = any(one.unit for one in force.headings)
+    first = force.headings[0].text
+    hint = (
+        ""
+        if named
+        else f'. If they have gravity in them, state their unit: --unit "{first}=g", y and z alike'
+    )
+    return (
+        f"{force.sheet.name}, columns {first} to {force.headings[2].text}: the accelerations are "
+        f"{size:.3g} {force.unit} long (median), so they are without gravity; accepted is specific force "
+        "with gravity, which phones call accelerometer with g or total acceleration, or the columns of "
+        f"gravity beside{hint}"
     )
 
 
@@ -299,8 +357,6 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
         return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
         return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
-    if app := app_of(gyro, force):
-        return _scaled(gyro, "rad/s", f"as {app} writes")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
     unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
     if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
@@ -308,14 +364,6 @@ def _gyro(gyro: Triad, force: Triad) -> Triad:
     elif force.unit in ("g", "mg"):
         unit, why = "°/s", f"guessed, because the accelerometers are in {force.unit}"
     return _scaled(gyro, unit, why)
-
-
-def app_of(gyro: Triad, force: Triad) -> str:
-    """Return the app that writes rad/s even beside accelerations in g; empty for another one."""
-    if {one.text for one in gyro.sheet.headings} >= _OF_SENSOR_LOGGER:
-        return "Sensor Logger"
-    names = "".join(one.text for triad in (force, gyro) for one in triad.headings)
-    return "Physics Toolbox" if names == _OF_PHYSICS_TOOLBOX else ""
 
 
 def in_other_unit(imu: Imu) -> Imu | None:
@@ -405,7 +453,7 @@ _AMBIGUOUS = (0.971, 0.9905)
 flight with turns. A bias of 20 mg, usual for MEMS, makes the same of mg."""
 
 
-def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
+def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, force: Triad) -> None:
     """Raise if accelerations that are read as mg may be cm/s².
 
     Parameters
@@ -414,12 +462,12 @@ def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
         Time stamps [s].
     samples : (n, 6) array
         Angular rate, and specific force read as mg [m/s²].
-    place
-        Their first column, and where it stands.
+    force
+        The accelerometer they are of.
 
     Raises
     ------
-    MissionError
+    QuestionError
         If gravity is as long as that in cm/s².
     """
     known = np.isfinite(samples).all(axis=1) & np.isfinite(time)
@@ -430,11 +478,12 @@ def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, place: str) -> None:
     if not len(parts):
         return
     turn = np.linalg.norm(parts[:, :, :3], axis=2).mean(axis=1)
-    force = np.linalg.norm(parts[:, :, 3:].mean(axis=1), axis=1)
-    size = float(np.median(force[turn <= np.quantile(turn, _CALM)])) / STANDARD_GRAVITY
+    pull = np.linalg.norm(parts[:, :, 3:].mean(axis=1), axis=1)
+    size = float(np.median(pull[turn <= np.quantile(turn, _CALM)])) / STANDARD_GRAVITY
     if _AMBIGUOUS[0] < size < _AMBIGUOUS[1]:
-        raise MissionError(
-            f"{place}: the accelerometers measure {1000 * size:.0f} without turns, which may be gravity in "
-            "cm/s² (981) or in mg (1000) with a bias, and the headings name no unit; accepted are columns "
-            "with their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg"
+        raise QuestionError(
+            f"{force.place}: the accelerometers measure {1000 * size:.0f} without turns, which may be "
+            "gravity in cm/s² (981) or in mg (1000) with a bias, and the headings name no unit; accepted are "
+            "columns with their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg",
+            {unit: {one.text: unit for one in force.headings} for unit in ("cm/s²", "mg")},
         )

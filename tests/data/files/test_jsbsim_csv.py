@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.data.files import jsbsim_csv
 from lab.data.formats import read_raw, reader_of
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.missions import MissionError, mission, prepare_import
@@ -148,7 +147,7 @@ def test_the_csv_of_the_first_years_is_read(tmp_path, said, degrees):
     rows = "\n".join(", ".join(f"{v:.12g}" for v in row) for row in np.column_stack(list(columns.values())))
     path = tmp_path / "JSBout.csv"
     path.write_text(", ".join(columns) + "\n" + rows + "\n")
-    assert reader_of(path).name == jsbsim_csv.NAME
+    assert reader_of(path).name == "JSBSim csv"
     flight = read_raw(path)
     np.testing.assert_allclose(flight.latitude, flown.latitude, atol=1e-10)
     np.testing.assert_allclose(flight.longitude, flown.longitude, atol=1e-10)

@@ -36,8 +36,9 @@ def test_an_acceleration_by_its_unit_below_is_no_sigma(tmp_path, made):
     rows = [[t, v / KMH, c, h, 2000.0, lat, lon, 0.98] for t, lat, lon, h, v, c in track(made)]
     before = "Format,AiM CSV File\nSample Rate,1\n\n"
     flight = read_raw(table(tmp_path / "aim.csv", header, rows, before=before))
-    assert not any("VerticalAcc" in remark for remark in flight.remarks)
-    assert any("GPS PosAccuracy over 1.515" in remark for remark in flight.remarks)
+    sigmas = [remark for remark in flight.remarks if remark.startswith("σ")]
+    assert not any("VerticalAcc" in remark for remark in sigmas)
+    assert any("GPS PosAccuracy, in mm" in remark and "over 1.515" in remark for remark in sigmas)
 
 
 def test_minutes_and_seconds_since_the_takeoff_of_a_dji_record(tmp_path, made):

@@ -273,7 +273,7 @@ HEADINGS = {
     "accelerometerAccelerationX(G)": "force_x[g]", "motionRotationRateY(rad/s)": "rate_y[rad/s]",
     "accelerometer_lsm6ds3_c.x": "force_x", "rotation_Vector.x": "", "MAGNETIC FIELD X (μT)": "field_x[µT]",
     "Mag_X": "field_x",
-    "Acceleration Sensor(X axis)(g)": "force_x[g]", " G(z)": "force_z[g]", "xacc": "force_x",
+    "Acceleration Sensor(X axis)(g)": "force_x[g]", "xacc": "force_x",
     "gyro_rad[2]": "rate_z[rad/s]", "header.stamp.nanosec": "fraction[ns]", "header.stamp.secs": "seconds[s]",
     "#timestamp [ns]": "time[ns]", "TimeUS": "time[µs]", "SampleTimeFine": "time[1e-4 s]", "HDop": "",
     "LOCATION Latitude : ": "latitude", "GPS_Speed_kmh": "speed[km/h]",
@@ -281,7 +281,7 @@ HEADINGS = {
     "locationCourse(°)": "course[°]", "bearingAccuracy": "", "speedAccuracy": "speed_sigma", "GCrs": "course",
     "vel_d_m_s": "down[m/s]", "velocity_north": "north", "alt_ft": "height[ft]", "Satellites in range": "",
     "Magnetometer z": "field_z",
-    "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "", "yaw": "", "temp": "",
+    "Gyroscope x (deg/s)": "rate_x[°/s]", "orientation.x": "q1", "yaw": "yaw", "temp": "",
 }  # fmt: skip
 """Headings of real loggers, and what they are."""
 

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from sensor_logs import tables
 
+from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.protocols.column_guess import guess_columns
+from lab.data.protocols.column_map import ColumnMap
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_fixes import fixes_of
@@ -155,3 +158,30 @@ def test_cm_per_s2_are_not_read_as_milli_g(start):
     named = found(100, dict.fromkeys(("ax", "ay", "az"), "[cm/s²]"))
     np.testing.assert_allclose(named.samples[:, 3:], rows[:, 4:], rtol=1e-6, atol=1e-6)
     assert found(1000 / 9.80665).accelerometer.unit == "mg"
+
+
+@pytest.mark.parametrize(
+    ("spelling", "kind", "factor"),
+    [("g/16384", "acceleration", 9.80665 / 16384), ("°/s/131", "angular rate", np.pi / 180 / 131),
+     ("dps/16.4", "angular rate", np.pi / 180 / 16.4), ("uT/6.66", "magnetic field", 1 / 6.66)],
+)  # fmt: skip
+def test_raw_counts_have_a_unit_over_a_number(spelling, kind, factor):
+    unit = unit_of(kind, spelling)
+    assert UNITS[kind][unit] == pytest.approx(factor)
+    assert unit_of(kind, "bread/256") == unit_of(kind, "g/0") == unit_of("length", spelling) == ""
+
+
+def test_raw_counts_are_read_in_files_and_streams(made):
+    imu = made[0][:200].copy()
+    imu[:, 1:4] *= 131 * 180 / np.pi
+    imu[:, 4:] *= 16384 / 9.80665
+    header = (
+        "time,"
+        + ",".join(f"g{axis} (°/s/131)" for axis in "xyz")
+        + "".join(f",a{a} (g/16384)" for a in "xyz")
+    )
+    lines = [",".join(f"{x:.12g}" for x in row) for row in imu]
+    found = imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode())])
+    np.testing.assert_allclose(found.samples, made[0][:200, 1:], rtol=1e-6)
+    assert "force_x[g/16384]" in str(guess_columns([header, *lines]))
+    assert ColumnMap.of("force_x[g/256],force_y[g/256],force_z[g/256]").columns[0].scale == 9.80665 / 256

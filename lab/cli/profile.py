@@ -1,0 +1,71 @@
+"""``ins-lab profile``: what the columns of a maker's csv are, listed and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lab.base.parameters.counted import counted
+from lab.cli.app import Commands, print_json
+from lab.cli.options import AsJson
+from lab.cli.terminal import table
+
+EXAMPLES = """\b
+Examples:
+  ins-lab profile list
+  ins-lab profile check my_logger.toml
+  ins-lab profile check my_logger.toml flight.csv
+  ins-lab import flight.csv --column a1=force_x[g] --save-profile "My logger"
+A profile names the columns of a csv, as --column does. Files in the folder that the list names are used
+for every csv that has their headings."""
+
+profile = typer.Typer(
+    name="profile",
+    cls=Commands,
+    help="What the columns of a maker's csv are: list the profiles, and check one.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+
+@profile.command("list")
+def list_profiles(as_json: AsJson = False) -> None:
+    """List the profiles that ship with the lab, and your own."""
+    from lab.data.files.profile import own_folder, own_profiles, shipped_profiles  # noqa: PLC0415 - reads them
+
+    found = [(one, "the lab") for one in shipped_profiles()] + [(one, "you") for one in own_profiles()]
+    if as_json:
+        print_json(
+            [
+                {"name": one.name, "file": str(one.path), "of": of, "columns": dict(one.columns)}
+                for one, of in found
+            ]
+        )
+        return
+    rows = [(one.name, str(len(one.columns)), of, one.path.name) for one, of in found]
+    print(table(("name", "columns", "of", "file"), rows))
+    print(f"Your own: {own_folder()}")
+
+
+@profile.command("check")
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The profile.", show_default=False)],
+    csv: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CSV]", help="A file that should have this profile.", show_default=False),
+    ] = None,
+) -> None:
+    """Check a profile: quantities, units, other profiles for the same files, and a csv if one is given."""
+    from lab.data.files.profile import read_profile  # noqa: PLC0415 - beside what it goes with
+    from lab.data.sheets.profile_check import check_profile, columns_in  # noqa: PLC0415 - imports scipy
+
+    read = read_profile(file)
+    check_profile(read)
+    needs = ", ".join(" or ".join(one) for one in read.needs)
+    lines = columns_in(read, csv) if csv is not None else []
+    print(f"{read.name}: {counted(len(read.columns), 'column')}, needs {needs}.")
+    for line in lines:
+        print(line)

@@ -1,0 +1,233 @@
+"""Profile: what the columns of a maker's csv are, in a TOML file: headings as the maker writes them.
+
+A profile names the columns in the language of ``--column``: ``"gFx" = "force_x[g]"``. The lab ships profiles
+in `lab/data/profiles`; the owner of an installation adds his own in a folder. A file has a profile if it has
+all headings that the profile needs.
+
+    name = "My logger"
+    needs = ["t_ms", "a1", "a2", "a3"]
+    [columns]
+    "t_ms" = "time[ms]"
+    "a1" = "-force_x[g]"
+
+A profile of a simulator also has rates, accelerations and air data, and is read by
+`lab.data.files.simulator_csv`.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from lab.base.files.description_toml import check_keys, read_toml
+from lab.base.files.mission_error import MissionError
+
+FOLDER_VARIABLE = "INS_LAB_PROFILES"
+"""Environment variable that names the folder of the owner's profiles."""
+SHIPPED = Path(__file__).parents[1] / "profiles"
+"""Folder of the profiles that ship with the lab."""
+MAX_PROFILES = 200
+"""Most profiles of a folder."""
+_MAX_COLUMNS = 1000
+"""Most columns of a profile: as many as a csv may have."""
+_MAX_TEXT = 300
+"""Longest name, heading or quantity [characters]."""
+_TEXTS = ("name", "source", "about", "advice", "prefix", "suffix", "without_own_time")
+_LISTS = ("needs", "remarks", "shared")
+_SWITCHES = ("simulator", "phone", "sea_level")
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What the columns of a maker's csv are.
+
+    Attributes
+    ----------
+    path : Path
+        The TOML file.
+    name : str
+        Name of the format.
+    columns : mapping of str
+        What each heading is, as ``--column`` takes it; ``-`` for one that is not read.
+    needs : tuple of tuple of str
+        Headings that a file has to have: one of each; all columns if the profile says nothing.
+    defaults : mapping of str
+        Units of quantities whose headings name none, by quantity: ``rate = "rad/s"``.
+    source : str
+        How the units are known, for the report.
+    remarks : tuple of str
+        What the report says of each file.
+    phone : bool
+        Whether the sensors are those of a phone, whose y axis points to its top.
+    simulator : bool
+        Whether `lab.data.files.simulator_csv` reads it; the rest is for it alone.
+    prefix, suffix : str
+        What may stand before and after each heading that is a path.
+    shared : tuple of str
+        Headings that other programs write too: a file with no others does not have this profile.
+    advice : str
+        What to record where a file has no motion.
+    without_own_time : str
+        What the report says where the simulator's own clock is missing.
+    sea_level : bool
+        Whether heights are above sea level.
+    """
+
+    path: Path
+    name: str
+    columns: Mapping[str, str]
+    needs: tuple[tuple[str, ...], ...]
+    defaults: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+    remarks: tuple[str, ...] = ()
+    phone: bool = False
+    simulator: bool = False
+    prefix: str = ""
+    suffix: str = ""
+    shared: tuple[str, ...] = ()
+    advice: str = ""
+    without_own_time: str = ""
+    sea_level: bool = False
+
+    def fits(self, headings: Collection[str]) -> bool:
+        """Return whether a file with some headings has this profile."""
+        return all(any(one in headings for one in need) for need in self.needs)
+
+
+def read_profile(path: Path) -> Profile:
+    """Return the profile in a TOML file.
+
+    Raises
+    ------
+    MissionError
+        If it cannot be read, or has a key or value that is not accepted.
+    """
+    values = read_toml(path)
+    check_keys(path, values, (*_TEXTS, *_LISTS, *_SWITCHES, "columns", "defaults"), _TEXTS)
+    for key in _SWITCHES:
+        if not isinstance(values.get(key, False), bool):
+            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted are true and false")
+    for key in ("remarks", "shared"):
+        if not _are_texts(values.get(key, [])):
+            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is a list of texts")
+    columns, defaults = (_table(path, values, key) for key in ("columns", "defaults"))
+    needs = _needs(path, values.get("needs", list(columns)))
+    name = values.get("name", "").strip()
+    if not name or not needs:
+        raise MissionError(
+            f'{path}: the profile has no {"headings" if name else "name"}; accepted is name = "My logger" '
+            'and a table [columns] with lines such as "a1" = "force_x[g]"'
+        )
+    rest: dict[str, Any] = {key: values[key] for key in (*_TEXTS[1:], *_SWITCHES) if key in values}
+    rest.pop("about", None)
+    rest |= {key: tuple(values.get(key, ())) for key in ("remarks", "shared")}
+    return Profile(path, name, columns, needs, defaults, **rest)
+
+
+def _are_texts(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) and len(one) <= _MAX_TEXT for one in value)
+
+
+def _table(path: Path, values: Mapping[str, Any], key: str) -> dict[str, str]:
+    table = values.get(key, {})
+    if not isinstance(table, dict) or len(table) > _MAX_COLUMNS or not _are_texts([*table, *table.values()]):
+        raise MissionError(
+            f'{path}: accepted as [{key}] are at most {_MAX_COLUMNS} lines such as "a1" = "force_x[g]"'
+        )
+    return {heading.strip(): text.strip() for heading, text in table.items()}
+
+
+def _needs(path: Path, value: object) -> tuple[tuple[str, ...], ...]:
+    found = [one if isinstance(one, list) else [one] for one in value] if isinstance(value, list) else [[]]
+    if not all(one and _are_texts(one) for one in found) or len(found) > _MAX_COLUMNS:
+        raise MissionError(
+            f'{path}: needs = {value!r}; accepted is a list of headings, such as ["t", ["lat", "latitude"]], '
+            "in which a list stands for any one of its headings"
+        )
+    return tuple(tuple(text.strip() for text in one) for one in found)
+
+
+def own_folder() -> Path:
+    """Return the folder of the owner's profiles, which need not exist.
+
+    It is what the environment variable ``INS_LAB_PROFILES`` names, or else ``profiles`` in the user's data
+    folder of ``ins-lab`` (on Linux ``~/.local/share/ins-lab/profiles``).
+    """
+    if named := os.environ.get(FOLDER_VARIABLE):
+        return Path(named).expanduser()
+    from platformdirs import user_data_path  # noqa: PLC0415 - only needed without the variable
+
+    return user_data_path("ins-lab", appauthor=False) / "profiles"
+
+
+def shipped_profiles() -> tuple[Profile, ...]:
+    """Return the profiles that ship with the lab."""
+    return _of_folder(SHIPPED, _listing(SHIPPED))
+
+
+def own_profiles() -> tuple[Profile, ...]:
+    """Return the owner's profiles; one that is broken is left out with a warning."""
+    return _of_folder(own_folder(), _listing(own_folder()))
+
+
+def _listing(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Return the TOML files of a folder, with what changes when one is written."""
+    try:
+        with os.scandir(folder) as entries:
+            found = [
+                (entry.name, entry.stat().st_mtime_ns, entry.stat().st_size)
+                for entry in entries
+                if entry.name.endswith(".toml") and entry.is_file()
+            ]
+    except OSError:
+        return ()
+    return tuple(sorted(found)[:MAX_PROFILES])
+
+
+@lru_cache(maxsize=8)
+def _of_folder(folder: Path, listing: tuple[tuple[str, int, int], ...]) -> tuple[Profile, ...]:
+    found = []
+    for name, _, _ in listing:
+        try:
+            found.append(read_profile(folder / name))
+        except MissionError as error:
+            warnings.warn(f"profile left out: {error}", stacklevel=2)
+    return tuple(found)
+
+
+def profile_of(file: str, headings: Sequence[str]) -> Profile | None:
+    """Return the profile of a csv that is no simulator's; None if there is none.
+
+    Parameters
+    ----------
+    file
+        Name of the file, for the message.
+    headings
+        Its headings.
+
+    Raises
+    ------
+    MissionError
+        If several profiles have these headings.
+    """
+    there = frozenset(headings)
+    fitting = [one for one in (*shipped_profiles(), *own_profiles()) if not one.simulator and one.fits(there)]
+    # A profile whose needs include all of another's is the more particular one.
+    best = [one for one in fitting if not any(_includes(other, one) for other in fitting)]
+    if len(best) > 1:
+        names = " and ".join(f"{one.name} ({one.path})" for one in best)
+        raise MissionError(
+            f"{file}: its headings are those of several profiles: {names}; accepted is one. Remove one, "
+            "or let it need a heading that the other file does not have"
+        )
+    return best[0] if best else None
+
+
+def _includes(one: Profile, other: Profile) -> bool:
+    """Return whether one profile needs what another does, and more."""
+    return set(one.needs) > set(other.needs)

@@ -1,0 +1,149 @@
+"""Profile check: whether a profile can be used, and the profile that a person's answers make."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from lab.base.files.atomic_file import atomic_file
+from lab.base.files.file_content import whole
+from lab.base.files.mission_error import MissionError
+from lab.base.files.named_columns import MAX_BYTES
+from lab.data.files import simulator_csv
+from lab.data.files.profile import Profile, own_folder, own_profiles, read_profile, shipped_profiles
+from lab.data.files.table import head_lines
+from lab.data.files.unit_names import unit_of
+from lab.data.sheets.column_names import VECTORS, Heading, given_heading, kind_of
+from lab.data.sheets.sensor_csv import sheets_of
+from lab.data.sheets.sheet import as_utf8, layout_of
+from lab.data.sheets.sheet_sources import as_table
+
+_FILE_NAME = re.compile(r"[^\w-]+")
+
+
+def check_profile(profile: Profile) -> None:
+    """Raise if a profile cannot be used, or another one has the same files.
+
+    Raises
+    ------
+    MissionError
+        Naming the quantity or unit that is not accepted, or the other profile.
+    """
+    if profile.simulator:
+        simulator_csv.check(profile)
+    for heading, text in profile.columns.items() if not profile.simulator else ():
+        try:
+            given_heading(text, heading)
+        except MissionError as error:
+            raise MissionError(f"{profile.path}: {error}") from None
+    for quantity, unit in profile.defaults.items():
+        if not kind_of(quantity) or not unit_of(kind_of(quantity), unit):
+            raise MissionError(
+                f"{profile.path}: defaults: {quantity} = {unit!r} is no quantity with a unit; accepted is, "
+                'for example, rate = "rad/s"'
+            )
+    for other in (*shipped_profiles(), *own_profiles()):
+        same = set(other.needs) == set(profile.needs) and other.simulator == profile.simulator
+        if same and other.path.resolve() != profile.path.resolve():
+            raise MissionError(
+                f"{profile.path}: {other.name} ({other.path}) needs the same headings, so a file would have "
+                "two profiles; accepted is one. Let one of them need a heading that the other's files lack"
+            )
+
+
+def columns_in(profile: Profile, path: Path) -> list[str]:
+    """Return sentences on which columns of a csv a profile names.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or does not have this profile.
+    """
+    data = whole(path, MAX_BYTES)
+    if profile.simulator:
+        if not simulator_csv.recognises(profile, data):
+            raise MissionError(f"{path}: has not all headings that {profile.name} needs")
+        return [f"{path}: is {profile.name}."]
+    lines = head_lines(as_table(as_utf8(data)))
+    layout = layout_of("\n".join(lines).encode(), path.name)
+    there = () if layout is None else layout.headings
+    missing = [" or ".join(need) for need in profile.needs if not set(need) & set(there)]
+    if missing:
+        raise MissionError(
+            f"{path}: has not all headings that {profile.name} needs: {', '.join(missing)} missing; its "
+            f"headings are {', '.join(there) or 'not found'}"
+        )
+    rest = [text for text in there if text and text not in profile.columns]
+    named = [f"{text} = {profile.columns[text]}" for text in there if text in profile.columns]
+    return [
+        f"Named by the profile: {', '.join(named) or 'none'}.",
+        f"Left to their headings: {', '.join(rest) or 'none'}.",
+    ]
+
+
+def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> Path:
+    """Write what a person says of columns as a profile in the owner's folder; return the file.
+
+    Parameters
+    ----------
+    name
+        Name of the profile.
+    paths
+        The files whose columns they are.
+    units
+        What the person says, by heading.
+
+    Raises
+    ------
+    MissionError
+        If nothing is said, the columns have no headings, a profile of that name is there, or another profile
+        has these headings.
+    """
+    if not units or all(heading.isdigit() for heading in units):
+        raise MissionError(
+            f"{name}: a profile needs columns with headings; accepted are --column HEADING=QUANTITY[UNIT] "
+            "and --unit HEADING=UNIT"
+        )
+    columns: dict[str, str] = {}
+    needs: list[str] = []
+    for sheet in sheets_of(paths, units):
+        named = {one.text: _written(one) for one in sheet.headings if one.text in units}
+        named |= {text: "-" for text in sheet.unknown if text in units}
+        if named:
+            columns |= named
+            needs += [*(one.text for one in sheet.headings), *sheet.unknown]
+    path = own_folder() / f"{_FILE_NAME.sub('-', name).strip('-').lower() or 'profile'}.toml"
+    if path.exists():
+        raise MissionError(f"{path}: is there already; accepted is another name, or none of that file")
+    text = _text(name, list(dict.fromkeys(needs)), columns)
+    profile = Profile(path, name, columns, tuple((one,) for one in dict.fromkeys(needs)))
+    check_profile(profile)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(path) as file:
+            file.write(text.encode())
+    except OSError as error:
+        raise MissionError(f"{path}: cannot be written: {error.strerror or error}") from error
+    assert replace(read_profile(path), path=path) == profile
+    return path
+
+
+def _written(heading: Heading) -> str:
+    """Return what a column is, as ``--column`` takes it."""
+    name = f"{heading.quantity}_{heading.axis}" if heading.quantity in VECTORS else heading.quantity
+    return f"{'-' if heading.sign < 0 else ''}{name}{f'[{heading.unit}]' if heading.unit else ''}"
+
+
+def _text(name: str, needs: Sequence[str], columns: Mapping[str, str]) -> str:
+    """Return the TOML of a profile; its strings are those of JSON, which TOML reads alike."""
+
+    def quoted(text: str) -> str:
+        return json.dumps(text, ensure_ascii=False)
+
+    lines = [f"{quoted(heading)} = {quoted(text)}" for heading, text in columns.items()]
+    return "\n".join(
+        (f"name = {quoted(name)}", f"needs = [{', '.join(map(quoted, needs))}]", "", "[columns]", *lines, "")
+    )
