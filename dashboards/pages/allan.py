@@ -74,8 +74,7 @@ class Allan(ComputedPage):
         else:
             records = rest.of_log(result.recorded.log, result.recorded.alignment.rest)
         deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
-        terms = {triad: allan.fit(found) for triad, found in deviations.items()}
-        return AtRest(deviations, terms, {triad: record.duration for triad, record in records.items()})
+        return AtRest(deviations, rest.noise_terms(records), {triad: record.duration for triad, record in records.items()})
 
     def clear(self) -> None:
         """Draw nothing."""
@@ -87,7 +86,7 @@ class Allan(ComputedPage):
         sensors = result.experiment.sensors
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
-        poor = escape(rest.misfit(content.terms))
+        poor = escape(rest.about_fit(content.terms))
         if result.recorded:
             return (
                 f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "
