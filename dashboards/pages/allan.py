@@ -74,7 +74,11 @@ class Allan(ComputedPage):
         else:
             records = rest.of_log(result.recorded.log, result.recorded.alignment.rest)
         deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
-        return AtRest(deviations, rest.noise_terms(records), {triad: record.duration for triad, record in records.items()})
+        return AtRest(
+            deviations,
+            rest.noise_terms(records),
+            {triad: record.duration for triad, record in records.items()},
+        )
 
     def clear(self) -> None:
         """Draw nothing."""

@@ -223,8 +223,8 @@ def fit(allan: AllanDeviation, shortest: float = 0.0, longest: float = math.inf)
     allan
         The deviation.
     shortest, longest
-        Averaging times from which and up to which it is used [s]: shorter ones may belong to a filter in the sensor,
-        longer ones to its temperature. As many as there are terms are used in any case.
+        Averaging times from which and up to which it is used [s]: shorter ones may belong to a filter in
+        the sensor, longer ones to its temperature. As many as there are terms are used in any case.
     """
     first, last = np.searchsorted(allan.tau, (shortest * (1 - 1e-9), longest * (1 + 1e-9)))
     used = np.s_[min(first, max(len(allan.tau) - len(LETTERS), 0)) : max(last, len(LETTERS))]

@@ -1,15 +1,17 @@
 """Low-pass: the filter in a sensor, found in the spectrum of its output at rest, and undone.
 
-A sensor that filters its output has less noise at short averaging times, where the Allan deviation shows white
+A sensor that filters its output has less noise at short averaging times, where the Allan deviation shows
+white
 noise best, and correlated samples, which look like a bias that changes. Its spectrum shows the filter: white
-noise, flicker, random walk and quantisation noise fall with frequency or rise, but none is flat and then falls.
+noise, flicker, random walk and quantisation noise fall with frequency or rise, but none is flat and then
+falls.
 The spectrum of three axes is fitted with and without a filter by maximum likelihood (Whittle); dividing the
 output by the filter leaves the noise that the sensor has before it, with the same density at low frequencies.
 
 References
 ----------
-P. Whittle, *Estimation and Information in Stationary Time Series*, Arkiv för Matematik 2 (1953): the likelihood
-of a spectrum.
+P. Whittle, *Estimation and Information in Stationary Time Series*, Arkiv för Matematik 2 (1953): the
+likelihood of a spectrum.
 A. V. Oppenheim and R. W. Schafer, *Discrete-Time Signal Processing*, 3rd ed. (2010), chapter 7: filters whose
 frequency is bent by the bilinear transform.
 """
@@ -31,11 +33,11 @@ class LowPassLimits:
     """When a low-pass is said."""
 
     likelihood: float = 22.0
-    """Twice the growth of the log-likelihood by a filter from which it is said: chance makes 22 of one parameter
-    in one case of 4·10⁵, and there are five shapes."""
+    """Twice the growth of the log-likelihood by a filter from which it is said: chance makes 22 of one
+    parameter in one case of 4·10⁵, and there are five shapes."""
     fallen: float = 0.5
-    """Power near half of the sampling rate, relative to that of the white noise, from which a filter is said that
-    does not explain the spectrum: its shape is another, or there is vibration besides."""
+    """Power near half of the sampling rate, relative to that of the white noise, from which a filter is
+    said that does not explain the spectrum: its shape is another, or there is vibration besides."""
     deviance: float = 4.0
     """Deviance beyond chance, in its σ, up to which a filter explains the spectrum wholly."""
     slowest: float = 0.002
@@ -69,11 +71,11 @@ _LINE = 8.0
 _REWEIGHTINGS = 8
 """Iterations in which the weights are adapted to the spectrum."""
 _FLOOR = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
-"""Power behind the filter, relative to the noise before it, that is tried: rounding of the output. With more of
-it, the spectrum is that of white noise and a bias with a correlation time."""
+"""Power behind the filter, relative to the noise before it, that is tried: rounding of the output. With
+more of it, the spectrum is that of white noise and a bias with a correlation time."""
 _PRICE = 4.0
-"""Growth of the log-likelihood by which power behind the filter, and quantisation noise, have to pay: chance makes
-4 in one case of 200."""
+"""Growth of the log-likelihood by which power behind the filter, and quantisation noise, have to pay:
+chance makes 4 in one case of 200."""
 _PENALTY = 4.0
 """Growth of the log-likelihood by which a filter has to pay before it widens the σ of white noise."""
 _HIGHEST = 0.45
@@ -169,8 +171,8 @@ class Found(NamedTuple):
     low_pass : LowPass or None
         The filter in the sensor; None if the spectrum shows none.
     white, white_sigma : (axes,) arrays
-        White noise, before the filter if there is one, as N of `lab.analysis.allan.NoiseTerms`, and its σ; NaN if
-        the spectrum is not explained.
+        White noise, before the filter if there is one, as N of `lab.analysis.allan.NoiseTerms`, and its σ;
+        NaN if the spectrum is not explained.
     """
 
     low_pass: LowPass | None
@@ -306,7 +308,9 @@ def _best(spectrum: _Spectrum, shape: str) -> _Fit:
     ends = np.log((cuts[max(place - 1, 0)], cuts[min(place + 1, _GRID - 1)]))
     best = coarse[place]
     for _ in range(2):  # the floor and the cut-off in turn
-        best = min((fit(best.cut, one) for one in _FLOOR), key=lambda one: one.cost + _PRICE * (one.floor > 0))
+        best = min(
+            (fit(best.cut, one) for one in _FLOOR), key=lambda one: one.cost + _PRICE * (one.floor > 0)
+        )
         floor = best.floor
         refined = minimize_scalar(
             lambda log, floor=floor: fit(float(np.exp(log)), floor).cost, bounds=ends, method="bounded",
@@ -339,9 +343,7 @@ def _excess(spectrum: _Spectrum, fit: _Fit) -> float:
 
 
 def _uncertainty(spectrum: _Spectrum, best: _Fit, fits: list[_Fit]) -> FloatArray:
-    """Return the relative σ (axes,) of white noise: from the Fisher information of all that is fitted, and from
-    the choice of the shape.
-    """
+    """Return the relative σ (axes,) of white noise: by the Fisher information, and by other shapes."""
     axes = spectrum.power.shape[1]
     model = _model(spectrum, best)
     moved = best.cut * 0.999
@@ -361,7 +363,9 @@ def _uncertainty(spectrum: _Spectrum, best: _Fit, fits: list[_Fit]) -> FloatArra
     shape = np.zeros(axes)
     for one in fits:
         # As likely as the best with a parameter more, even if too unlikely to be said.
-        chance = min(1.0, np.exp((best.cost - one.cost) / _FEWER - _PENALTY * (bool(one.shape) - bool(best.shape))))
+        chance = min(
+            1.0, np.exp((best.cost - one.cost) / _FEWER - _PENALTY * (bool(one.shape) - bool(best.shape)))
+        )
         apart = np.log(np.maximum(one.squares[0], 1e-300) / np.maximum(best.squares[0], 1e-300))
         shape = np.maximum(shape, chance * np.minimum(np.abs(apart), 1.0) ** 2)
     return np.asarray(np.sqrt(variance + shape) / 2)

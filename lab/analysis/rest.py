@@ -41,13 +41,15 @@ _SHORTEST = 5e-4
 _CLEAR = 10.0
 """White noise in its σ from which its value in the spectrum is taken."""
 _ROUNDED = 2.5
-"""Rounding step, in σ of the samples, from which these do not show the noise: they have two or three values."""
+"""Rounding step, in σ of the samples, from which these do not show the noise: they have two or three
+values."""
 _MEMORIES = 5.0
 """Averaging time from which a filter acts by its 1/τ² alone, in its time constants: e⁻⁵ is below 1 %."""
 _LONGER = 3
 """How often that time is tried, twice as long each time."""
 _FEWEST_TIMES = 8.0
-"""Longest averaging time, in samples, of which at least the white noise is taken: there are ten shorter ones."""
+"""Longest averaging time, in samples, of which at least the white noise is taken: there are ten shorter
+ones."""
 _SHOWN = 2.0
 """A record does not show a term below this multiple of its σ. `allan.fit` states σ so that terms that are not
 present are at most 1.5 σ and all others more than 4 σ, so any number in between separates them."""
@@ -99,7 +101,7 @@ def simulate(sensors: SensorSuite, seed: int = 1) -> dict[str, Record]:
 
 
 def noise_terms(records: Mapping[str, Record]) -> dict[str, allan.NoiseTerms]:
-    """Return the noise terms fitted to each triad, in SI units, with those of a sensor before its low-pass."""
+    """Return the noise terms of each triad, in SI units; with a low-pass, those before it."""
     return {triad: _noise_terms(record) for triad, record in records.items()}
 
 
@@ -186,7 +188,8 @@ def about_fit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
             parts.append(f"The {triad}s have a low-pass of about {terms.low_pass.cut_off:.2g} Hz: {how}.")
         if hidden := [axis for axis, value in zip("xyz", terms.N, strict=True) if np.isnan(value)]:
             parts.append(
-                f"The white noise of {triad} {', '.join(hidden)} is not known: the samples are rounded too coarsely, "
+                f"The white noise of {triad} {', '.join(hidden)} is not known: the samples are rounded "
+                f"too coarsely, "
                 "or the filter hides it."
             )
     poor = [
@@ -197,7 +200,8 @@ def about_fit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
     ]
     if poor:
         parts.append(
-            f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible causes are "
+            f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible "
+            f"causes are "
             "vibration, a changing temperature, or a bias with a correlation time."
         )
     return " ".join(parts)
@@ -208,8 +212,8 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
 
     A term that the record does not show (below twice its σ on every axis) is omitted; so are quantisation
     noise and ramp, which have no setting. If the five terms do not explain the deviation, only white noise is
-    written, if they explain short averaging times. A record at rest does not show turn-on bias, scale factor, range
-    and bandwidth, so these are missing too. The note names filters and poor fits.
+    written, if they explain short averaging times. A record at rest does not show turn-on bias, scale
+    factor, range and bandwidth, so these are missing too. The note names filters and poor fits.
 
     Parameters
     ----------
@@ -245,7 +249,9 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
         }
         if missing := [one for one in TERMS.values() if one not in names]:
             labels = [str(SensorSuite().groups()[triad].param[one].label).lower() for one in missing]
-            note += f" The fit does not support {', '.join(labels)} of the {triad}s, which the card leaves out."
+            note += (
+                f" The fit does not support {', '.join(labels)} of the {triad}s, which the card leaves out."
+            )
     if not any(groups.values()):
         raise ValueError(f"no card can be made of {source}. {note or 'The record shows no noise.'}")
     return Card(name=name, maker="", grade="own", note=note.strip(), terms=groups)
@@ -262,7 +268,7 @@ def _supported(record: Record, terms: allan.NoiseTerms) -> tuple[allan.NoiseTerm
     while longest > _FEWEST_TIMES * record.dt:
         longest /= 2
         short = allan.fit(deviation, longest=longest)
-        if (short.p_value >= allan.FITS).all() and (short.N > _SHOWN * short.N_sigma).all():
+        if (short.p_value >= allan.FITS).all() and (_SHOWN * short.N_sigma < short.N).all():
             return short, (DENSITY,)
     return terms, ()
 

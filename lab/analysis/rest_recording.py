@@ -1,6 +1,7 @@
-"""Rest recording: gyros and accelerometers of an IMU at rest, out of any file with samples of an IMU, on an even clock.
+"""Rest recording: gyros and accelerometers of an IMU at rest, out of any file, on an even clock.
 
-A recording of hours has lost samples, stamps that jitter, a driver that reads faster than the sensor measures, and
+A recording of hours has lost samples, stamps that jitter, a driver that reads faster than the sensor
+measures, and
 somebody who knocks at the table. What is left out is reported; what cannot be mended is refused.
 """
 
@@ -18,11 +19,12 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.formats import log_reader_of
+from lab.data.clock.sheet_stamps import set_backs
 from lab.data.files.unit_names import UNITS
+from lab.data.formats import log_reader_of
 from lab.data.sheets.column_names import VECTORS
 from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet_imu import NAMED, Triad, app_of, in_order, triads
+from lab.data.sheets.sheet_imu import Triad, app_of, in_order, triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.raw_recording import RecordingError
 from lab.data.streams.recorded_log import recorded_samples
@@ -38,11 +40,11 @@ class RestLimits:
     """What a recording at rest may contain."""
 
     longest_gap: float = 10.0
-    """Longest gap whose ends are put together [s]: the bias of MEMS sensors changes in minutes. After a longer one,
-    the longest piece is taken."""
+    """Longest gap whose ends are put together [s]: the bias of MEMS sensors changes in minutes. After a
+    longer one, the longest piece is taken."""
     missing: float = 0.05
-    """Largest part of the samples that may be missing. Samples that follow one another across a gap keep white
-    noise as it is, and move the averaging times by that part."""
+    """Largest part of the samples that may be missing. Samples that follow one another across a gap keep
+    white noise as it is, and move the averaging times by that part."""
     lost: float = 1.75
     """Step, in usual intervals, from which a sample may be lost: stamps jitter by steps of 0.5 to 1.6."""
     shift: float = 0.5
@@ -52,7 +54,8 @@ class RestLimits:
     rate_change: float = 0.3
     """Change of the interval that ends a piece: bursts of 16 samples change that of a window by 0.25."""
     held: float = 0.02
-    """Part of the rows that repeat all axes of the one before, beyond chance, from which they are no samples."""
+    """Part of the rows that repeat all axes of the one before, beyond chance, from which they are no
+    samples."""
     outlier: float = 10.0
     """Change of a mean from block to block, in its σ, that no noise makes: a knock or a turn."""
     margin: float = 1.0
@@ -60,10 +63,11 @@ class RestLimits:
     moved: float = 0.5
     """Largest part of a recording with knocks and turns."""
     unsteady: float = np.radians(0.5)
-    """σ of the change of a rate from second to second that is no rest [rad/s]: white noise of 0.1 °/s/√Hz makes
-    0.14 °/s."""
+    """σ of the change of a rate from second to second that is no rest [rad/s]: white noise of 0.1 °/s/√Hz
+    makes 0.14 °/s."""
     tilted: float = 0.5
-    """Largest change of the specific force over a record at rest, between means over a hundredth of it [m/s²]."""
+    """Largest change of the specific force over a record at rest, between means over a hundredth of it
+    [m/s²]."""
 
 
 LIMITS = RestLimits()
@@ -133,9 +137,7 @@ class _Even(NamedTuple):
     remarks: list[str]
 
 
-def read_log(
-    paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None
-) -> Recording:
+def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None) -> Recording:
     """Read a recording of an IMU at rest: a csv, a log of an autopilot, or the bytes of a device.
 
     Gyros alone, or accelerometers alone, are enough.
@@ -191,7 +193,10 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
         found = recorded_samples(files[0]).imu
     except RecordingError as error:
         raise MissionError(str(error)) from error
-    return {"gyro": _Samples(found["time"], found["rate"]), "accelerometer": _Samples(found["time"], found["force"])}, []
+    return {
+        "gyro": _Samples(found["time"], found["rate"]),
+        "accelerometer": _Samples(found["time"], found["force"]),
+    }, []
 
 
 def _is_of_device(path: Path) -> bool:
@@ -205,7 +210,8 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     if not gyros and not forces:
         known = ", ".join(sorted({one.text for sheet in sheets for one in sheet.headings})) or "none"
         raise MissionError(
-            f"no gyros and no accelerometers with three axes and time stamps; columns that are read: {known}. "
+            f"no gyros and no accelerometers with three axes and time stamps; columns that are read: "
+            f"{known}. "
             "Accepted are headings such as gx_deg_s and fx_g, or what the columns are: --column "
             "HEADING=rate_x[°/s]"
         )
@@ -245,7 +251,8 @@ def _unit_of_gyros(gyro: Triad, force: Triad) -> str:
         return "rad/s"
     first = gyro.headings[0].text
     raise MissionError(
-        f"the columns {_named(gyro)} do not name their unit, and at rest nothing shows it; accepted are headings "
+        f"the columns {_named(gyro)} do not name their unit, and at rest nothing shows it; accepted are "
+        f"headings "
         f"such as gyro_x_deg_s, or the unit of each column: --unit {first}=°/s"
     )
 
@@ -265,7 +272,8 @@ def _with_gravity(forces: Sequence[Triad]) -> tuple[tuple[Triad, str] | None, st
         force = next(iter(sizes.values()))
         hint = "; this looks like g" if triad.unit == "m/s²" and abs(size - 1) < OFF_GRAVITY else ""
         said = (
-            f"the mean specific force of {_named(triad)} is {force:.4g} m/s²{hint}; accepted is a record at rest, "
+            f"the mean specific force of {_named(triad)} is {force:.4g} m/s²{hint}; accepted is a "
+            f"record at rest, "
             "with about 9.8 m/s²"
         )
         if force > (1 - OFF_GRAVITY) * STANDARD_GRAVITY or hint:
@@ -289,6 +297,11 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
         rate = float(fresh.sum() / max(np.ptp(time), 1e-9))
         remarks.append(f"{remark_of_polling} The {triad}s measure {rate:.4g} times a second.")
         time, values = time[fresh], values[fresh]
+    for row, size in set_backs(time):
+        remarks.append(
+            f"The clock was set back by {size:.3f} s at {time[row - 1] - time[0]:.2f} s; the samples go on."
+        )
+        time = np.append(time[:row], time[row:] + size)
     rows, time, more = in_order(time, f"{triad}s")
     values, remarks = values[rows], [*remarks, *more]
     first, last, remark = _longest(time)
@@ -301,12 +314,14 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     lost, gaps = _lost(time, polled=bool(remark_of_polling))
     if lost > LIMITS.missing * len(time):
         raise MissionError(
-            f"{lost} of {lost + len(time)} samples are missing, in {counted(gaps, 'gap')}; accepted are recordings "
+            f"{lost} of {lost + len(time)} samples are missing, in {counted(gaps, 'gap')}; accepted are "
+            f"recordings "
             f"of which at most {100 * LIMITS.missing:g} % are missing"
         )
     if lost:
         remarks.append(
-            f"{counted(lost, 'sample')} in {counted(gaps, 'gap')} {'is' if lost == 1 else 'are'} missing: the samples "
+            f"{counted(lost, 'sample')} in {counted(gaps, 'gap')} {'is' if lost == 1 else 'are'} "
+            f"missing: the samples "
             "beside are taken as neighbours."
         )
     dt = span / (len(time) - 1 + lost)
@@ -330,7 +345,7 @@ def _fresh(values: FloatArray) -> tuple[Flags, str]:
     every = np.ones(len(values), bool)
     if alive.sum() < 2 or together < LIMITS.held:
         return every, ""
-    # h of the rows are held; of the others, the axes are equal by chance: (r - h)/(1 - h) = Π (rᵢ - h)/(1 - h).
+    # h of the rows are held; the axes of others agree by chance: (r - h)/(1 - h) = Π (rᵢ - h)/(1 - h).
     h = np.linspace(0.0, together, 1000, endpoint=False)
     chance = np.prod((rates[:, None] - h) / (1 - h), axis=0)
     held = float(h[np.argmin(np.abs((together - h) / (1 - h) - chance))])
@@ -359,16 +374,21 @@ def _longest(time: FloatArray) -> tuple[int, int, str]:
     first, last = int(ends[place]), int(ends[place + 1])
     if ends.size == 2:
         return first, last, ""
-    return first, last, (
-        f"The clock jumps or changes its rate {counted(ends.size - 2, 'time')}: the longest piece, "
-        f"{time[last - 1] - time[first]:.0f} s from {time[first]:.9g} s, is used."
+    return (
+        first,
+        last,
+        (
+            f"The clock jumps or changes its rate {counted(ends.size - 2, 'time')}: the longest piece, "
+            f"{time[last - 1] - time[first]:.0f} s from {time[first]:.9g} s, is used."
+        ),
     )
 
 
 def _lost(time: FloatArray, polled: bool) -> tuple[int, int]:
     """Return how many samples are missing between others, and in how many gaps.
 
-    Samples of a driver that polls have the stamps of its clock, and steps of one and of several of its intervals.
+    Samples of a driver that polls have the stamps of its clock, and steps of one and of several of its
+    intervals.
     """
     window = min(LIMITS.window, len(time) // 4)
     usual = float(np.median(time[window:] - time[:-window])) / window
@@ -400,12 +420,15 @@ def _undisturbed(even: Mapping[str, _Even]) -> tuple[dict[str, Record], list[str
     duration = max(one.record.duration for one in even.values())
     if left_out > LIMITS.moved * duration:
         raise MissionError(
-            f"the IMU was knocked or turned during {left_out:.0f} of {duration:.0f} s; accepted is a record at rest"
+            f"the IMU was knocked or turned during {left_out:.0f} of {duration:.0f} s; accepted is a "
+            f"record at rest"
         )
     origin = min(float(one.time[0]) for one in even.values())
     places = ", ".join(f"{begin - origin:.1f} s" for begin, _ in spans[:_NAMED_PLACES])
     more = "" if len(spans) <= _NAMED_PLACES else f" and {len(spans) - _NAMED_PLACES} more"
-    remarks = [f"The IMU was knocked or turned at {places}{more} after the start: {left_out:.1f} s are left out."]
+    remarks = [
+        f"The IMU was knocked or turned at {places}{more} after the start: {left_out:.1f} s are left out."
+    ]
     records = {}
     for triad, one in even.items():
         rows = _at_one_level(one, spans)
@@ -499,7 +522,8 @@ def _check_rest(triad: str, record: Record) -> None:
             change = float(_sigma(np.abs(np.diff(means, axis=0)), rates).max())
             if change > LIMITS.unsteady:
                 raise MissionError(
-                    f"the rates change by {np.degrees(change):.3g} °/s from second to second; accepted is a record "
+                    f"the rates change by {np.degrees(change):.3g} °/s from second to second; accepted "
+                    f"is a record "
                     "at rest"
                 )
         return

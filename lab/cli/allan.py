@@ -53,7 +53,9 @@ def allan(
     as_json: AsJson = False,
 ) -> None:
     """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit."""
-    is_log = Path(record).is_file() and not record.lower().endswith(".toml") or record.lower().endswith(".csv")
+    is_log = (Path(record).is_file() and not record.lower().endswith(".toml")) or record.lower().endswith(
+        ".csv"
+    )
     given = corrections(units, columns)
     if given and not is_log:
         raise CommandError("--unit and --column are for logs")
@@ -169,5 +171,9 @@ def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
     from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
+    try:
+        card = rest.card_of(path.stem, records, source)
+    except ValueError as error:
+        raise CommandError(f"--card {path}: {error}") from error
     with atomic_file(path) as file:
-        file.write(rest.card_of(path.stem, records, source).to_toml().encode())
+        file.write(card.to_toml().encode())

@@ -99,7 +99,9 @@ READERS: tuple[Reader, ...] = (
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log, read_imu=ulog.read_imu),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log, read_imu=sdlog2.read_imu),
-    Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log, read_imu=ardupilot.read_imu),
+    Reader(
+        ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log, read_imu=ardupilot.read_imu
+    ),
     Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log, read_imu=mavlink.read_imu),
     Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
 )

@@ -12,7 +12,7 @@ DT = 0.01
 
 
 def _noise(seed: int, samples: int, flicker: float = 0.0, walk: float = 0.0) -> np.ndarray:
-    """Return white noise of density 1 with flicker B and random walk K, whose spectra are B²/(2πf) and K²/(2πf)²."""
+    """Return white noise of density 1 with flicker B and random walk K: B²/(2πf) and K²/(2πf)²."""
     rng = np.random.default_rng(seed)
     f = np.fft.rfftfreq(samples, DT)
     f[0] = np.inf
@@ -46,7 +46,7 @@ def test_white_noise_before_a_filter_is_right_and_its_sigma_covers_it(name: str,
         terms = rest.noise_terms({"gyro": rest.Record(rates, DT)})["gyro"]
         assert terms.low_pass is not None
         assert terms.low_pass.explains
-        assert terms.N == pytest.approx([1.0] * 3, rel=0.05)
+        assert pytest.approx([1.0] * 3, rel=0.05) == terms.N
         assert (np.abs(terms.N - 1) < 3.5 * terms.N_sigma).all()
 
 
@@ -72,7 +72,7 @@ def test_a_filter_of_another_shape_leaves_long_averaging_times(taps: tuple[np.nd
     terms = rest.noise_terms({"gyro": rest.Record(rates, DT)})["gyro"]
     assert terms.low_pass is not None
     assert not terms.low_pass.explains
-    assert terms.N == pytest.approx([1.0] * 3, rel=0.05)
+    assert pytest.approx([1.0] * 3, rel=0.05) == terms.N
     assert "low-pass" in rest.about_fit({"gyro": terms})
 
 

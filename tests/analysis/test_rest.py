@@ -53,7 +53,11 @@ def test_columns_may_stand_in_any_order_beside_others(tmp_path: Path) -> None:
     ("table", "header", "words"),
     [
         (_table(10), HEADER, ["10 samples", "at least 16"]),
-        (np.delete(_table(), RNG.choice(400, 80, replace=False), axis=0), HEADER, ["samples are missing", "gaps"]),
+        (
+            np.delete(_table(), RNG.choice(400, 80, replace=False), axis=0),
+            HEADER,
+            ["samples are missing", "gaps"],
+        ),
         (_table() * ([1.0] * 4 + [1 / 9.80665] * 3), HEADER, ["1 m/s²; this looks like g"]),
         (_table() * ([1.0] * 4 + [3.0] * 3), HEADER, ["29.42 m/s²", "at rest"]),
         (_table() + np.outer(np.linspace(-1, 1, 400), np.eye(7)[4]), HEADER, ["changes by", "at rest"]),
@@ -147,9 +151,7 @@ def test_the_card_of_a_log_says_where_the_fit_is_poor_and_that_its_density_is_tw
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings at {RECORDINGS} (INS_LAB_RECORDINGS)")
 def test_a_real_log_at_rest_gives_a_card() -> None:
-    """Half a minute shows the white noise, of the size the makers of such sensors give, and no more; the gyros have
-    lines of vibration, so the card has no numbers of them.
-    """
+    """Half a minute shows the white noise; lines of vibration leave the gyros without a number."""
     records = rest.read_log(RECORDINGS / "vn310_static" / "imu.csv")
     assert records["gyro"].dt == pytest.approx(0.02, rel=1e-3)
     card = rest.card_of("VN-310", records, "imu.csv")

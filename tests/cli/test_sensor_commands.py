@@ -115,7 +115,9 @@ def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> N
 def test_a_person_says_what_the_columns_are(tmp_path: Path) -> None:
     """Gyros alone, in °/s, in columns that nobody would know."""
     log = _log(tmp_path / "imu.csv")
-    log.write_text(log.read_text().replace("t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2", "t,p,q,r,a,b,c"))
+    log.write_text(
+        log.read_text().replace("t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2", "t,p,q,r,a,b,c")
+    )
     named = ("t=time[s]", "p=rate_x[rad/s]", "q=rate_y[rad/s]", "r=rate_z[rad/s]")
     answer = ask("allan", str(log), *(part for one in named for part in ("--column", one)), "--json")
     found = json.loads(answer.stdout)
