@@ -73,6 +73,12 @@ _REWEIGHTINGS = 8
 _FLOOR = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
 """Power behind the filter, relative to the noise before it, that is tried: rounding of the output. With
 more of it, the spectrum is that of white noise and a bias with a correlation time."""
+_BELOW_HALF = 0.4999
+"""Largest frequency of the bilinear transform, whose tangent is infinite at one half."""
+_NORMAL = 4
+"""Ordinates of a band from which the logarithm of their mean is nearly normal."""
+_SMALL = 1e-3
+"""Part of the white noise that flicker and random walk have at least, where their slopes are taken."""
 _PRICE = 4.0
 """Growth of the log-likelihood by which power behind the filter, and quantisation noise, have to pay:
 chance makes 4 in one case of 200."""
@@ -141,7 +147,9 @@ def _smoothing(f: FloatArray, cut: float) -> FloatArray:
 
 
 def _bent(f: FloatArray, cut: float, order: int) -> FloatArray:
-    return np.asarray(1 / (1 + (np.tan(np.pi * np.minimum(f, 0.4999)) / np.tan(np.pi * cut)) ** (2 * order)))
+    return np.asarray(
+        1 / (1 + (np.tan(np.pi * np.minimum(f, _BELOW_HALF)) / np.tan(np.pi * cut)) ** (2 * order))
+    )
 
 
 def _sampled(f: FloatArray, cut: float) -> FloatArray:
@@ -336,7 +344,7 @@ def _terms(f: FloatArray) -> FloatArray:
 def _excess(spectrum: _Spectrum, fit: _Fit) -> float:
     """Return by how much the deviance of a fit exceeds that of chance, in σ of chance."""
     ratio = spectrum.power / np.maximum(_model(spectrum, fit), 1e-300)
-    large = spectrum.count >= 4  # where the logarithm of a mean is nearly normal
+    large = spectrum.count >= _NORMAL
     deviance = 2 * np.sum((spectrum.count * (ratio - 1 - np.log(ratio)))[large]) / _FEWER
     degrees = float(large.sum())
     return float((deviance - degrees) / np.sqrt(2 * max(degrees, 1.0)))
@@ -355,7 +363,7 @@ def _uncertainty(spectrum: _Spectrum, best: _Fit, fits: list[_Fit]) -> FloatArra
     shown = np.zeros((axes * count + 1, axes * count + 1))
     for axis in range(axes):
         rows = np.r_[axis * count : (axis + 1) * count, axes * count]
-        size = np.maximum(best.squares[:count, axis], 1e-3 * best.squares[0, axis])
+        size = np.maximum(best.squares[:count, axis], _SMALL * best.squares[0, axis])
         slopes = np.column_stack((terms * size / model[:, axis, None], by_cut[:, axis]))
         weighted = slopes * spectrum.count[:, axis, None] / _FEWER
         shown[np.ix_(rows, rows)] += slopes.T @ weighted

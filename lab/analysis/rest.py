@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lab.analysis import allan, low_pass
-from lab.analysis.rest_recording import OFF_GRAVITY, Record, Recording, read_log
+from lab.analysis.rest_recording import OFF_GRAVITY, Record, RestRecords, read_log
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import TO_SI
 from lab.data.log.sensor_log import SensorLog
@@ -20,7 +20,7 @@ from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
 from lab.sensors.suite import TRIADS, SensorSuite
 
-__all__ = ["OFF_GRAVITY", "Record", "Recording", "read_log"]
+__all__ = ["OFF_GRAVITY", "Record", "RestRecords", "read_log"]
 
 SAMPLES = 2**15
 """Number of samples of a simulated record."""

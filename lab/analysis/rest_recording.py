@@ -84,6 +84,14 @@ _PARTS, _SAMPLES_PER_PART = 100, 4
 _FORCE_UNITS = ("m/s²", "g", "mg")
 _ROS = "angular velocity"
 """How headings of ROS name gyros, which are in rad/s (REP 103)."""
+_UNEVEN, _JITTERS = 0.25, 0.1
+"""Deviation of a step from the usual one, and part of the steps with it, from which stamps jitter."""
+_ALIVE = 0.999
+"""Part of the rows that repeat the one before, on an axis that measures."""
+_FEWEST_WINDOWS = 4
+"""Fewest windows in which a rate and its changes are looked for."""
+_SIGMAS_OF_MOST = 1.28
+"""σ within which `_MOST` of normal errors are."""
 _TWO_IN_THREE, _MOST = 0.683, 0.8
 """Parts of normal errors within one σ and 1.28 σ; a fifth of a recording may be motion."""
 
@@ -108,7 +116,7 @@ class Record(NamedTuple):
         return len(self.rates) * self.dt
 
 
-class Recording(dict[str, Record]):
+class RestRecords(dict[str, Record]):
     """The records of a file, by triad: gyros, accelerometers or both.
 
     Attributes
@@ -137,7 +145,7 @@ class _Even(NamedTuple):
     remarks: list[str]
 
 
-def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None) -> Recording:
+def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None) -> RestRecords:
     """Read a recording of an IMU at rest: a csv, a log of an autopilot, or the bytes of a device.
 
     Gyros alone, or accelerometers alone, are enough.
@@ -167,7 +175,7 @@ def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None
     except MissionError as error:
         text = str(error)
         raise MissionError(text if str(files[0]) in text else f"{where}: {text}") from error
-    return Recording(records, [*remarks, *more])
+    return RestRecords(records, [*remarks, *more])
 
 
 def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, _Samples], list[str]]:
@@ -327,8 +335,8 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     dt = span / (len(time) - 1 + lost)
     if not dt > 0:
         raise MissionError("the time stamps do not go on")
-    uneven = np.abs(np.diff(time) / dt - 1) > 1 / 4
-    if uneven.mean() > 1 / 10:
+    uneven = np.abs(np.diff(time) / dt - 1) > _UNEVEN
+    if uneven.mean() > _JITTERS:
         remarks.append(f"The time stamps jitter: the samples are taken as {dt:.4g} s apart.")
     return _Even(Record(values, dt), time, remarks)
 
@@ -339,7 +347,7 @@ def _fresh(values: FloatArray) -> tuple[Flags, str]:
     Axes that are equal by chance, as numbers of few steps are, are so independently of each other.
     """
     same = values[1:] == values[:-1]
-    alive = same.mean(axis=0) < 1 - 1e-3
+    alive = same.mean(axis=0) < _ALIVE
     rates, all_same = same[:, alive].mean(axis=0), same.all(axis=1)
     together = float(all_same.mean())
     every = np.ones(len(values), bool)
@@ -362,7 +370,7 @@ def _longest(time: FloatArray) -> tuple[int, int, str]:
     changes = []
     for first, last in zip(np.append(0, breaks), np.append(breaks, len(time)), strict=True):
         blocks = (last - first) // size
-        if blocks < 4:
+        if blocks < _FEWEST_WINDOWS:
             continue
         inside = time[first : first + blocks * size].reshape(blocks, size)
         each = np.median(np.diff(inside[:, :: LIMITS.window], axis=1), axis=1) / LIMITS.window
@@ -390,10 +398,10 @@ def _lost(time: FloatArray, polled: bool) -> tuple[int, int]:
     Samples of a driver that polls have the stamps of its clock, and steps of one and of several of its
     intervals.
     """
-    window = min(LIMITS.window, len(time) // 4)
+    window = min(LIMITS.window, len(time) // _FEWEST_WINDOWS)
     usual = float(np.median(time[window:] - time[:-window])) / window
     steps = np.diff(time)
-    near = (steps > usual / 2) & (steps < 3 * usual / 2)
+    near = (steps > usual / 2) & (steps < 2 * usual - usual / 2)
     if not polled and near.mean() > 1 / 2:  # no bursts: lost samples do not lengthen the usual step
         usual = float(np.median(steps[near]))
     places = np.flatnonzero(steps > (LIMITS.lost + polled) * usual)
@@ -469,7 +477,9 @@ def _disturbances(one: _Even) -> list[tuple[float, float]]:
 
 def _sigma(change: FloatArray, rates: FloatArray) -> FloatArray:
     """Return σ of changes (k, axes), little affected by outliers, and not below that of rounding."""
-    robust = np.maximum(np.quantile(change, _TWO_IN_THREE, axis=0), np.quantile(change, _MOST, axis=0) / 1.28)
+    robust = np.maximum(
+        np.quantile(change, _TWO_IN_THREE, axis=0), np.quantile(change, _MOST, axis=0) / _SIGMAS_OF_MOST
+    )
     steps = np.abs(np.diff(rates[: 10 * _PARTS], axis=0))
     least = np.min(np.where(steps > 0, steps, np.inf), axis=0)
     return np.maximum(robust, np.where(np.isfinite(least), least / 3, 0.0))

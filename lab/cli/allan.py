@@ -16,7 +16,7 @@ from lab.cli.terminal import table
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms
-    from lab.analysis.rest import Record, Recording
+    from lab.analysis.rest import Record, RestRecords
     from lab.sensors.cards import Card
 
 EXAMPLES = """\b
@@ -88,13 +88,13 @@ def _card(name: str, assumed: bool) -> Card:
         raise CommandError(f"{error}{hint}") from error
 
 
-def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str]) -> Recording:
+def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str]) -> RestRecords:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
     if card is None:
         return rest.read_log(Path(record), given)
-    return rest.Recording(rest.simulate(SensorSuite().update(card.settings()), seed))
+    return rest.RestRecords(rest.simulate(SensorSuite().update(card.settings()), seed))
 
 
 def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.files.mission_error import MissionError, QuestionError
-from lab.data.clock.clock_rate import clock_rate
+from lab.data.clock.two_clocks import clock_rate
 from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
 from lab.data.log.auxiliary_data import Comparison
 from lab.data.log.log_section import piece

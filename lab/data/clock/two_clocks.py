@@ -1,4 +1,4 @@
-"""Clock rate: whether the clock of an IMU runs as fast as that of its receiver, by the turns that both see.
+"""Two clocks: whether those of an IMU and of its receiver run equally fast, and count the same weeks.
 
 The fixes turn as a weighted sum of the gyros does, whatever the axes: the part about the vertical. If the
 stamps of
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.parameters.units import DAY
 from lab.motion.frames.displacement import metres_per_radian
 
 
@@ -43,6 +44,12 @@ class ClockLimits:
     """Smallest difference of the rates that is said: crystals keep 0.01 %."""
     apart: float = 0.15
     """Smallest growth of the offset over the log that is said [s]."""
+    rollover: float = 1024 * 7 * DAY
+    """Time after which the week number of GPS begins again: it has ten bits [s]."""
+    rollovers: int = 3
+    """Most of these that a receiver is behind: the third is in 2038."""
+    beside: float = 60.0
+    """Largest time beside a rollover at which stamps go on [s]."""
 
 
 LIMITS = ClockLimits()
@@ -50,6 +57,8 @@ LIMITS = ClockLimits()
 
 _OFFSET_STEP = 0.2
 """Steps of the search [s]: turns last for seconds."""
+_PARAMETERS = 6
+"""Three weights of the gyros, their bias, offset and rate."""
 _CORRELATED = 2.0
 """Factor on the variance of residuals, which are correlated from leg to leg."""
 
@@ -145,6 +154,40 @@ def clock_rate(
     return ClockRate(1 + rate, sigma, offset, offset + rate * span)
 
 
+def over_rollovers(time: FloatArray, weeks_of: FloatArray) -> tuple[FloatArray, str]:
+    """Return stamps that go on where their week number begins again, in the weeks of others, and a remark.
+
+    Parameters
+    ----------
+    time : (m,) array
+        Stamps of a receiver [s]; NaN where unknown.
+    weeks_of : (n,) array
+        Stamps of the IMU [s].
+    """
+    known = np.flatnonzero(np.isfinite(time))
+    others = weeks_of[np.isfinite(weeks_of)]
+    if known.size == 0 or others.size == 0:
+        return time, ""
+    period, beside = LIMITS.rollover, LIMITS.beside
+    stamps = time[known]
+    again = np.abs(np.diff(stamps) + period) < beside
+    moved = np.concatenate(([0.0], period * np.cumsum(again)))
+    middle = float(np.median(stamps + moved))
+    first, last = float(others.min()), float(others.max())
+    behind = round(((first + last) / 2 - middle) / period)
+    if abs(behind) > LIMITS.rollovers or not first - beside < middle + behind * period < last + beside:
+        behind = 0
+    if not behind and not again.any():
+        return time, ""
+    result = time.copy()
+    result[known] = stamps + moved + behind * period
+    return result, (
+        "The stamps of the GPS are off by 1,024 weeks or a multiple, after which the week number of GPS "
+        "begins "
+        "again: they are taken in the weeks of the IMU."
+    )
+
+
 class _Legs(NamedTuple):
     """Turns of the fixes from ``start`` to ``end``, and the integrated gyros."""
 
@@ -224,5 +267,5 @@ def _sigma(legs: _Legs, offset: float, rate: float) -> float:
     curvature[1, 0] = curvature[0, 1]
     if not (np.linalg.eigvalsh(curvature) > 0).all():
         return float("inf")
-    variance = _CORRELATED * middle / max(legs.turn.size - 6, 1)
+    variance = _CORRELATED * middle / max(legs.turn.size - _PARAMETERS, 1)
     return float(k * np.sqrt(2 * variance * np.linalg.inv(curvature)[1, 1]))
