@@ -30,8 +30,8 @@ _WIDE = 1.5
 _REGULAR, _SLACK = 0.8, (0.5, 1.5)
 """Part of the steps between rows in order of time that are like the usual step, and which are, in such steps.
 Of two recordings that lie over each other some steps are shorter and some are zero."""
-_MOST_SET, _FEWEST_BEHIND = 3, 3
-"""Most steps of a clock that was set back, and fewest rows behind one: with more steps, the stamps jitter."""
+_MOST_SET = 3
+"""Most steps of a clock that was set back: with more, the stamps jitter."""
 _AVERAGED = 50
 """Rows before and after a stamp that jitters, with which it is averaged."""
 
@@ -136,11 +136,12 @@ def set_backs(time: FloatArray) -> list[tuple[int, float]]:
     found = []
     for row in rows.tolist():
         again = row + int(np.argmax(np.append(time[row:], np.inf) > time[row - 1]))
-        if again - row < _FEWEST_BEHIND or again >= time.size:
+        size = usual - float(steps[row - 1])
+        if again >= time.size or (steps[row:again] < 0).any() or steps[again - 1] > _WIDE * usual:
             return []
-        if (steps[row:again] < 0).any() or steps[again - 1] > _WIDE * usual:
+        if size < _WIDE * usual:
             return []
-        found.append((row, usual - float(steps[row - 1])))
+        found.append((row, size))
     return found
 
 
