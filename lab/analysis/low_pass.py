@@ -124,7 +124,7 @@ class LowPass(NamedTuple):
         steps = np.arange(len(rates), dtype=np.float64)[:, None]
         trend = rates[0] + (rates[-1] - rates[0]) * (steps / max(len(rates) - 1, 1))
         spectrum = np.fft.rfft(rates - trend, axis=0)
-        f = np.fft.rfftfreq(len(rates))
+        f = np.asarray(np.fft.rfftfreq(len(rates)), dtype=np.float64)
         power = (SHAPES[self.shape](f, self.cut_off * dt) + self.floor) / (1 + self.floor)
         before = spectrum / np.sqrt(np.maximum(power, _TINY))[:, None]
         gone = power < LIMITS.kept
@@ -189,11 +189,11 @@ class Found(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """Mean ordinates (k, axes) of bands at frequencies f (k,) in sampling rates, and how many each has."""
+    """Mean ordinates (k, axes) of bands at frequencies f (k,) in sampling rates, and how many ordinates each has."""
 
     f: FloatArray
     power: FloatArray
-    count: FloatArray
+    ordinates: FloatArray
 
 
 class _Fit(NamedTuple):
@@ -275,7 +275,7 @@ def _fitted(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _F
     scale = np.maximum(np.max(columns, axis=0), 1e-300)
     columns = columns / scale
     cost, squares = 0.0, []
-    for axis, count in zip(spectrum.power.T, spectrum.count.T, strict=True):
+    for axis, count in zip(spectrum.power.T, spectrum.ordinates.T, strict=True):
         smooth, found = _reweighted(columns[:, :-1], axis, count)
         found = np.append(found, 0.0)
         if not filtered:  # the rounding of the output comes behind the filter
@@ -313,18 +313,19 @@ def _best(spectrum: _Spectrum, shape: str) -> _Fit:
     cuts = np.geomspace(LIMITS.slowest, LIMITS.fastest, _GRID)
     coarse = [fit(float(cut), _FLOOR[0]) for cut in cuts]
     place = int(np.argmin([one.cost for one in coarse]))
-    ends = np.log((cuts[max(place - 1, 0)], cuts[min(place + 1, _GRID - 1)]))
+    ends = float(np.log(cuts[max(place - 1, 0)])), float(np.log(cuts[min(place + 1, _GRID - 1)]))
     best = coarse[place]
     for _ in range(2):  # the floor and the cut-off in turn
         best = min(
             (fit(best.cut, one) for one in _FLOOR), key=lambda one: one.cost + _PRICE * (one.floor > 0)
         )
         floor = best.floor
-        refined = minimize_scalar(
-            lambda log, floor=floor: fit(float(np.exp(log)), floor).cost, bounds=ends, method="bounded",
-            options={"xatol": 1e-3},
-        )  # fmt: skip
-        best = fit(float(np.exp(refined.x)), floor)
+
+        def cost(log: float, floor: float = floor) -> float:
+            return fit(float(np.exp(log)), floor).cost
+
+        log = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x
+        best = fit(float(np.exp(log)), floor)
     return best
 
 
@@ -344,8 +345,8 @@ def _terms(f: FloatArray) -> FloatArray:
 def _excess(spectrum: _Spectrum, fit: _Fit) -> float:
     """Return by how much the deviance of a fit exceeds that of chance, in σ of chance."""
     ratio = spectrum.power / np.maximum(_model(spectrum, fit), 1e-300)
-    large = spectrum.count >= _NORMAL
-    deviance = 2 * np.sum((spectrum.count * (ratio - 1 - np.log(ratio)))[large]) / _FEWER
+    large = spectrum.ordinates >= _NORMAL
+    deviance = 2 * np.sum((spectrum.ordinates * (ratio - 1 - np.log(ratio)))[large]) / _FEWER
     degrees = float(large.sum())
     return float((deviance - degrees) / np.sqrt(2 * max(degrees, 1.0)))
 
@@ -365,7 +366,7 @@ def _uncertainty(spectrum: _Spectrum, best: _Fit, fits: list[_Fit]) -> FloatArra
         rows = np.r_[axis * count : (axis + 1) * count, axes * count]
         size = np.maximum(best.squares[:count, axis], _SMALL * best.squares[0, axis])
         slopes = np.column_stack((terms * size / model[:, axis, None], by_cut[:, axis]))
-        weighted = slopes * spectrum.count[:, axis, None] / _FEWER
+        weighted = slopes * spectrum.ordinates[:, axis, None] / _FEWER
         shown[np.ix_(rows, rows)] += slopes.T @ weighted
     variance = np.diag(np.linalg.pinv(shown))[: axes * count : count]
     shape = np.zeros(axes)

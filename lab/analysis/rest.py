@@ -261,6 +261,8 @@ def _supported(record: Record, terms: allan.NoiseTerms) -> tuple[allan.NoiseTerm
     """Return terms for a card, and the names of those that the fit supports on all axes."""
     if (terms.p_value >= allan.FITS).all():
         return terms, tuple(TERMS.values())
+    if not np.isfinite(terms.N).all():
+        return terms, ()
     if terms.low_pass is not None:
         return terms, (DENSITY,) if terms.low_pass.explains else ()
     deviation = allan.deviation(record.rates, record.dt)

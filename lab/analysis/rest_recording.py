@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.allan import MIN_SAMPLES
 from lab.base.arrays import Flags, FloatArray
@@ -469,7 +470,7 @@ def _disturbances(one: _Even) -> list[tuple[float, float]]:
         means = rates[: blocks * size].reshape(blocks, size, 3).mean(axis=1)
         change = np.abs(np.diff(means, axis=0))
         far = (change > LIMITS.outlier * _sigma(change, rates)).any(axis=1)
-        for block in np.flatnonzero(far):
+        for block in np.flatnonzero(far).tolist():
             begin, end = one.time[block * size], one.time[min((block + 2) * size, len(rates)) - 1]
             spans.append((float(begin) - LIMITS.margin, float(end) + LIMITS.margin))
     return spans
@@ -485,7 +486,7 @@ def _sigma(change: FloatArray, rates: FloatArray) -> FloatArray:
     return np.maximum(robust, np.where(np.isfinite(least), least / 3, 0.0))
 
 
-def _at_one_level(one: _Even, spans: Sequence[tuple[float, float]]) -> np.ndarray:
+def _at_one_level(one: _Even, spans: Sequence[tuple[float, float]]) -> NDArray[np.intp]:
     """Return the rows outside of spans: the longest piece, with those beside that go on at its level."""
     free = np.ones(len(one.time), bool)
     for begin, end in spans:

@@ -55,7 +55,9 @@ def test_a_sensor_without_a_filter_is_never_said_to_have_one(flicker: float, wal
     for seed, samples in enumerate((300, 1000, 3000, 10_000)):
         noise = _noise(seed, samples, flicker, walk)
         assert low_pass.find(noise, DT).low_pass is None
-        assert low_pass.find(0.02 * np.round(np.cumsum(noise, axis=0) / 0.02), DT).low_pass is None
+        assert low_pass.find(5 * np.round(noise / 5), DT).low_pass is None
+        warm = 1e3 * np.exp(-np.arange(samples) / samples * 5)[:, None]
+        assert low_pass.find(noise + warm, DT).low_pass is None
 
 
 def test_a_line_of_vibration_is_no_filter() -> None:

@@ -241,12 +241,15 @@ def _refined(legs: _Legs, offset: float, rate: float, *, fixed: bool = False) ->
     from scipy.optimize import minimize  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     scale = _OFFSET_STEP / float(legs.end[-1] - legs.start[0])
-    found = minimize(
-        lambda at: legs.left(offset + _OFFSET_STEP * at[0], rate if fixed else rate + scale * at[1]),
-        np.zeros(1 if fixed else 2), method="Nelder-Mead",
-        options={"xatol": 1e-3, "fatol": 1e-9, "maxfev": 120},
-    ).x  # fmt: skip
-    return offset + _OFFSET_STEP * float(found[0]), rate if fixed else rate + scale * float(found[1])
+
+    def at(steps: FloatArray) -> tuple[float, float]:
+        return offset + _OFFSET_STEP * float(steps[0]), rate if fixed else rate + scale * float(steps[1])
+
+    def cost(steps: FloatArray) -> float:
+        return legs.left(*at(steps))
+
+    options: dict[str, float] = {"xatol": 1e-3, "fatol": 1e-9, "maxfev": 120}
+    return at(minimize(cost, np.zeros(1 if fixed else 2), method="Nelder-Mead", options=options).x)
 
 
 def _sigma(legs: _Legs, offset: float, rate: float) -> float:
