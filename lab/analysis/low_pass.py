@@ -189,7 +189,7 @@ class Found(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """Mean ordinates (k, axes) of bands at frequencies f (k,) in sampling rates, and how many ordinates each has."""
+    """Mean ordinates (k, axes) of bands at frequencies f (k,) in sampling rates, and their numbers."""
 
     f: FloatArray
     power: FloatArray

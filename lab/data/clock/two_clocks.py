@@ -248,8 +248,8 @@ def _refined(legs: _Legs, offset: float, rate: float, *, fixed: bool = False) ->
     def cost(steps: FloatArray) -> float:
         return legs.left(*at(steps))
 
-    options: dict[str, float] = {"xatol": 1e-3, "fatol": 1e-9, "maxfev": 120}
-    return at(minimize(cost, np.zeros(1 if fixed else 2), method="Nelder-Mead", options=options).x)
+    start = np.zeros(1 if fixed else 2)
+    return at(minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "maxfev": 120}).x)
 
 
 def _sigma(legs: _Legs, offset: float, rate: float) -> float:
