@@ -249,7 +249,8 @@ def _refined(legs: _Legs, offset: float, rate: float, *, fixed: bool = False) ->
         return legs.left(*at(steps))
 
     start = np.zeros(1 if fixed else 2)
-    return at(minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "maxfev": 120}).x)
+    found = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-9, "maxfev": 120})
+    return at(found.x)
 
 
 def _sigma(legs: _Legs, offset: float, rate: float) -> float:
