@@ -141,6 +141,8 @@ def _set(group: Settings, name: str) -> list[str]:
 
 def with_sigma(value: float, sigma: float) -> str:
     """Return a value and its σ, both rounded to the first digit of σ; to the second if the first is a one."""
+    if not np.isfinite(value):
+        return "–"
     if not np.isfinite(sigma) or sigma <= 0:
         return f"{value:.3g}"
     first = int(np.floor(np.log10(sigma)))

@@ -40,9 +40,11 @@ _SHORTEST = 5e-4
 """Shortest time from sample to sample that is simulated: 2 kHz, the fastest rate of an IMU here [s]."""
 _CLEAR = 10.0
 """White noise in its σ from which its value in the spectrum is taken."""
-_ROUNDED = 2.5
-"""Rounding step, in σ of the samples, from which these do not show the noise: they have two or three
-values."""
+_LOOKED_AT = 100_000
+"""Samples in which the values are counted."""
+_OF_TWO_VALUES = 0.95
+"""Part of the samples with the two most frequent values from which they do not show the noise: its σ is
+below half of the rounding step."""
 _MEMORIES = 5.0
 """Averaging time from which a filter acts by its 1/τ² alone, in its time constants: e⁻⁵ is below 1 %."""
 _LONGER = 3
@@ -112,10 +114,13 @@ def _noise_terms(record: Record) -> allan.NoiseTerms:
 
 
 def _is_rounded(rates: FloatArray) -> Flags:
-    """Return on which axes the samples are rounded so coarsely that they do not show the noise."""
-    steps = np.abs(np.diff(rates, axis=0))
-    least = np.min(np.where(steps > 0, steps, np.inf), axis=0)
-    return np.asarray(np.isfinite(least) & (least > _ROUNDED * rates.std(axis=0)))
+    """Return on which axes nearly all samples have one or two values, which do not show the noise."""
+    hidden = np.zeros(rates.shape[1], bool)
+    for axis, values in enumerate(rates.T):
+        numbers, counts = np.unique(values[:_LOOKED_AT], return_counts=True)
+        two = np.sort(counts)[-2:].sum() / counts.sum()
+        hidden[axis] = numbers.size > 1 and two > _OF_TWO_VALUES
+    return hidden
 
 
 def _terms_of_noise(record: Record) -> allan.NoiseTerms:

@@ -112,7 +112,8 @@ def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
         for name, term in rest.in_setting_units(triad, terms).items():
             own = card.value(triad, name) if card and name in rest.TERMS.values() else None
             for index, axis in enumerate("xyz"):
-                figures = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}", term["unit"]
+                value, sigma = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}"
+                figures = value.replace("nan", "–"), sigma.replace("nan", "–"), term["unit"]
                 beside = number(own[index] if isinstance(own, list) else own)
                 beside += ASSUMED if card and card.is_assumed(triad, name) else ""
                 rows.append((triad, axis, term["label"], *figures, beside))
