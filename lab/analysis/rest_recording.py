@@ -25,7 +25,7 @@ from lab.data.files.unit_names import UNITS
 from lab.data.formats import log_reader_of
 from lab.data.sheets.column_names import VECTORS
 from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet_imu import Triad, app_of, in_order, triads
+from lab.data.sheets.sheet_imu import Triad, in_order, triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.raw_recording import RecordingError
 from lab.data.streams.recorded_log import recorded_samples
@@ -228,7 +228,7 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     gyro = gyros[0] if gyros else None
     force, why = _with_gravity(forces) if forces else (None, "")
     if gyro is not None:
-        unit = gyro.unit or _unit_of_gyros(gyro, forces[0] if forces else gyro)
+        unit = gyro.unit or _unit_of_gyros(gyro)
         found["gyro"] = _in_si(gyro, unit)
         remarks.append(f"Gyros: {_named(gyro)}, in {unit}.")
     if force is not None:
@@ -254,9 +254,9 @@ def _in_si(triad: Triad, unit: str) -> _Samples:
     return _Samples(triad.clock.time[known], triad.values[known] * factor)
 
 
-def _unit_of_gyros(gyro: Triad, force: Triad) -> str:
+def _unit_of_gyros(gyro: Triad) -> str:
     """Return the unit of gyros whose headings do not name it, but who writes such headings does."""
-    if gyro.headings[0].sensor.endswith(_ROS) or app_of(gyro, force):
+    if gyro.headings[0].sensor.endswith(_ROS):
         return "rad/s"
     first = gyro.headings[0].text
     raise MissionError(
