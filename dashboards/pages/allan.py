@@ -74,8 +74,11 @@ class Allan(ComputedPage):
         else:
             records = rest.of_log(result.recorded.log, result.recorded.alignment.rest)
         deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
-        terms = {triad: allan.fit(found) for triad, found in deviations.items()}
-        return AtRest(deviations, terms, {triad: record.duration for triad, record in records.items()})
+        return AtRest(
+            deviations,
+            rest.noise_terms(records),
+            {triad: record.duration for triad, record in records.items()},
+        )
 
     def clear(self) -> None:
         """Draw nothing."""
@@ -87,7 +90,7 @@ class Allan(ComputedPage):
         sensors = result.experiment.sensors
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
-        poor = escape(rest.misfit(content.terms))
+        poor = escape(rest.about_fit(content.terms))
         if result.recorded:
             return (
                 f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "
@@ -138,6 +141,8 @@ def _set(group: Settings, name: str) -> list[str]:
 
 def with_sigma(value: float, sigma: float) -> str:
     """Return a value and its σ, both rounded to the first digit of σ; to the second if the first is a one."""
+    if not np.isfinite(value):
+        return "–"
     if not np.isfinite(sigma) or sigma <= 0:
         return f"{value:.3g}"
     first = int(np.floor(np.log10(sigma)))

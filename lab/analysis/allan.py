@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.allan_covariance import LETTERS, covariance
+from lab.analysis.low_pass import LowPass
 from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 
@@ -113,6 +114,8 @@ class NoiseTerms(NamedTuple):
         Goodness of fit: sum of the squared decorrelated residuals in their σ; its degrees of freedom; and the
         probability of such a large sum if there are only the five terms. Below `FITS`, there are other
         errors, and the terms describe the deviation only roughly.
+    low_pass : LowPass or None
+        The filter in the sensor that was found and undone, or whose averaging times were left out.
     """
 
     N: FloatArray
@@ -128,6 +131,7 @@ class NoiseTerms(NamedTuple):
     chi_square: FloatArray
     degrees: FloatArray
     p_value: FloatArray
+    low_pass: LowPass | None = None
 
     def deviation(self, tau: FloatArray) -> FloatArray:
         """Return the Allan deviation (k, axes) of all terms together at averaging times (k,) [s]."""
@@ -205,7 +209,7 @@ def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
 
 
 @OneBlasThread()
-def fit(allan: AllanDeviation) -> NoiseTerms:
+def fit(allan: AllanDeviation, shortest: float = 0.0, longest: float = math.inf) -> NoiseTerms:
     """Fit quantisation noise Q, white noise N, bias instability B, random walk K and ramp R to a deviation.
 
     The fit is a generalised least-squares fit of the variance. The estimates share their data and are
@@ -213,15 +217,25 @@ def fit(allan: AllanDeviation) -> NoiseTerms:
     explain the deviation, only weights are used, with no negative terms, which keeps the fit close to the
     deviation. A term is not shown by the record if its square is below twice its σ, or three times for
     quantisation noise and ramp. Its σ is then the size whose square would equal its own uncertainty.
+
+    Parameters
+    ----------
+    allan
+        The deviation.
+    shortest, longest
+        Averaging times from which and up to which it is used [s]: shorter ones may belong to a filter in
+        the sensor, longer ones to its temperature. As many as there are terms are used in any case.
     """
-    tau = allan.tau
+    first, last = np.searchsorted(allan.tau, (shortest * (1 - 1e-9), longest * (1 + 1e-9)))
+    used = np.s_[min(first, max(len(allan.tau) - len(LETTERS), 0)) : max(last, len(LETTERS))]
+    tau, deviations = allan.tau[used], allan.deviation[used]
     terms = _slopes(tau)
     # The terms are per sample interval; the variances are those of rates.
-    dt = float(tau[0])
+    dt = float(allan.tau[0])
     intervals = np.array((1 / dt**2, 1 / dt, 1.0, dt, dt**2))
     together = covariance(allan.samples, tuple(np.round(tau / dt).astype(int).tolist()))
     together = together * np.multiply.outer(intervals, intervals)[:, :, None, None]
-    axes = [_fit_axis(terms, axis**2, allan.degrees, together) for axis in allan.deviation.T]
+    axes = [_fit_axis(terms, axis**2, allan.degrees[used], together) for axis in deviations.T]
     squares, variances, goodness = (np.stack(part, axis=1) for part in zip(*axes, strict=True))
     values, sigmas = np.sqrt(squares), np.empty_like(squares)
     hidden = squares <= _BEYOND * np.sqrt(variances)

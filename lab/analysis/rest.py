@@ -1,33 +1,27 @@
-"""Rest: the output of an IMU at rest, logged or simulated, and a card made from it."""
+"""Rest: the output of an IMU at rest, logged or simulated, and a card made from it.
+
+`read_log` is that of `lab.analysis.rest_recording`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from lab.analysis import allan
-from lab.base.arrays import FloatArray
-from lab.base.files.file_content import check_file
-from lab.base.files.mission_error import MissionError
-from lab.base.parameters.units import STANDARD_GRAVITY, TO_SI
+from lab.analysis import allan, low_pass
+from lab.analysis.rest_recording import OFF_GRAVITY, Record, RestRecords, read_log
+from lab.base.arrays import Flags, FloatArray
+from lab.base.parameters.units import TO_SI
 from lab.data.log.sensor_log import SensorLog
-from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet_imu import NAMED, imu_of
 from lab.sensors import imu
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
 from lab.sensors.suite import TRIADS, SensorSuite
 
-LOG_COLUMNS = {
-    "gyro": ("gx_rad_s", "gy_rad_s", "gz_rad_s"),
-    "accelerometer": ("fx_m_s2", "fy_m_s2", "fz_m_s2"),
-}
-"""Columns of a log for each triad, besides the time ``t_s``: rates and specific forces in b."""
-MAX_LOG_BYTES = 1024 * 2**20
-"""Largest log accepted [bytes]."""
+__all__ = ["OFF_GRAVITY", "Record", "RestRecords", "read_log"]
+
 SAMPLES = 2**15
 """Number of samples of a simulated record."""
 TERMS = {"N": "noise_density", "B": "flicker", "K": "rate_random_walk"}
@@ -44,71 +38,23 @@ _PER_CORNER = 32
 """Number of samples within the averaging time at which bias instability exceeds white noise."""
 _SHORTEST = 5e-4
 """Shortest time from sample to sample that is simulated: 2 kHz, the fastest rate of an IMU here [s]."""
+_CLEAR = 10.0
+"""White noise in its σ from which its value in the spectrum is taken."""
+_LOOKED_AT = 100_000
+"""Samples in which the values are counted."""
+_OF_TWO_VALUES = 0.95
+"""Part of the samples with the two most frequent values from which they do not show the noise: its σ is
+below half of the rounding step."""
+_MEMORIES = 5.0
+"""Averaging time from which a filter acts by its 1/τ² alone, in its time constants: e⁻⁵ is below 1 %."""
+_LONGER = 3
+"""How often that time is tried, twice as long each time."""
+_FEWEST_TIMES = 8.0
+"""Longest averaging time, in samples, of which at least the white noise is taken: there are ten shorter
+ones."""
 _SHOWN = 2.0
 """A record does not show a term below this multiple of its σ. `allan.fit` states σ so that terms that are not
 present are at most 1.5 σ and all others more than 4 σ, so any number in between separates them."""
-_STILL = 0.5
-"""Largest change of the specific force over a record at rest, between means over a hundredth of it [m/s²]."""
-_PARTS, _SAMPLES_PER_PART = 100, 4
-"""Most parts of a record whose means are compared, and fewest samples of each, which average out noise."""
-_LONGEST_STEP = 1.5
-"""Longest step between samples, in usual ones: a step over one lost sample takes two."""
-OFF_GRAVITY = 0.1
-"""Part by which the specific force at rest may differ from gravity: bias and scale factor of a consumer
-accelerometer make 0.3 m/s² and 3 %, a wrong unit a factor of 9.8."""
-
-
-class Record(NamedTuple):
-    """The output of a triad at rest.
-
-    Attributes
-    ----------
-    rates : (n, 3) array
-        Rates [rad/s] or specific forces [m/s²].
-    dt : float
-        Time from sample to sample [s].
-    """
-
-    rates: FloatArray
-    dt: float
-
-    @property
-    def duration(self) -> float:
-        """Length of the record [s]."""
-        return len(self.rates) * self.dt
-
-
-def read_log(path: Path) -> dict[str, Record]:
-    """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`; others are ignored.
-
-    Other headings are accepted if they name their units (`lab.data.sheets.column_names`).
-
-    Returns
-    -------
-    dict of str to Record
-        The gyros and the accelerometers.
-
-    Raises
-    ------
-    MissionError
-        Naming file, row and column: if the file cannot be read, a column is missing, a cell is not a finite
-        number, the samples are not equally spaced, or the IMU was not at rest.
-    """
-    table = _table(path)
-    time = table[:, 0]
-    steps = np.diff(time)
-    dt = float(np.median(steps))
-    bad = np.flatnonzero((steps <= 0) | (steps > _LONGEST_STEP * dt))
-    if bad.size or dt <= 0:
-        row = int(bad[0]) if bad.size else 0
-        raise MissionError(
-            f"{path}, row {row + 3}, column t_s: from {time[row]:.9g} to {time[row + 1]:.9g} s; accepted are "
-            f"equally spaced samples without gaps (here every {dt:.4g} s)"
-        )
-    dt = float(time[-1] - time[0]) / (len(time) - 1)
-    records = {triad: Record(table[:, 1 + 3 * i : 4 + 3 * i], dt) for i, triad in enumerate(TRIADS)}
-    _check_rest(path, records["accelerometer"].rates)
-    return records
 
 
 def of_log(log: SensorLog, length: float) -> dict[str, Record]:
@@ -157,8 +103,50 @@ def simulate(sensors: SensorSuite, seed: int = 1) -> dict[str, Record]:
 
 
 def noise_terms(records: Mapping[str, Record]) -> dict[str, allan.NoiseTerms]:
-    """Return the noise terms fitted to each triad, in SI units."""
-    return {triad: allan.fit(allan.deviation(record.rates, record.dt)) for triad, record in records.items()}
+    """Return the noise terms of each triad, in SI units; with a low-pass, those before it."""
+    return {triad: _noise_terms(record) for triad, record in records.items()}
+
+
+def _noise_terms(record: Record) -> allan.NoiseTerms:
+    terms = _terms_of_noise(record)
+    hidden = np.where(_is_rounded(record.rates), np.nan, 0.0)
+    return terms._replace(N=terms.N + hidden, N_sigma=terms.N_sigma + hidden)
+
+
+def _is_rounded(rates: FloatArray) -> Flags:
+    """Return on which axes nearly all samples have one or two values, which do not show the noise."""
+    hidden = np.zeros(rates.shape[1], bool)
+    for axis, values in enumerate(rates.T):
+        numbers, counts = np.unique(values[:_LOOKED_AT], return_counts=True)
+        two = np.sort(counts)[-2:].sum() / counts.sum()
+        hidden[axis] = numbers.size > 1 and two > _OF_TWO_VALUES
+    return hidden
+
+
+def _terms_of_noise(record: Record) -> allan.NoiseTerms:
+    rates, dt = record
+    found, white, sigma = low_pass.find(rates, dt)
+    if found is None or found.explains:
+        terms = (
+            allan.fit(allan.deviation(rates, dt))
+            if found is None
+            else allan.fit(allan.deviation(found.undone(rates, dt), dt), found.shown_from(dt))
+        )
+        # The spectrum shows white noise more exactly, if it is above all else, and alone if behind a filter.
+        better = (white > _CLEAR * sigma) & ((sigma < terms.N_sigma) | (found is not None))
+        return terms._replace(
+            N=np.where(better, white, terms.N), N_sigma=np.where(better, sigma, terms.N_sigma), low_pass=found
+        )
+    # Whatever the filter is, it lowers the variance at long averaging times by a term with 1/τ².
+    deviation = allan.deviation(rates, dt)
+    shortest = _MEMORIES / (2 * np.pi * found.cut_off)
+    for _ in range(_LONGER):
+        terms = allan.fit(deviation, shortest)
+        if (terms.p_value >= allan.FITS).all():
+            break
+        shortest *= 2
+    unknown = np.where(terms.p_value < allan.FITS, np.nan, 0.0)
+    return terms._replace(N=terms.N + unknown, N_sigma=terms.N_sigma + unknown, low_pass=found)
 
 
 def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str, Any]]:
@@ -186,48 +174,72 @@ def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str,
     return out
 
 
-def misfit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
-    """Return a sentence about the axes that the five terms do not explain; empty if there are none.
+def about_fit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
+    """Return sentences about filters in the sensors, and about axes that the five terms do not explain.
 
     Parameters
     ----------
     fitted
         The terms of each triad.
     """
+    parts = []
+    for triad, terms in fitted.items():
+        if terms.low_pass is not None:
+            how = (
+                "the terms are those before it"
+                if terms.low_pass.explains
+                else "its shape is not known, so the terms are fitted at long averaging times alone"
+            )
+            parts.append(f"The {triad}s have a low-pass of about {terms.low_pass.cut_off:.2g} Hz: {how}.")
+        if hidden := [axis for axis, value in zip("xyz", terms.N, strict=True) if np.isnan(value)]:
+            parts.append(
+                f"The white noise of {triad} {', '.join(hidden)} is not known: the samples are rounded "
+                f"too coarsely, "
+                "or the filter hides it."
+            )
     poor = [
         f"{triad} {axis} (p {p_value:.1g})"
         for triad, terms in fitted.items()
         for axis, p_value in zip("xyz", terms.p_value, strict=True)
         if p_value < allan.FITS
     ]
-    if not poor:
-        return ""
-    return (
-        f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible causes are "
-        "vibration, a changing temperature, or a bias with a correlation time."
-    )
+    if poor:
+        parts.append(
+            f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible "
+            f"causes are "
+            "vibration, a changing temperature, or a bias with a correlation time."
+        )
+    return " ".join(parts)
 
 
 def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
     """Return a card of an IMU from its record at rest.
 
     A term that the record does not show (below twice its σ on every axis) is omitted; so are quantisation
-    noise and ramp, which have no setting. A record at rest does not show turn-on bias, scale factor, range
-    and bandwidth, so these are missing too. The note names poor fits.
+    noise and ramp, which have no setting. If the five terms do not explain the deviation, only white noise is
+    written, if they explain short averaging times. A record at rest does not show turn-on bias, scale
+    factor, range and bandwidth, so these are missing too. The note names filters and poor fits.
 
     Parameters
     ----------
     name
         Name of the card.
     records
-        Records of gyros and accelerometers, such as from `read_log`.
+        Records of gyros and accelerometers, or of one of them, such as from `read_log`.
     source
         Source of the records.
+
+    Raises
+    ------
+    ValueError
+        If no number is supported by the fit.
     """
     groups, found = {}, noise_terms(records)
+    note = about_fit(found)
     for triad, terms in found.items():
         record = records[triad]
         where = f"Allan deviation of {source}: {record.duration:.0f} s at rest, {1 / record.dt:.5g} Hz"
+        written, names = _supported(record, terms)
         groups[triad] = {
             setting: Datum(
                 tuple(float(f"{value:.4g}") for value in fitted["value"]),
@@ -235,10 +247,37 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
                 where,
                 TWO_SIDED if setting == DENSITY else "",
             )
-            for setting, fitted in in_setting_units(triad, terms).items()
-            if setting in TERMS.values() and (fitted["value"] > _SHOWN * fitted["sigma"]).any()
+            for setting, fitted in in_setting_units(triad, written).items()
+            if setting in names
+            and np.isfinite(fitted["value"]).all()
+            and (fitted["value"] > _SHOWN * fitted["sigma"]).any()
         }
-    return Card(name=name, maker="", grade="own", note=misfit(found), terms=groups)
+        if missing := [one for one in TERMS.values() if one not in names]:
+            labels = [str(SensorSuite().groups()[triad].param[one].label).lower() for one in missing]
+            note += (
+                f" The fit does not support {', '.join(labels)} of the {triad}s, which the card leaves out."
+            )
+    if not any(groups.values()):
+        raise ValueError(f"no card can be made of {source}. {note or 'The record shows no noise.'}")
+    return Card(name=name, maker="", grade="own", note=note.strip(), terms=groups)
+
+
+def _supported(record: Record, terms: allan.NoiseTerms) -> tuple[allan.NoiseTerms, tuple[str, ...]]:
+    """Return terms for a card, and the names of those that the fit supports on all axes."""
+    if (terms.p_value >= allan.FITS).all():
+        return terms, tuple(TERMS.values())
+    if not np.isfinite(terms.N).all():
+        return terms, ()
+    if terms.low_pass is not None:
+        return terms, (DENSITY,) if terms.low_pass.explains else ()
+    deviation = allan.deviation(record.rates, record.dt)
+    longest = float(deviation.tau[-1])
+    while longest > _FEWEST_TIMES * record.dt:
+        longest /= 2
+        short = allan.fit(deviation, longest=longest)
+        if (short.p_value >= allan.FITS).all() and (_SHOWN * short.N_sigma < short.N).all():
+            return short, (DENSITY,)
+    return terms, ()
 
 
 def with_noise(sensors: SensorSuite, card: Card) -> SensorSuite:
@@ -270,72 +309,3 @@ def _spacing(errors: Any) -> float:
     if not (white and flicker):
         return 1.0
     return max((white / (allan.FLOOR * flicker)) ** 2 / _PER_CORNER, _SHORTEST)
-
-
-def _table(path: Path) -> FloatArray:
-    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
-
-    check_file(path, MAX_LOG_BYTES)
-    columns = ["t_s", *LOG_COLUMNS["gyro"], *LOG_COLUMNS["accelerometer"]]
-    try:
-        header = pd.read_csv(path, nrows=0, skipinitialspace=True).columns
-        missing = [column for column in columns if column not in header]
-        if len(missing) > len(columns) - 2:  # other names, and not a slip in one
-            return _with_other_names(path)
-        if missing:
-            raise MissionError(
-                f"{path}, row 1: column {missing[0]} missing; accepted are {', '.join(columns)}"
-            )
-        frame = pd.read_csv(path, usecols=columns, skipinitialspace=True, low_memory=False)[columns]
-    except (OSError, ValueError) as error:
-        if isinstance(error, MissionError):
-            raise
-        reason = str(error).strip().partition("\n")[0]
-        raise MissionError(f"{path}: cannot be read as a csv: {reason}") from error
-    table: FloatArray = frame.apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
-    bad = np.argwhere(~np.isfinite(table))
-    if bad.size:
-        row, column = bad[0]
-        shown = frame.iloc[row, column]
-        raise MissionError(
-            f"{path}, row {row + 2}, column {columns[column]}: {shown!r}; accepted is a finite number"
-        )
-    _check_length(path, len(table))
-    return table
-
-
-def _with_other_names(path: Path) -> FloatArray:
-    """Return time, rates and specific forces of a csv with other headings, in the axes of the device."""
-    imu = imu_of(sheets_of([path], {}))
-    for triad in (imu.gyro, imu.accelerometer):
-        if triad.source != NAMED:
-            raise MissionError(
-                f"{path}: the columns {', '.join(one.text for one in triad.headings)} do not name their "
-                "unit, and at rest nothing shows it; accepted are headings such as gyro_x_deg_s and accel_x_g"
-            )
-    known = np.isfinite(imu.samples).all(axis=1)
-    _check_length(path, int(known.sum()))
-    return np.column_stack((imu.time, imu.samples))[known]
-
-
-def _check_length(path: Path, samples: int) -> None:
-    if samples < allan.MIN_SAMPLES:
-        raise MissionError(f"{path}: {samples} samples; accepted are at least {allan.MIN_SAMPLES}")
-
-
-def _check_rest(path: Path, specific_force: FloatArray) -> None:
-    """Raise `MissionError` if this is not the specific force of a body at rest."""
-    size = float(np.linalg.norm(specific_force.mean(axis=0)))
-    if abs(size - STANDARD_GRAVITY) > OFF_GRAVITY * STANDARD_GRAVITY:
-        hint = "; this looks like g" if abs(size - 1) < OFF_GRAVITY else ""
-        raise MissionError(
-            f"{path}: the mean specific force is {size:.4g} m/s²{hint}; accepted is a record at rest, with "
-            "about 9.8 m/s²"
-        )
-    parts = min(_PARTS, len(specific_force) // _SAMPLES_PER_PART)
-    means = np.stack([part.mean(axis=0) for part in np.array_split(specific_force, parts)])
-    change = float(np.ptp(means, axis=0).max())
-    if change > _STILL:
-        raise MissionError(
-            f"{path}: the specific force changes by {change:.3g} m/s²; accepted is a record at rest"
-        )

@@ -11,12 +11,12 @@ import typer
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.cards import ASSUMED, FOOT, number
-from lab.cli.options import AsJson, Assumed, Force, check_out
+from lab.cli.options import AsJson, Assumed, Columns, Force, Units, check_out, corrections
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms
-    from lab.analysis.rest import Record
+    from lab.analysis.rest import Record, RestRecords
     from lab.sensors.cards import Card
 
 EXAMPLES = """\b
@@ -24,15 +24,17 @@ Examples:
   ins-lab allan imu.csv
   ins-lab allan imu.csv --card my_imu.toml
   ins-lab allan ADIS16470 --seed 3
-A log is a csv file with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
+  ins-lab allan Gyroscope.csv --unit x=°/s
+  ins-lab allan flight.ulg
+A log is any file with an IMU that ins-lab import --as log reads; gyros alone are enough."""
 
 
 def allan(
     record: Annotated[
         str,
         typer.Argument(
-            metavar="FILE.csv",
-            help="Log of an IMU at rest; or a card, by name or .toml file, simulated at rest.",
+            metavar="FILE",
+            help="Log of an IMU at rest, of any format; or a card, by name or .toml file, simulated at rest.",
             show_default=False,
         ),
     ],
@@ -44,12 +46,19 @@ def allan(
         int,
         typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of the simulation."),
     ] = 1,
+    units: Units = None,
+    columns: Columns = None,
     assumed: Assumed = True,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit."""
-    is_log = record.lower().endswith(".csv")
+    is_log = (Path(record).is_file() and not record.lower().endswith(".toml")) or record.lower().endswith(
+        ".csv"
+    )
+    given = corrections(units, columns)
+    if given and not is_log:
+        raise CommandError("--unit and --column are for logs")
     if out is not None:
         if not is_log:
             raise CommandError(f"--card {out}: a card is made from a log, and {record} is not one")
@@ -57,15 +66,16 @@ def allan(
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)
         card = None if is_log else _card(record, assumed)
-        records = _records(record, card, seed)
+        records = _records(record, card, seed, given)
         progress("fitting", 0.5)
         terms = _fitted(records)
         if out is not None:
             _write_card(out, records, Path(record).name)
     if as_json:
-        print_json({"record": record, **_facts(records, terms)})
+        print_json({"record": record, "remarks": list(records.remarks), **_facts(records, terms)})
     else:
-        print("\n\n".join(part for part in (_terms(terms, card), _goodness(terms)) if part))
+        remarks = "\n".join(f"- {remark}" for remark in records.remarks)
+        print("\n\n".join(part for part in (_terms(terms, card), _goodness(terms), remarks) if part))
 
 
 def _card(name: str, assumed: bool) -> Card:
@@ -74,17 +84,17 @@ def _card(name: str, assumed: bool) -> Card:
     try:
         return card(name, assumed=assumed)
     except SettingError as error:
-        hint = "" if name.lower().endswith(".toml") else ", or of a log, ending in .csv"
+        hint = "" if name.lower().endswith(".toml") else ", or a file with a log"
         raise CommandError(f"{error}{hint}") from error
 
 
-def _records(record: str, card: Card | None, seed: int) -> dict[str, Record]:
+def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str]) -> RestRecords:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
     if card is None:
-        return rest.read_log(Path(record))
-    return rest.simulate(SensorSuite().update(card.settings()), seed)
+        return rest.read_log(Path(record), given)
+    return rest.RestRecords(rest.simulate(SensorSuite().update(card.settings()), seed))
 
 
 def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
@@ -102,7 +112,8 @@ def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
         for name, term in rest.in_setting_units(triad, terms).items():
             own = card.value(triad, name) if card and name in rest.TERMS.values() else None
             for index, axis in enumerate("xyz"):
-                figures = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}", term["unit"]
+                value, sigma = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}"
+                figures = value.replace("nan", "–"), sigma.replace("nan", "–"), term["unit"]
                 beside = number(own[index] if isinstance(own, list) else own)
                 beside += ASSUMED if card and card.is_assumed(triad, name) else ""
                 rows.append((triad, axis, term["label"], *figures, beside))
@@ -124,7 +135,7 @@ def _goodness(fitted: Mapping[str, NoiseTerms]) -> str:
         )
     ]
     text = table(("group", "axis", "χ² of the fit", "degrees of freedom", "p"), rows, right={2, 3, 4})
-    poor = rest.misfit(fitted)
+    poor = rest.about_fit(fitted)
     return f"{text}\n\n{poor}" if poor else text
 
 
@@ -146,6 +157,7 @@ def _facts(records: Mapping[str, Record], fitted: Mapping[str, NoiseTerms]) -> d
             "low": low,
             "high": high,
             "terms": rest.in_setting_units(triad, terms),
+            "low_pass_hz": terms.low_pass.cut_off if terms.low_pass else None,
             "fit": {
                 "chi_square": terms.chi_square,
                 "degrees_of_freedom": terms.degrees,
@@ -160,5 +172,9 @@ def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
     from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
+    try:
+        card = rest.card_of(path.stem, records, source)
+    except ValueError as error:
+        raise CommandError(f"--card {path}: {error}") from error
     with atomic_file(path) as file:
-        file.write(rest.card_of(path.stem, records, source).to_toml().encode())
+        file.write(card.to_toml().encode())

@@ -14,7 +14,7 @@ import click
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Force
+from lab.cli.options import AsJson, Columns, Force, Units, corrections
 
 if TYPE_CHECKING:
     from lab.data.log.sensor_log import SensorLog
@@ -59,15 +59,7 @@ def import_flight(
         bool,
         typer.Option("--preview", help="Write a preview as an html file, and add nothing."),
     ] = False,
-    units: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--unit",
-            metavar="COLUMN=UNIT",
-            help="Unit of a column, if the file states none or a wrong one; may be repeated.",
-            show_default=False,
-        ),
-    ] = None,
+    units: Units = None,
     assignments: Annotated[
         list[str] | None,
         typer.Option(
@@ -83,16 +75,7 @@ def import_flight(
             "--as", help="Add the flight, to simulate sensors on it; or add the IMU and GPS data as a log."
         ),
     ] = Kind.FLIGHT,
-    columns: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--column",
-            metavar="HEADING=QUANTITY[UNIT]",
-            help="What a column of a csv is, such as a1=force_x[g], az=-force_z[m/s²] or, for one that is "
-            "not read, b=-; may be repeated.",
-            show_default=False,
-        ),
-    ] = None,
+    columns: Columns = None,
     axes: Annotated[
         str | None,
         typer.Option(
@@ -138,7 +121,7 @@ def import_flight(
     from lab.data.rebuild.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
     from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
 
-    given = _units(units) | _columns(columns)
+    given = corrections(units, columns)
     if kind is Kind.LOG:
         chosen = [axis.strip() for axis in axes.split(",")] if axes else []
         given = _add_log(files, name, title, preview, as_json, given, chosen, vehicle)
@@ -278,28 +261,6 @@ def _free_name(file: Path) -> str:
     from lab.missions.mission_name import without_archive  # noqa: PLC0415 - beside what it goes with
 
     return free_name(without_archive(file.name.removesuffix(SUFFIX)))
-
-
-def _units(texts: Sequence[str] | None) -> dict[str, str]:
-    """Return units by column."""
-    units = {}
-    for text in texts or []:
-        column, sign, unit = text.rpartition("=")
-        if not sign or not column.strip() or not unit.strip():
-            raise CommandError(f"--unit {text}: accepted is COLUMN=UNIT, such as Plane_Altitude=ft")
-        units[column.strip()] = unit.strip()
-    return units
-
-
-def _columns(texts: Sequence[str] | None) -> dict[str, str]:
-    """Return quantities by column."""
-    columns = {}
-    for text in texts or []:
-        column, sign, quantity = text.rpartition("=")
-        if not sign or not column.strip() or not quantity.strip():
-            raise CommandError(f"--column {text}: accepted is HEADING=QUANTITY[UNIT], such as a1=force_x[g]")
-        columns[column.strip()] = quantity.strip()
-    return columns
 
 
 def _noise(card: str | None) -> SensorNoise:

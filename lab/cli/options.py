@@ -60,6 +60,25 @@ Assignments = Annotated[
 Seed = Annotated[
     int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
 ]
+Units = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--unit",
+        metavar="COLUMN=UNIT",
+        help="Unit of a column, if the file states none or a wrong one; may be repeated.",
+        show_default=False,
+    ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="HEADING=QUANTITY[UNIT]",
+        help="What a column of a csv is, such as a1=force_x[g], az=-force_z[m/s²] or, for one that is "
+        "not read, b=-; may be repeated.",
+        show_default=False,
+    ),
+]
 AlgorithmFile = Annotated[
     str | None,
     typer.Option(
@@ -258,3 +277,24 @@ def check_out(out: Path | None, force: bool, ending: str | tuple[str, ...], kind
         raise CommandError(f"{option} {out}: there is no folder {out.parent}")
     if not os.access(out.parent, os.W_OK):
         raise CommandError(f"{option} {out}: the folder {out.parent} is not writable")
+
+
+def corrections(units: Sequence[str] | None, columns: Sequence[str] | None) -> dict[str, str]:
+    """Return what --unit and --column say, by column.
+
+    Raises
+    ------
+    CommandError
+        If one is not accepted.
+    """
+    found = {}
+    for option, accepted, texts in (
+        ("--unit", "COLUMN=UNIT, such as Plane_Altitude=ft", units),
+        ("--column", "HEADING=QUANTITY[UNIT], such as a1=force_x[g]", columns),
+    ):
+        for text in texts or []:
+            column, sign, said = text.rpartition("=")
+            if not sign or not column.strip() or not said.strip():
+                raise CommandError(f"{option} {text}: accepted is {accepted}")
+            found[column.strip()] = said.strip()
+    return found

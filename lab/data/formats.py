@@ -31,6 +31,7 @@ from lab.data.files import (
     xplane_data,
 )
 from lab.data.files.profile import shipped_profiles
+from lab.data.files.streams import Stream
 from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols import receiver_file
 from lab.data.protocols.recognition import sound_frames
@@ -62,6 +63,8 @@ class Reader:
     read_logs : callable or None
         The same of several files, with corrections by a person: units or quantities by column, the axes of
         the IMU that point forward, right and down, and the vehicle.
+    read_imu : callable or None
+        Reads angular rate and specific force (n, 6) alone, such as those of an IMU at rest.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Reader:
     read: Callable[[Sequence[Path], Mapping[str, str]], RawFlight]
     read_log: Callable[[Path], SensorLog] | None = None
     read_logs: Callable[[Sequence[Path], Mapping[str, str], Sequence[str], str], SensorLog] | None = None
+    read_imu: Callable[[Path], Stream] | None = None
 
 
 def _is_other_table(head: bytes) -> bool:
@@ -93,10 +97,12 @@ READERS: tuple[Reader, ...] = (
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
     Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
     Reader(igc.NAME, igc.recognises, igc.read),
-    Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
-    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
-    Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
-    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
+    Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log, read_imu=ulog.read_imu),
+    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log, read_imu=sdlog2.read_imu),
+    Reader(
+        ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log, read_imu=ardupilot.read_imu
+    ),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log, read_imu=mavlink.read_imu),
     Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
 )
 """All readers; at most one recognises a file."""

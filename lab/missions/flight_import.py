@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.files.mission_error import MissionError, QuestionError
+from lab.data.clock.two_clocks import clock_rate
 from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
 from lab.data.log.auxiliary_data import Comparison
+from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport, report
 from lab.data.rebuild.import_settings import ALL, ImportSettings
@@ -210,7 +212,7 @@ def read_log(
     reader = next((one for one in readers if one.read_logs is None), readers[0])
     if reader.read_logs is not None:
         try:
-            return reader.read_logs(files, units or {}, axes, vehicle)
+            return _with_clock_rate(reader.read_logs(files, units or {}, axes, vehicle))
         except QuestionError:
             raise
         except MissionError as error:
@@ -223,9 +225,16 @@ def read_log(
     if axes or vehicle:
         raise MissionError(f"{files[0]}: {reader.name} states its axes and its vehicle; they are not given")
     log = read_log_of(reader, files[0])
-    return replace(
-        log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, files[0], log.epoch))
-    )
+    own = own_solution(reader, files[0], log.epoch)
+    return _with_clock_rate(replace(log, auxiliary=replace(log.auxiliary, comparisons=own)))
+
+
+def _with_clock_rate(log: SensorLog) -> SensorLog:
+    """Return a log with a remark if the clocks of its IMU and its receiver run at different rates."""
+    whole = piece(log)
+    gnss = whole.gnss
+    found = clock_rate(whole.time, whole.dtheta, gnss.time - gnss.latency, gnss.position, gnss.velocity_n)
+    return log if found is None else replace(log, repairs=(*log.repairs, found.remark))
 
 
 def _without_columns(paths: Sequence[Path], files: Sequence[Path]) -> str:

@@ -287,7 +287,7 @@ def test_a_silent_axis_has_no_noise() -> None:
     assert terms.N[1] == terms.B[1] == terms.K[1] == terms.N_sigma[1] == 0
     assert terms.chi_square[1] == terms.degrees[1] == 0
     assert terms.p_value[1] == 1
-    assert np.isfinite(np.stack(terms)).all()
+    assert np.isfinite(np.stack(terms[:-1])).all()
 
 
 @pytest.mark.parametrize(

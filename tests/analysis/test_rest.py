@@ -49,23 +49,24 @@ def test_columns_may_stand_in_any_order_beside_others(tmp_path: Path) -> None:
     )
 
 
-def _with(row: int, column: int, value: float) -> np.ndarray:
-    table = _table()
-    table[row, column] = value
-    return table
-
-
 @pytest.mark.parametrize(
     ("table", "header", "words"),
     [
-        (_table(), HEADER.replace("gy_rad_s", "gy"), ["row 1", "column gy_rad_s missing"]),
         (_table(10), HEADER, ["10 samples", "at least 16"]),
-        (_with(7, 2, np.nan), HEADER, ["row 9", "gy_rad_s", "finite number"]),
-        (np.delete(_table(), range(50, 60), axis=0), HEADER, ["row 52, column t_s", "without gaps"]),
-        (_with(30, 0, 5.29), HEADER, ["row 32, column t_s"]),
+        (
+            np.delete(_table(), RNG.choice(400, 80, replace=False), axis=0),
+            HEADER,
+            ["samples are missing", "gaps"],
+        ),
         (_table() * ([1.0] * 4 + [1 / 9.80665] * 3), HEADER, ["1 m/s²; this looks like g"]),
         (_table() * ([1.0] * 4 + [3.0] * 3), HEADER, ["29.42 m/s²", "at rest"]),
         (_table() + np.outer(np.linspace(-1, 1, 400), np.eye(7)[4]), HEADER, ["changes by", "at rest"]),
+        (
+            _table(3000) + np.outer(np.sin(np.arange(3000) / 90), np.eye(7)[1]),
+            HEADER,
+            ["rates change by", "from second to second"],
+        ),
+        (_table(), "t_s,gx,gy,gz,fx_m_s2,fy_m_s2,fz_m_s2", ["do not name their unit", "--unit gx="]),
     ],
 )
 def test_what_is_no_log_at_rest_is_refused(
@@ -83,15 +84,6 @@ def test_what_is_no_csv_is_refused(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "imu.csv"
     path.write_bytes(content)
     with pytest.raises(MissionError, match=r"imu\.csv"):
-        rest.read_log(path)
-
-
-def test_a_word_among_the_numbers_is_named(tmp_path: Path) -> None:
-    path = _write(tmp_path / "imu.csv", _table())
-    lines = path.read_text().splitlines()
-    lines[20] = lines[20].replace(lines[20].split(",")[3], "off", 1)
-    path.write_text("\n".join(lines))
-    with pytest.raises(MissionError, match=r"row 21, column gz_rad_s: 'off'"):
         rest.read_log(path)
 
 
@@ -145,7 +137,7 @@ def test_terms_that_no_setting_is_have_names_and_units_too() -> None:
     assert named["noise_density"]["label"] == "White noise"
     card = rest.card_of("mine", {"gyro": gyro, "accelerometer": force}, "imu.csv")
     assert set(card.terms["gyro"]) <= set(rest.TERMS.values())
-    assert rest.misfit(fitted) == card.note == ""
+    assert rest.about_fit(fitted) == card.note == ""
 
 
 def test_the_card_of_a_log_says_where_the_fit_is_poor_and_that_its_density_is_two_sided() -> None:
@@ -159,9 +151,10 @@ def test_the_card_of_a_log_says_where_the_fit_is_poor_and_that_its_density_is_tw
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings at {RECORDINGS} (INS_LAB_RECORDINGS)")
 def test_a_real_log_at_rest_gives_a_card() -> None:
-    """Half a minute shows the white noise, of the size the makers of such sensors give, and no more."""
+    """Half a minute shows the white noise; lines of vibration leave the gyros without a number."""
     records = rest.read_log(RECORDINGS / "vn310_static" / "imu.csv")
     assert records["gyro"].dt == pytest.approx(0.02, rel=1e-3)
     card = rest.card_of("VN-310", records, "imu.csv")
-    assert (np.array(card.value("gyro", "noise_density")) < 0.01).all()
+    assert not card.terms["gyro"]
+    assert "do not explain the Allan deviation of gyro" in card.note
     assert (np.array(card.value("accelerometer", "noise_density")) < 140).all()

@@ -99,6 +99,7 @@ def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> N
     assert header.split() == ["group", "axis", "term", "fitted", "σ", "unit"]
     assert sum("Quantisation noise" in row for row in rows) == sum("Rate ramp" in row for row in rows) == 6
     assert "degrees of freedom" in answer.stdout
+    assert "- Gyros: gx_rad_s, gy_rad_s, gz_rad_s, in rad/s." in rows
     assert "do not explain" not in answer.stdout
     white = [row for row in rows if "White noise" in row]
     assert [row.split()[:2] for row in white] == [
@@ -109,6 +110,20 @@ def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> N
     assert ask("allan", str(log), "--card", str(out), "--force").exit_code == 0
     assert ask("cards", str(out)).stdout.startswith("mine: own grade")
     assert ask("run", "los_angeles", "--card", str(out)).exit_code == 0
+
+
+def test_a_person_says_what_the_columns_are(tmp_path: Path) -> None:
+    """Gyros alone, in °/s, in columns that nobody would know."""
+    log = _log(tmp_path / "imu.csv")
+    log.write_text(
+        log.read_text().replace("t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2", "t,p,q,r,a,b,c")
+    )
+    named = ("t=time[s]", "p=rate_x[rad/s]", "q=rate_y[rad/s]", "r=rate_z[rad/s]")
+    answer = ask("allan", str(log), *(part for one in named for part in ("--column", one)), "--json")
+    found = json.loads(answer.stdout)
+    assert set(found) == {"record", "remarks", "gyro"}
+    assert found["gyro"]["terms"]["noise_density"]["value"] == pytest.approx([0.01] * 3, rel=0.05)
+    refused(ask("allan", "STIM300", "--unit", "p=rad/s"), "--unit")
 
 
 def test_an_allan_deviation_as_json_holds_the_curve(tmp_path: Path) -> None:

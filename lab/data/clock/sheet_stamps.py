@@ -30,6 +30,8 @@ _WIDE = 1.5
 _REGULAR, _SLACK = 0.8, (0.5, 1.5)
 """Part of the steps between rows in order of time that are like the usual step, and which are, in such steps.
 Of two recordings that lie over each other some steps are shorter and some are zero."""
+_MOST_SET = 3
+"""Most steps of a clock that was set back: with more, the stamps jitter."""
 _AVERAGED = 50
 """Rows before and after a stamp that jitters, with which it is averaged."""
 
@@ -114,6 +116,33 @@ def is_regular(time: FloatArray) -> bool:
         return False
     usual = float(np.median(step[step > 0]))
     return bool(((step > _SLACK[0] * usual) & (step < _SLACK[1] * usual)).mean() >= _REGULAR)
+
+
+def set_backs(time: FloatArray) -> list[tuple[int, float]]:
+    """Return the rows from which a clock is behind, and by how much it was set back [s].
+
+    Rows that were written late are followed by a jump forward, and a clock that was set back by none.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Finite stamps in the order of the rows [s].
+    """
+    steps = np.diff(time)
+    rows = np.flatnonzero(steps < 0) + 1
+    if not 0 < rows.size <= _MOST_SET or not (steps > 0).any():
+        return []
+    usual = float(np.median(steps[steps > 0]))
+    found = []
+    for row in rows.tolist():
+        again = row + int(np.argmax(np.append(time[row:], np.inf) > time[row - 1]))
+        size = usual - float(steps[row - 1])
+        if again >= time.size or (steps[row:again] < 0).any() or steps[again - 1] > _WIDE * usual:
+            return []
+        if size < _WIDE * usual:
+            return []
+        found.append((row, size))
+    return found
 
 
 def smooth(time: FloatArray) -> FloatArray:

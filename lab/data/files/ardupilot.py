@@ -153,6 +153,15 @@ def read_log(path: Path) -> SensorLog:
     return replace(made, repairs=(*made.repairs, *remarks))
 
 
+def read_imu(path: Path) -> Stream:
+    """Read the IMU alone; `MissionError` if there is none."""
+    _, times = _log(path, _SENSORS)
+    imu = _stream("IMU", times, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+    if imu is None or not imu.usable:
+        raise MissionError(f"{path}: the log does not have an IMU (IMU) with a time")
+    return imu
+
+
 def _parameters(log: Log) -> dict[str, float]:
     names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
     values = (log.numbers("PARM") or {}).get("Value", np.empty(0))

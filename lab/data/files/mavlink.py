@@ -127,6 +127,14 @@ def read_log(path: Path) -> SensorLog:
     return made
 
 
+def read_imu(path: Path) -> Stream:
+    """Read the IMU alone; `MissionError` if there is none."""
+    imu = imu_of(_vehicle(path, {**FIELDS, **IMUS})[1])
+    if imu is None:
+        raise MissionError(f"{path}: the vehicle did not send an IMU ({', '.join(IMUS)})")
+    return imu
+
+
 def _vehicle(path: Path, fields: Mapping[str, Sequence[str]]) -> tuple[TlogFile, Vehicle]:
     """Return the content of a file, and the vehicle with most position messages between two starts."""
     data = whole(path, MAX_LOG_BYTES)

@@ -123,6 +123,14 @@ def read_log(path: Path) -> SensorLog:
     return made
 
 
+def read_imu(path: Path) -> Stream:
+    """Read the IMU alone; `MissionError` if there is none."""
+    imu = _Messages(path, _SENSORS).stream("IMU", "IMU", "GyroX", "GyroY", "GyroZ", "AccX", "AccY", "AccZ")
+    if imu is None or not imu.usable:
+        raise MissionError(f"{path}: the log does not have an IMU (IMU)")
+    return imu
+
+
 class _Messages:
     """The messages of a file, with their times."""
 

@@ -134,6 +134,14 @@ def read_log(path: Path) -> SensorLog:
     return replace(made, repairs=(*made.repairs, *_losses(log)))
 
 
+def read_imu(path: Path) -> Stream:
+    """Read the IMU alone; `MissionError` if there is none."""
+    imu = _imu(_log(path, _SENSORS))
+    if imu is None:
+        raise MissionError(f"{path}: the log does not have an IMU (sensor_combined, vehicle_imu)")
+    return imu
+
+
 def _log(path: Path, wanted: Sequence[str]) -> ULogFile:
     data = whole(path, MAX_LOG_BYTES)
     if not data.startswith(MAGIC):

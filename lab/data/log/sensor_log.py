@@ -9,13 +9,14 @@ pieces (`lab.data.log.log_section`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.two_clocks import over_rollovers
 from lab.data.clock.usual_interval import UsualInterval
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
 from lab.data.log.log_remarks import clock_text, constant_axes_remarks, coverage_remarks, span_text
@@ -184,6 +185,9 @@ def repaired(
     """
     repairs: list[str] = []
     _check_order(name, "IMU", time)
+    stamps, remark = over_rollovers(gnss.time, time)
+    if remark:
+        gnss, repairs = replace(gnss, time=stamps), [remark]
     _check_order(name, "GPS", gnss.time)
     time, samples, lost = _usable_samples(time, samples, increments, find_spikes, repairs)
     gnss_rows = _usable_fixes(gnss, repairs)

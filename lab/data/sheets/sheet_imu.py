@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError, QuestionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
-from lab.data.clock.sheet_stamps import is_regular, smooth
+from lab.data.clock.sheet_stamps import is_regular, set_backs, smooth
 from lab.data.clock.stamps import ACCEPTED, ZONES
 from lab.data.files.unit_names import UNITS
 from lab.data.log.log_remarks import span_text
@@ -159,6 +159,15 @@ def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray,
     count = int((late > 0).sum())
     if not count or late.max() > _MAX_BACK:
         return rows, time[rows], []
+    if steps := set_backs(time[rows]):
+        kept = np.diff(np.maximum.accumulate(time[rows]), prepend=-np.inf) > 0
+        sizes = " and ".join(
+            f"by {size:.3f} s at {time[rows][row - 1] - time[rows][0]:.2f} s" for row, size in steps
+        )
+        remark = (
+            f"The clock of the {what} was set back {sizes}: the {(~kept).sum()} rows behind it are left out."
+        )
+        return rows[kept], time[rows][kept], [remark]
     back = f"by up to {late.max():.3g} s"
     ordered = rows[np.argsort(time[rows], kind="stable")]
     if count < _JITTERS * rows.size or is_regular(time[ordered]):
