@@ -22,7 +22,6 @@ from lab.data.files import (
     gpx,
     igc,
     kml,
-    mavlink,
     own_csv,
     sdlog2,
     simulator_csv,
@@ -32,7 +31,7 @@ from lab.data.files import (
 )
 from lab.data.files.profile import shipped_profiles
 from lab.data.log.sensor_log import SensorLog
-from lab.data.protocols import receiver_file
+from lab.data.protocols import mavlink_file, receiver_file
 from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.sheets import sensor_csv
@@ -96,7 +95,7 @@ READERS: tuple[Reader, ...] = (
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
-    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
+    Reader(mavlink_file.NAME, mavlink_file.recognises, mavlink_file.read, mavlink_file.read_log),
     Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
 )
 """All readers; at most one recognises a file."""

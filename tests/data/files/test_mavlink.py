@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from writers import autopilot
 from writers import mavlink as writer
 
-from lab.data.files import mavlink
+from lab.data.protocols import mavlink_file as mavlink
 from lab.data.formats import reader_of
 from lab.data.log.vehicle import vehicle_of
 from lab.missions import MissionError, mission
@@ -200,14 +200,15 @@ def test_broken_bytes_are_left_out_and_said(written, file):
     for start in (200_000, 400_000, 600_000):
         broken[start : start + 300] = rng.integers(0, 256, 300, dtype=np.uint8).tobytes()
     flight = mavlink.read([file(bytes(broken[:800_000]))], {})
-    assert any("could not be decoded" in remark for remark in flight.remarks)
+    assert any("bytes of the file belong to no sound message" in remark for remark in flight.remarks)
     truth = autopilot.trajectory(mission("montreal").recording).at(flight.time - writer.BOOT * 1e-3)
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 0.2
     assert len(flight.time) > 3000
     damaged = bytearray(written)
     at = written.index(b"\x21\0\0", 100_000)  # 33, GLOBAL_POSITION_INT
     damaged[at + 10] ^= 1
-    assert "1 messages with a wrong checksum" in " ".join(mavlink.read([file(bytes(damaged))], {}).remarks)
+    # The payload ends in 65,535 and has 28 bytes, in a frame of 40 after a stamp of 8.
+    assert "48 bytes of the file" in " ".join(mavlink.read([file(bytes(damaged))], {}).remarks)
 
 
 def test_a_vehicle_without_a_fix_is_refused_with_the_cause(file):
