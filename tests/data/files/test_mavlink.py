@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from writers import autopilot
 from writers import mavlink as writer
 
-from lab.data.protocols import mavlink_file as mavlink
 from lab.data.formats import reader_of
 from lab.data.log.vehicle import vehicle_of
+from lab.data.protocols import mavlink_file as mavlink
 from lab.missions import MissionError, mission
 from lab.motion.frames import ecef
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from xplane_sender import CLOCK, XPlaneSender
 
-from lab.data.protocols import xplane_packets
+from lab.data.protocols.xplane import XPlanePackets
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.streams import xplane_live
 from lab.data.streams.xplane_live import XPlaneRecorder
@@ -201,14 +201,14 @@ def test_what_cannot_be_is_refused_at_once(host, port, rate, words):
     )
 )
 def test_any_packets_give_a_flight_or_a_reason(packets):
-    records = [record for packet in packets if (record := xplane_packets.position(packet)) is not None]
-    for packet in packets:
-        values = xplane_packets.references(packet)
-        assert values is None or all(0 <= index < len(xplane_packets.REFERENCES) for index in values)
-    clocks = [value for i in range(len(records)) for value in (float(i), 0.0, 0.0, 50.0, 0.0, 0.0)]
-    arrivals = [float(i) for i in range(len(records))]
+    taken = XPlanePackets()
+    found = [one for at, packet in enumerate(packets) for one in taken.accept(packet, float(at))]
+    found += taken.finish()
+    sent = [packet[5:] for packet in packets if packet[:4] == b"RPOS" and len(packet) == 69]
+    assert [one.record for one in found] == sent
+    values = [value for one in found for value in one.references]
     try:
-        flight = xplane_packets.flight(b"".join(records), arrivals, clocks, arrivals)
+        flight = xplane_live.flight(b"".join(sent), [one.arrival for one in found], values)
     except MissionError:
         return
     assert len(flight.time) >= 4
