@@ -122,7 +122,7 @@ def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = Fals
         status = opened.status
     _check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
-    _conclude(status)
+    _conclude(opened, status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -171,7 +171,7 @@ def record(
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
     _check_came(source, status)
-    _conclude(status)
+    _conclude(opened, status)
     print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
@@ -223,7 +223,7 @@ def navigate(
         finally:
             station.close()
         _check_came(source, opened.status)
-        _conclude(opened.status)
+        _conclude(opened, opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
@@ -263,11 +263,19 @@ def simulate(
 ) -> None:
     """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed.
 
+    A device on a table stands until Ctrl-C, unless --rest says how long; what it measures is repeated after
+    ten minutes.
+
     The settings are those of the sensors: --set sensors.heading.fitted=true sends headings too.
     """
     from lab.data.streams.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
-    from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, unsent_readings  # noqa: PLC0415
-    from lab.live.simulated.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated.simulated_device import (  # noqa: PLC0415 - help does not need it
+        Misbehaviour,
+        SimulatedDevice,
+        encoder_of,
+        unsent_readings,
+    )
+    from lab.live.simulated.simulated_flight import REST, USUAL_REST, SimulatedFlight  # noqa: PLC0415
     from lab.live.simulated.simulated_link import link_of  # noqa: PLC0415 - help does not need it
 
     _check(rate, 1, 2000, "--rate", "Hz")
@@ -276,17 +284,19 @@ def simulate(
     _check(drift, -5000, 5000, "--drift", "ppm")
     _check(rest, 0, 3600, "--rest", "s")
     with working(mission):
-        link = link_of(to)
+        link, encoder = link_of(to), encoder_of(device)
+        stands = mission == REST and not rest
         flight = SimulatedFlight.of(
-            mission, rate, sensor=card, seed=seed, rest=rest, axes=AxisMap.of(axes),
-            assignments=assignments or (),
+            mission, rate, sensor=card, seed=seed, rest=USUAL_REST if stands else rest,
+            axes=AxisMap.of(axes), assignments=assignments or (),
         )  # fmt: skip
-        sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
+        wrong = Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift)
+        sender = SimulatedDevice(flight, encoder, link, wrong, endless=stands)
     if unsent := unsent_readings(device, flight.reading):
         print(f"ins-lab: --device {device}: {unsent}", file=sys.stderr)
     with interrupted() as pressed, _started(sender, to):
         print(
-            f"Sending {counted(len(flight.imu), 'sample')}; open it with: "
+            f"Sending {'until Ctrl-C' if stands else counted(len(flight.imu), 'sample')}; open it with: "
             f"ins-lab live watch {sender.address}",
             flush=True,
         )
@@ -390,6 +400,7 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
     }  # fmt: skip
     state["axes"] = str(status.axes)
     state["statistics"], state["loss"] = vars(status.statistics), vars(status.loss)
+    state["interruptions"] = len(source.losses)
     if len(last):
         state["time"] = float(last["time"][0])
         state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
@@ -406,13 +417,17 @@ def _check_came(source: str, status: Status) -> None:
     raise CommandError(f"{source}: no sample came, {what}. {why}{status.sentence}")
 
 
-def _conclude(status: Status) -> None:
+def _conclude(source: Source, status: Status) -> None:
     """Say on standard error what came, and what was lost."""
+    from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
+
     for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
         if sentence:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     seen, loss = status.statistics, status.loss
     lost = {
+        f"{counted(len(source.losses), 'interruption')} of the connection": len(source.losses),
+        f"silent for the last {status.silence:.0f} s": status.state == STALE,
         f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
         f"{counted(seen.failed, 'check')} failed": seen.failed,
         f"{counted(seen.refused, 'sample')} refused": seen.refused,

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 
 from lab.base.parameters.counted import counted, were
-from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Encoder
 from lab.data.protocols.samples import Samples, joined
 from lab.data.streams.address import MAX_SEED, Address, computer_and_port
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.transport import Chunk, TransportError
+from lab.data.streams.transport import Chunk
 from lab.data.streams.xplane_live import PORT, RATES, XPlaneLink
 from lab.experiment.experiment import Experiment
+from lab.live.simulated.simulated_device import encoder_of
 from lab.live.simulated.simulated_flight import fix_rows, imu_rows
 from lab.live.xplane.flight import XPlaneFlight
 from lab.live.xplane.frames import BrokenFlightError
@@ -178,9 +178,7 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> X
     address.check(("card", "hz", "seed", "frames", "device", "mounted"))
     options = address.options
     place = address if ":" in address.place else Address(address.kind, f"{address.place}:{PORT}", options)
-    device = options.get("device", "vectornav")
-    if device not in ENCODERS:
-        raise TransportError(f"{device!r} is no device; accepted are {', '.join(ENCODERS)}")
+    encoder = encoder_of(options.get("device", "vectornav"))
     mounted = options.get("mounted")
     flight = XPlaneFlight(
         sensors,
@@ -191,6 +189,6 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> X
         str(address),
         XPlaneLink(*computer_and_port(place), address.number("frames", 50.0, *RATES, "Hz")),
         flight,
-        ENCODERS[device](),
+        encoder,
         AxisMap.of(mounted) if mounted else None,
     )
