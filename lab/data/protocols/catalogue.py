@@ -23,6 +23,7 @@ from lab.data.protocols.ubx_encoder import UbloxEncoder
 from lab.data.protocols.vectornav_ascii import VectorNavAscii
 from lab.data.protocols.vectornav_binary import VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.witmotion import WitMotion, WitMotionEncoder
 from lab.data.protocols.xsens import Xsens
 from lab.data.protocols.xsens_encoder import XsensEncoder
 
@@ -39,6 +40,7 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "xsens": lambda: StreamDecoder("xsens", (Xsens(),), beside=(Nmea(),)),
     "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
     "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
+    "witmotion": lambda: StreamDecoder("witmotion", (WitMotion(),)),
     "ublox": _ublox,
     "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
     "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
@@ -51,6 +53,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "xsens": XsensEncoder,
     "mip": MipEncoder,
     "memsense": MemsenseEncoder,
+    "witmotion": WitMotionEncoder,
     "ublox": UbloxEncoder,
     "nmea": NmeaEncoder,
     "mavlink": MavlinkEncoder,

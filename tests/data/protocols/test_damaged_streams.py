@@ -38,6 +38,7 @@ STARTS = {
     "ublox": b"\xb5b",
     "nmea": b"$GPGGA,",
     "mavlink": b"\xfd",
+    "witmotion": b"\x55\x52",
     "phone": b'{"phone":1,"check":"',
     "text": b"\n1,2,",
 }
