@@ -39,6 +39,7 @@ _CHECKS: tuple[tuple[str, str, Any], ...] = (
     ("vectornav_ascii", "crc16_xmodem", mock.ANY),
     ("vectornav_binary", "crc16_xmodem", mock.ANY),
     ("witmotion", "sum8", mock.ANY),
+    ("bno085", "sum8", mock.ANY),
     ("mavlink", "crc16_mcrf4xx", mock.ANY),
     ("phone_line", "passes", True),
 )

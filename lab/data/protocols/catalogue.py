@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
+from lab.data.protocols.bno085 import Bno085, Bno085Encoder
 from lab.data.protocols.decoder import Decoder, DecoderError, Encoder
 from lab.data.protocols.decoder_file import FORM, load_decoder
 from lab.data.protocols.mavlink import Mavlink
@@ -41,6 +42,7 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
     "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
     "witmotion": lambda: StreamDecoder("witmotion", (WitMotion(),)),
+    "bno085": lambda: StreamDecoder("bno085", (Bno085(),)),
     "ublox": _ublox,
     "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
     "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
@@ -54,6 +56,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "mip": MipEncoder,
     "memsense": MemsenseEncoder,
     "witmotion": WitMotionEncoder,
+    "bno085": Bno085Encoder,
     "ublox": UbloxEncoder,
     "nmea": NmeaEncoder,
     "mavlink": MavlinkEncoder,

@@ -19,7 +19,7 @@ _LARGEST = 2**16
 """Bytes that are looked at: at 115 200 baud they come in 6 s."""
 _NAMES = {
     "vectornav": "VectorNav", "xsens": "Xsens", "mip": "MicroStrain MIP", "memsense": "MEMSense",
-    "witmotion": "WitMotion",
+    "witmotion": "WitMotion", "bno085": "BNO085 in the mode UART-RVC",
     "ublox": "u-blox UBX", "nmea": "NMEA", "mavlink": "MAVLink", "phone": "the page for phones",
     "text": "text lines",
 }  # fmt: skip
