@@ -131,8 +131,8 @@ _NOT_READ = (
     ),
     (
         re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
-        "It looks like ASCII logs of a NovAtel receiver: convert them to NMEA (GGA and RMC) or to a csv with "
-        "named columns.",
+        "It looks like ASCII logs of a NovAtel receiver. ins-lab import FILE --as log makes a sensor log of "
+        "them, if they have RAWIMUX and BESTPOS.",
     ),
     (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
     (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
@@ -309,7 +309,7 @@ _FRAMES = (
     ("an IMU of Xsens, in its older format MTData", (b"\xfa\xff\x32",), _TO_CONVERT),
     ("an IMU of MicroStrain", (b"ue\x80", b"ue\x82", b"ue\x91"), _TO_LOG),
     ("an IMU of VectorNav", (b"\xfa\x01", b"\xfa\x03", b"\xfa\x05", b"\xfa\x15", b"\xfa\x1d"), _TO_LOG),
-    ("a NovAtel receiver", (b"\xaaD\x12", b"\xaaD\x13"), _TO_CONVERT),
+    ("a NovAtel receiver", (b"\xaaD\x12", b"\xaaD\x13"), _TO_LOG),
     ("a Septentrio receiver", (b"$@",), _TO_CONVERT),
     ("a SiRF receiver", (b"\xb0\xb3\xa0\xa2",), _TO_CONVERT),
     ("a SkyTraq receiver", (b"\r\n\xa0\xa1",), _TO_CONVERT),

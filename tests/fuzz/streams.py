@@ -38,6 +38,7 @@ _CHECKS: tuple[tuple[str, str, Any], ...] = (
     ("vectornav_ascii", "xor8", mock.ANY),
     ("vectornav_ascii", "crc16_xmodem", mock.ANY),
     ("vectornav_binary", "crc16_xmodem", mock.ANY),
+    ("novatel", "_crc", mock.ANY),
     ("witmotion", "sum8", mock.ANY),
     ("bno085", "sum8", mock.ANY),
     ("mavlink", "crc16_mcrf4xx", mock.ANY),

@@ -15,6 +15,7 @@ from lab.data.protocols.mip import Mip
 from lab.data.protocols.mip_encoder import MipEncoder
 from lab.data.protocols.nmea import Nmea
 from lab.data.protocols.nmea_encoder import NmeaEncoder
+from lab.data.protocols.novatel import NovAtel, NovAtelEncoder
 from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.phone_encoder import PhoneEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
@@ -41,6 +42,7 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "xsens": lambda: StreamDecoder("xsens", (Xsens(),), beside=(Nmea(),)),
     "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
     "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
+    "novatel": lambda: StreamDecoder("novatel", (NovAtel(),), beside=(Nmea(),)),
     "witmotion": lambda: StreamDecoder("witmotion", (WitMotion(),)),
     "bno085": lambda: StreamDecoder("bno085", (Bno085(),)),
     "ublox": _ublox,
@@ -55,6 +57,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "xsens": XsensEncoder,
     "mip": MipEncoder,
     "memsense": MemsenseEncoder,
+    "novatel": NovAtelEncoder,
     "witmotion": WitMotionEncoder,
     "bno085": Bno085Encoder,
     "ublox": UbloxEncoder,

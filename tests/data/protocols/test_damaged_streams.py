@@ -38,6 +38,7 @@ STARTS = {
     "ublox": b"\xb5b",
     "nmea": b"$GPGGA,",
     "mavlink": b"\xfd",
+    "novatel": b"#BESTPOSA,",
     "witmotion": b"\x55\x52",
     "bno085": b"\xaa\xaa",
     "phone": b'{"phone":1,"check":"',
