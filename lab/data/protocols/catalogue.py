@@ -22,8 +22,7 @@ from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
 from lab.data.protocols.ubx_encoder import UbloxEncoder
-from lab.data.protocols.vectornav_ascii import VectorNavAscii
-from lab.data.protocols.vectornav_binary import VectorNavBinary
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
 from lab.data.protocols.witmotion import WitMotion, WitMotionEncoder
 from lab.data.protocols.xsens import Xsens
