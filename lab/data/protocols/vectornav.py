@@ -1,10 +1,10 @@
 """VectorNav: binary messages of any mix of groups and fields, and ASCII messages.
 
 Where a binary message has both, uncompensated rates and forces go before compensated ones: the latter have
-the bias that the device's own filter believes in subtracted, which changes with time. A message without either
-is read from delta angle [°] and delta velocity [m/s], divided by their own interval. Forces are specific
-forces [m/s²], in axes forward, right, down: at rest and level z reads -9.8. A GPS block that is repeated
-with each sample is one fix.
+the bias that the device's own filter believes in subtracted, which changes with time. A message without
+either is read from delta angle [°] and delta velocity [m/s], divided by their own interval. Forces are
+specific forces [m/s²], in axes forward, right, down: at rest and level z reads -9.8. A GPS block that is
+repeated with each sample is one fix.
 
 The ASCII messages are ``$VNYMR``, ``$VNQMR``, ``$VNMAR``, ``$VNIMU``, ``$VNDTV``, ``$VNGPS``. Their check is
 two hexadecimal digits of an exclusive or, or four of a CRC. A message that asks to be taken without (``*XX``)
