@@ -122,7 +122,7 @@ def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = Fals
         status = opened.status
     _check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
-    _conclude(opened, status)
+    _conclude(status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -171,7 +171,7 @@ def record(
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
     _check_came(source, status)
-    _conclude(opened, status)
+    _conclude(status)
     print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
@@ -223,7 +223,7 @@ def navigate(
         finally:
             station.close()
         _check_came(source, opened.status)
-        _conclude(opened, opened.status)
+        _conclude(opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
@@ -395,12 +395,11 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         name: getattr(status, name)
         for name in (
             "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "drift_sigma", "silence",
+            "latency", "drift", "drift_sigma", "silence", "interruptions",
         )
     }  # fmt: skip
     state["axes"] = str(status.axes)
     state["statistics"], state["loss"] = vars(status.statistics), vars(status.loss)
-    state["interruptions"] = len(source.losses)
     if len(last):
         state["time"] = float(last["time"][0])
         state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
@@ -417,7 +416,7 @@ def _check_came(source: str, status: Status) -> None:
     raise CommandError(f"{source}: no sample came, {what}. {why}{status.sentence}")
 
 
-def _conclude(source: Source, status: Status) -> None:
+def _conclude(status: Status) -> None:
     """Say on standard error what came, and what was lost."""
     from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
 
@@ -426,7 +425,7 @@ def _conclude(source: Source, status: Status) -> None:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     seen, loss = status.statistics, status.loss
     lost = {
-        f"{counted(len(source.losses), 'interruption')} of the connection": len(source.losses),
+        f"{counted(status.interruptions, 'interruption')} of the connection": status.interruptions,
         f"silent for the last {status.silence:.0f} s": status.state == STALE,
         f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
         f"{counted(seen.failed, 'check')} failed": seen.failed,
