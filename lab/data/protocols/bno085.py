@@ -27,10 +27,11 @@ from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import UNKNOWN, Vector
-from lab.data.protocols.sending import merged, vector
+from lab.data.protocols.sending import merged, vector, whole
 
 _SYNC = b"\xaa\xaa"
-_SIZE = 19
+_SIZE = 19  # bytes of a frame
+_NUMBERS_OF_FRAMES = 256  # before they begin again
 _NUMBERS = struct.Struct("<6h")
 _AT = 3
 """Where the numbers begin."""
@@ -49,7 +50,7 @@ class Bno085(Framing):
     longest = _SIZE
 
     def __init__(self) -> None:
-        self._number = WrappingCounter(256)
+        self._number = WrappingCounter(_NUMBERS_OF_FRAMES)
         self._last: tuple[int, tuple[float, ...]] | None = None
 
     def size(self, data: bytearray, at: int) -> int:
@@ -130,8 +131,6 @@ class Bno085Encoder:
         self._sent = number
         angles = self._attitude.as_euler("ZXY")
         counts = [*(angles / _ANGLE), *vector(row, "force", TO_SI["mg"])]
-        frame = bytes((number % 256,)) + _NUMBERS.pack(
-            *(round(min(max(one, -32_768), 32_767)) for one in counts)
-        )
+        frame = bytes((number % _NUMBERS_OF_FRAMES,)) + _NUMBERS.pack(*map(whole, counts))
         frame += bytes(3)
         return _SYNC + frame + bytes((sum8(frame),))

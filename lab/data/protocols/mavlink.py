@@ -62,6 +62,7 @@ MESSAGES: Final = {
 }
 """Messages that are read, and their fields: of the IMU (an earlier one goes before a later one), of receivers
 (fixes are those of the first), of wheels, and of the autopilot's solution, which only files use."""
+# Messages of the IMU, of receivers, and of wheels.
 _ORDER, _RECEIVERS, _WHEELS = tuple(MESSAGES)[:5], tuple(MESSAGES)[5:7], "WHEEL_DISTANCE"
 _UNITS = {
     "us": 1e-6, "ms": 1e-3, "degE7": math.radians(1e-7), "degE5": math.radians(1e-5),
@@ -74,14 +75,17 @@ _NO_FIELD: dict[str, tuple[int, ...]] = {
     "yaw": (0, 65_535), "satellites_visible": (255,),
 }  # fmt: skip
 """Numbers that say that a field of a receiver is not known; a yaw of 36 000 stands for north."""
-_NO_TEMPERATURE: dict[str, tuple[int, ...]] = {"temperature": (0,)}
+_NO_TEMPERATURE: dict[str, tuple[int, ...]] = {"temperature": (0,)}  # of whole numbers
 _UNKNOWN = dict.fromkeys(_RECEIVERS, _NO_FIELD) | dict.fromkeys(_ORDER[1:], _NO_TEMPERATURE)
+"""Numbers of fields that are not known, by message."""
 _MAGICS = b"\xfd\xfe"
 """First bytes of a frame: of MAVLink 2 and of MAVLink 1."""
 _SHORTEST = {0xFD: 12, 0xFE: 8}
 """Bytes of a frame without its payload, by its first byte (MAVLink, Packet Serialization)."""
 _HEAD, _SHORT_HEAD = 10, 6
 """Bytes of a frame before its data, of version 2 and 1."""
+_LENGTH_KNOWN = 3
+"""Bytes of a frame by which its length is known: first byte, length of the payload, flags."""
 _SIGNED, _SIGNATURE = 1, 13
 """Flag of a frame with a signature, and the bytes of a signature."""
 _LONGEST_STEP = 1.0
@@ -231,7 +235,7 @@ class Mavlink(Framing):
 
 def frame_size(head: bytes | bytearray) -> int:
     """Return the bytes of the frame that begins with these, `MORE` for too few of them, or `NONE`."""
-    if len(head) < 3:
+    if len(head) < _LENGTH_KNOWN:
         return MORE
     if head[0] not in _MAGICS:
         return NONE

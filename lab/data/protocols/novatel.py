@@ -38,14 +38,18 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import merged, sent_fix, vector
+from lab.data.protocols.sending import MOST_SATELLITES, merged, sent_fix, vector, whole
 
 _LONG, _SHORT = b"\xaaD\x12", b"\xaaD\x13"
 """Sync of binary messages."""
 _LONG_HEAD, _SHORT_HEAD, _CHECK = 28, 12, 4
+"""Bytes of a header, and of the check."""
 _LONG_HEADER = struct.Struct("<3sBHBBHHBBHIIHH")
 _LINE = re.compile(rb"[#%]([A-Z0-9_]{2,24})A,([^*;]{1,160});([^*]{1,800})\*([0-9a-fA-F]{8})\r?\n")
-_LONGEST_LINE = 1024
+_KNOWN = 10
+"""Bytes of a message by which its size is known, with either header."""
+_LONG_CELLS = 5  # of a long header, up to the week
+_LONGEST_LINE = 1024  # bytes; messages that are read have 300
 
 
 class _Form(NamedTuple):
@@ -81,12 +85,15 @@ _KINDS: dict[float, int] = {
     0: NO_FIX, **dict.fromkeys((17, 18, 52, 54, 68, 69), FIX_DIFFERENTIAL),
     **dict.fromkeys((32, 34, 55), FIX_RTK_FLOAT), **dict.fromkeys((48, 49, 50, 56), FIX_RTK),
 }  # fmt: skip
-_HG1700 = (2.0**-33, 2.0**-27 * FOOT)
-_HG4930 = (2.0**-33, 2.0**-29)
-_ADIS16488 = (720 * DEGREE / 2**31, 200 / 2**31)
-_STIM300 = (DEGREE / 2**21, 2.0**-22)
-_KVH = (0.1 / (3600 * 256), 0.05 / 2**15)
-_NANO = (1e-9, 2e-8)
+"""Kinds of fixes, by the type of a position."""
+
+# Increments of one count of angle [rad] and velocity [m/s], by the maker of the IMU.
+_HG1700 = (2.0**-33, 2.0**-27 * FOOT)  # Honeywell
+_HG4930 = (2.0**-33, 2.0**-29)  # Honeywell
+_ADIS16488 = (720 * DEGREE / 2**31, 200 / 2**31)  # Analog Devices
+_STIM300 = (DEGREE / 2**21, 2.0**-22)  # Sensonor
+_KVH = (0.1 / (3600 * 256), 0.05 / 2**15)  # KVH 1750 and CNS-5000
+_NANO = (1e-9, 2e-8)  # ISA-100C and Litef µIMU
 _SCALES: dict[float, tuple[float, float]] = {
     **dict.fromkeys((1, 5, 11, 20, 27, 28), _HG1700), **dict.fromkeys((4, 12), (2.0**-33, 2.0**-26 * FOOT)),
     13: (0.1 / 2**8 / 3600 * DEGREE, 0.05 / 2**15), **dict.fromkeys((16, 33), _KVH),
@@ -127,10 +134,10 @@ class NovAtel(Framing):
                 return NONE if len(data) - at > 1 else MORE
             end = data.find(b"\n", at, at + _LONGEST_LINE)
             return end + 1 - at if end >= 0 else MORE if len(data) - at < _LONGEST_LINE else NONE
-        head = data[at : at + 10]
+        head = data[at : at + _KNOWN]
         if not head.startswith((_LONG, _SHORT)):
-            return MORE if len(head) < 3 and _LONG.startswith(head) else NONE
-        if len(head) < 10:
+            return MORE if _LONG.startswith(head) or _SHORT.startswith(head) else NONE
+        if len(head) < _KNOWN:
             return MORE
         long = head.startswith(_LONG)
         size = head[3] + (head[8] | head[9] << 8) + _CHECK if long else _SHORT_HEAD + head[3] + _CHECK
@@ -182,7 +189,7 @@ class NovAtel(Framing):
             math.sqrt((north * north + east * east) / 2),
             up,
             NAN,
-            int(used) if 0 <= used < 256 else -1,
+            int(used) if 0 <= used <= MOST_SATELLITES else -1,
             _KINDS.get(kind, FIX_3D) if solved == 0 else NO_FIX,
         )
         self._place = None
@@ -262,7 +269,7 @@ def _line(frame: bytes) -> tuple[str, float, list[float]]:
     count = _MESSAGES[name].cells if name else math.inf
     if len(cells) < count or len(head) < 2:
         return "", NAN, []
-    place = 4 if frame[:1] == b"#" and len(head) > 5 else 0
+    place = _LONG_CELLS - 1 if frame[:1] == b"#" and len(head) > _LONG_CELLS else 0
     time = _time(_number(head[place]), _number(head[place + 1]))
     return name, time, [_number(cell) for cell in cells[: int(count)]]
 
@@ -300,7 +307,7 @@ class NovAtelEncoder:
         interval, self._last = time - self._last, time
         turn, push = (unit / interval if interval > 0 else math.inf for unit in _SCALES[_ADIS])
         (gx, gy, gz), (ax, ay, az) = vector(row, "rate", turn), vector(row, "force", push)
-        counts = (round(min(max(one, -(2.0**31)), 2.0**31 - 1)) for one in (az, -ay, ax, gz, -gy, gx))
+        counts = (whole(one, 32) for one in (az, -ay, ax, gz, -gy, gx))
         week, seconds = divmod(time, WEEK)
         body = _MESSAGES["RAWIMUX"].fields.pack(0, _ADIS, int(week), seconds, 0, *counts)
         head = struct.pack("<BHHI", len(body), 1462, int(week), round(1e3 * seconds))

@@ -27,15 +27,15 @@ from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Vector
-from lab.data.protocols.sending import merged, vector
+from lab.data.protocols.sending import merged, vector, whole
 
-_SYNC = 0x55
-_TIME, _FORCE, _RATE, _PRESSURE = 0x50, 0x51, 0x52, 0x56
+_SYNC = 0x55  # first byte of a message
+_TIME, _FORCE, _RATE, _PRESSURE = 0x50, 0x51, 0x52, 0x56  # kinds that are read
 _KINDS = range(0x50, 0x60)
 """Messages of 11 bytes."""
 _COMBINED, _ANSWER = 0x61, 0x71
 """Messages of 20 bytes without a check: of samples, and of other values that were asked for."""
-_SIZE, _LONG_SIZE = 11, 20
+_SIZE, _LONG_SIZE = 11, 20  # bytes of a message, and of a combined one
 _COUNTS = struct.Struct("<4h")
 _SIX = struct.Struct("<6h")
 _CALENDAR = struct.Struct("<6BH")
@@ -45,7 +45,7 @@ _RATE_COUNT = math.radians(2000) / 32_768
 """[rad/s]."""
 _TEMPERATURE_COUNT = 0.01
 """[°C]."""
-_CENTURY = 2000
+_CENTURY = 2000  # in which the years of the calendar count
 
 
 class WitMotion(Framing):
@@ -135,6 +135,5 @@ class WitMotionEncoder:
 
 
 def _message(kind: int, values: list[float]) -> bytes:
-    counts = (round(min(max(value, -32_768.0), 32_767.0)) for value in values)
-    message = bytes((_SYNC, kind)) + _COUNTS.pack(*counts)
+    message = bytes((_SYNC, kind)) + _COUNTS.pack(*map(whole, values))
     return message + bytes((sum8(message),))

@@ -51,6 +51,7 @@ LOOKED_AT = 12
 
 _LIMITS = {name: LIMITS[kind] for name, *_, kind, _ in (*FIELDS, *REFERENCES)}
 _SI = {name: DEGREE if unit == "°" else 1.0 for name, *_, unit in (*FIELDS, *REFERENCES)}
+"""Units in SI."""
 _UNTIMED = (math.nan,) * len(REFERENCES)
 _LETTERS = 5
 """Letters at the start of a packet that name its kind."""
