@@ -21,14 +21,20 @@ MAVLink, *Packet Serialization* and *Common Message Set*, https://mavlink.io/en.
 from __future__ import annotations
 
 import math
+from array import array
+from dataclasses import dataclass, field
 from struct import Struct
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY, TO_SI
 from lab.data.log.sensor_log import SIGMAS, SINCE_1970
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_mcrf4xx
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_RTK, NAN, NO_FIX, UNKNOWN
+from lab.data.protocols.stream_decoder import StreamDecoder
 
 MISSING = "MAVLink needs pymavlink, which is not installed: pip install 'ins-lab[mavlink]'"
 
@@ -63,7 +69,7 @@ MESSAGES: Final = {
 """Messages that are read, and their fields: of the IMU (an earlier one goes before a later one), of receivers
 (fixes are those of the first), of wheels, and of the autopilot's solution, which only files use."""
 # Messages of the IMU, of receivers, and of wheels.
-_ORDER, _RECEIVERS, _WHEELS = tuple(MESSAGES)[:5], tuple(MESSAGES)[5:7], "WHEEL_DISTANCE"
+_ORDER, RECEIVERS, _WHEELS = tuple(MESSAGES)[:5], tuple(MESSAGES)[5:7], "WHEEL_DISTANCE"
 _UNITS = {
     "us": 1e-6, "ms": 1e-3, "degE7": math.radians(1e-7), "degE5": math.radians(1e-5),
     "cdeg": math.tau / 36_000, "mm": 1e-3, "mm/s": 1e-3, "cm/s": 1e-2, "mG": TO_SI["mg"], "mrad/s": 1e-3,
@@ -76,7 +82,7 @@ _NO_FIELD: dict[str, tuple[int, ...]] = {
 }  # fmt: skip
 """Numbers that say that a field of a receiver is not known; a yaw of 36 000 stands for north."""
 _NO_TEMPERATURE: dict[str, tuple[int, ...]] = {"temperature": (0,)}  # of whole numbers
-_UNKNOWN = dict.fromkeys(_RECEIVERS, _NO_FIELD) | dict.fromkeys(_ORDER[1:], _NO_TEMPERATURE)
+_UNKNOWN = dict.fromkeys(RECEIVERS, _NO_FIELD) | dict.fromkeys(_ORDER[1:], _NO_TEMPERATURE)
 """Numbers of fields that are not known, by message."""
 _MAGICS = b"\xfd\xfe"
 """First bytes of a frame: of MAVLink 2 and of MAVLink 1."""
@@ -88,12 +94,25 @@ _LENGTH_KNOWN = 3
 """Bytes of a frame by which its length is known: first byte, length of the payload, flags."""
 _SIGNED, _SIGNATURE = 1, 13
 """Flag of a frame with a signature, and the bytes of a signature."""
-_LONGEST_STEP = 1.0
+LONGEST_STEP = 1.0
 """Longest time over which distances of wheels make a speed [s]: a car changes its speed by 10 m/s in it."""
 _TRIED = 5
 """Messages RAW_IMU that must show about one g before all are taken."""
 ONE_G = (0.5, 2.0)
 """Specific force at rest at which the numbers of an IMU are in the unit supposed [g]."""
+
+MAX_VEHICLES = 32
+"""Most vehicles, restarts counted, whose messages are kept."""
+
+STAMP = 8
+"""Bytes of the ground station's time before each frame."""
+_RESTART = 10.0
+"""How far the time since switching on has to fall back for a restart [s]: frames of a slow link come out
+of order by less."""
+ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_", "EKF2_IMU_POS_"))
+DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
+PARAMETERS = frozenset(DELAYS) | {f"{name}{axis}" for pair in ARMS for name in pair for axis in "XYZ"}
+"""Parameters of an autopilot that say where the antenna is and how late its fixes are."""
 
 
 class Message(NamedTuple):
@@ -181,7 +200,7 @@ class Mavlink(Framing):
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the sample or the fix of a frame; return whether it is one of the vehicle's."""
         message = self.message(frame)
-        if message is None or message.name not in (*_ORDER, *_RECEIVERS, _WHEELS):
+        if message is None or message.name not in (*_ORDER, *RECEIVERS, _WHEELS):
             return False
         if self._system is None:
             self._system = message.sender[0]
@@ -195,7 +214,7 @@ class Mavlink(Framing):
         if math.isfinite(values["yaw"]):
             time, utc = _clock(values["time_usec"])
             rows.add_reading(end, time, utc=utc, heading=values["yaw"], heading_sigma=values["hdg_acc"])
-        if message.name == _RECEIVERS[0]:
+        if message.name == RECEIVERS[0]:
             _add_fix(values, end, rows)
         return True
 
@@ -227,10 +246,108 @@ class Mavlink(Framing):
             return False
         now = values["time_usec"], sum(values[f"distance{wheel}"] for wheel in range(count)) / count
         before, self._wheels = self._wheels, now
-        if before is not None and 0 < now[0] - before[0] < _LONGEST_STEP:
+        if before is not None and 0 < now[0] - before[0] < LONGEST_STEP:
             speed = (now[1] - before[1]) / (now[0] - before[0])
             rows.add_reading(end, (now[0] + before[0]) / 2, speed=speed)
         return True
+
+
+@dataclass(eq=False)
+class Vehicle:
+    """What one vehicle sent between two starts of its autopilot.
+
+    Attributes
+    ----------
+    first : int
+        Number of its first message, among those that are read, counted from 1.
+    count : int
+        How many of its messages are read.
+    parameters : dict
+        Those of `PARAMETERS` that it sent.
+    """
+
+    first: int
+    count: int = 0
+    parameters: dict[str, float] = field(default_factory=dict)
+    _rows: dict[str, array[float]] = field(default_factory=dict)
+
+    def add(self, message: Message) -> None:
+        """Take a message."""
+        self.count += 1
+        if message.name != "PARAM_VALUE":
+            self._rows.setdefault(message.name, array("d")).extend(message.values.values())
+        elif message.values["param_id"] in PARAMETERS:
+            self.parameters[message.values["param_id"]] = message.values["param_value"]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many messages there are, by name."""
+        return {name: len(rows) // len(MESSAGES[name]) for name, rows in sorted(self._rows.items())}
+
+    def numbers(self, name: str) -> dict[str, FloatArray] | None:
+        """Return the fields of the messages of a name [SI]; None without any."""
+        if name not in self._rows:
+            return None
+        table = np.frombuffer(self._rows[name], dtype=np.float64).reshape(-1, len(MESSAGES[name]))
+        return dict(zip(MESSAGES[name], table.T, strict=True))
+
+
+class Telemetry(Mavlink):
+    """Collects the messages of a telemetry log by their senders.
+
+    Attributes
+    ----------
+    vehicles : dict
+        What each vehicle sent, by its system, its component and the number of its restarts.
+    others : int
+        Messages beyond those of `MAX_VEHICLES`.
+    lost : int
+        Bytes of no sound frame.
+    started : float
+        Time of the ground station at the first frame [s since 1970].
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.vehicles: dict[tuple[int, int, int], Vehicle] = {}
+        self.others = self.lost = 0
+        self.started = 0.0
+        self._boots: dict[tuple[int, int], tuple[int, float]] = {}
+        self._number = self._end = 0
+
+    @classmethod
+    def of(cls, data: bytes) -> Telemetry:
+        """Return the content of the bytes of a file."""
+        log = cls()
+        log.started = int.from_bytes(data[:STAMP], "big") * 1e-6
+        decoder = StreamDecoder("mavlink", (log,))
+        decoder.feed(data)
+        decoder.finish()
+        log.lost += len(data) - log._end
+        return log
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Keep the message of a frame; return whether it is one that is read."""
+        self.lost += max(end - len(frame) - STAMP - self._end, 0)
+        self._end = end
+        message = self.message(frame)
+        if message is not None:
+            self._accept(message)
+        return message is not None
+
+    def _accept(self, message: Message) -> None:
+        self._number += 1
+        boots, latest = self._boots.get(message.sender, (0, 0.0))
+        if "time_boot_ms" in message.values:
+            now = message.values["time_boot_ms"]
+            boots += now < latest - _RESTART
+            latest = now if now < latest - _RESTART else max(now, latest)
+        key = (*message.sender, boots)
+        if key not in self.vehicles and len(self.vehicles) == MAX_VEHICLES:
+            self.others += 1
+            return
+        self._boots[message.sender] = boots, latest
+        self.vehicles.setdefault(key, Vehicle(self._number)).add(message)
 
 
 def frame_size(head: bytes | bytearray) -> int:
@@ -250,17 +367,17 @@ def _number(frame: bytes | bytearray) -> int:
 def _places(message: Any) -> list[tuple[str, int, float, tuple[int, ...]]]:
     """Return name, place, unit (0 for text) and numbers for what is unknown, of the fields of a message."""
     names: list[str] = []
-    for field, count in zip(message.ordered_fieldnames, message.lengths, strict=True):
-        names += [field] if count == 1 else [f"{field}{index}" for index in range(count)]
+    for name, count in zip(message.ordered_fieldnames, message.lengths, strict=True):
+        names += [name] if count == 1 else [f"{name}{index}" for index in range(count)]
     units, unknown = message.fieldunits_by_name, _UNKNOWN.get(message.msgname, {})
     return [
         (
-            field,
-            names.index(field),
-            0.0 if field == "param_id" else _UNITS.get(units.get(field.rstrip("0123456789"), ""), 1.0),
-            unknown.get(field, ()),
+            name,
+            names.index(name),
+            0.0 if name == "param_id" else _UNITS.get(units.get(name.rstrip("0123456789"), ""), 1.0),
+            unknown.get(name, ()),
         )
-        for field in MESSAGES[message.msgname]
+        for name in MESSAGES[message.msgname]
     ]
 
 

@@ -11,9 +11,8 @@ MAVLink, *Common Message Set*, https://mavlink.io/en/messages/common.html
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -39,12 +38,23 @@ from lab.data.files.streams import (
     is_position,
 )
 from lab.data.files.track import Track
-from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Series
 from lab.data.log.sensor_log import SINCE_1970, GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.log.vehicle import MAV_TYPES
-from lab.data.protocols.mavlink import ACCELEROMETER, GYRO, MESSAGES, ONE_G, Mavlink, Message, frame_size
-from lab.data.protocols.rows import Rows
-from lab.data.protocols.stream_decoder import StreamDecoder
+from lab.data.protocols.mavlink import (
+    ACCELEROMETER,
+    ARMS,
+    DELAYS,
+    GYRO,
+    LONGEST_STEP,
+    MESSAGES,
+    ONE_G,
+    RECEIVERS,
+    STAMP,
+    Telemetry,
+    Vehicle,
+    frame_size,
+)
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.rotation import quaternion_from_euler
 
@@ -54,24 +64,12 @@ MIN_IMU_RATE = 10.0
 """Fewest samples of the IMU a second accepted [Hz]: between point samples further apart a vehicle that turns
 within half a second, as they do, is not seen to turn."""
 
-MAX_VEHICLES = 32
-"""Most vehicles, restarts counted, whose messages are kept."""
-
-_STAMP = 8
-"""Bytes of the ground station's time before each frame."""
 _STAMPS = (9.5e14, 4.1e15)
 """Times of a ground station [µs since 1970]: of the years 2000 to 2099."""
 _FRAMES_TO_SEE = 3
 """Frames in a row by which a log is recognised."""
-_RESTART = 10.0
-"""How far the time since switching on has to fall back for a restart [s]: frames of a slow link come out
-of order by less."""
 _IMUS = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU")
 """Messages of an IMU that are looked at."""
-_ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_", "EKF2_IMU_POS_"))
-_DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
-PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in pair for axis in "XYZ"}
-"""Parameters of an autopilot that say where the antenna is and how late its fixes are."""
 _NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID, of what is no autopilot."""
 _GROUND_STATION = 6
@@ -82,99 +80,13 @@ _TRACK_UNITS = {"lat": "°", "lon": "°", "alt": "m", "vel": "m/s", "cog": "°"}
 Messages = dict[str, FloatArray]
 
 
-@dataclass(eq=False)
-class Vehicle:
-    """What one vehicle sent between two starts of its autopilot.
-
-    Attributes
-    ----------
-    first : int
-        Number of its first message, among those that are read, counted from 1.
-    count : int
-        How many of its messages are read.
-    parameters : dict
-        Those of `PARAMETERS` that it sent.
-    """
-
-    first: int
-    count: int = 0
-    parameters: dict[str, float] = field(default_factory=dict)
-    _rows: dict[str, array[float]] = field(default_factory=dict)
-
-    def add(self, message: Message) -> None:
-        """Take a message."""
-        self.count += 1
-        if message.name != "PARAM_VALUE":
-            self._rows.setdefault(message.name, array("d")).extend(message.values.values())
-        elif message.values["param_id"] in PARAMETERS:
-            self.parameters[message.values["param_id"]] = message.values["param_value"]
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many messages there are, by name."""
-        return {name: len(rows) // len(MESSAGES[name]) for name, rows in sorted(self._rows.items())}
-
-    def numbers(self, name: str) -> dict[str, FloatArray] | None:
-        """Return the fields of the messages of a name [SI]; None without any."""
-        if name not in self._rows:
-            return None
-        table = np.frombuffer(self._rows[name], dtype=np.float64).reshape(-1, len(MESSAGES[name]))
-        return dict(zip(MESSAGES[name], table.T, strict=True))
-
-
-class _Tlog(Mavlink):
-    """Collects the messages of a log by their senders: system, component and number of restarts."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.started = 0.0  # time of the ground station [s since 1970]
-        self.vehicles: dict[tuple[int, int, int], Vehicle] = {}
-        self.others = 0  # messages beyond those of `MAX_VEHICLES`
-        self.lost = 0  # bytes of no sound frame
-        self._boots: dict[tuple[int, int], tuple[int, float]] = {}
-        self._number = self._end = 0
-
-    @classmethod
-    def of(cls, data: bytes) -> _Tlog:
-        """Return the content of the bytes of a file."""
-        log = cls()
-        decoder = StreamDecoder("mavlink", (log,))
-        decoder.feed(data)
-        decoder.finish()
-        log.lost += len(data) - log._end
-        return log
-
-    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
-        """Keep the message of a frame; return whether it is one that is read."""
-        self.lost += max(end - len(frame) - _STAMP - self._end, 0)
-        self._end = end
-        message = self.message(frame)
-        if message is not None:
-            self._accept(message)
-        return message is not None
-
-    def _accept(self, message: Message) -> None:
-        self._number += 1
-        boots, latest = self._boots.get(message.sender, (0, 0.0))
-        if "time_boot_ms" in message.values:
-            now = message.values["time_boot_ms"]
-            boots += now < latest - _RESTART
-            latest = now if now < latest - _RESTART else max(now, latest)
-        key = (*message.sender, boots)
-        if key not in self.vehicles and len(self.vehicles) == MAX_VEHICLES:
-            self.others += 1
-            return
-        self._boots[message.sender] = boots, latest
-        self.vehicles.setdefault(key, Vehicle(self._number)).add(message)
-
-
 def recognises(head: bytes) -> bool:
     """Return whether the first bytes of a file are frames with times of this century before them."""
     at = seen = 0
     while seen < _FRAMES_TO_SEE and at < len(head):
-        stamp = int.from_bytes(head[at : at + _STAMP], "big")
-        size = frame_size(head[at + _STAMP : at + _STAMP + 3])
-        at, seen = at + _STAMP + size, seen + 1
+        stamp = int.from_bytes(head[at : at + STAMP], "big")
+        size = frame_size(head[at + STAMP : at + STAMP + 3])
+        at, seen = at + STAMP + size, seen + 1
         if size <= 0 or at > len(head) or not _STAMPS[0] <= stamp <= _STAMPS[1]:
             return False
     return seen > 0
@@ -237,21 +149,21 @@ def read_log(path: Path) -> SensorLog:
     fixes = _gnss(vehicle, gps)
     if not len(fixes.time):
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
-    made = repaired(str(path), imu.time, imu.values, fixes, auxiliary=AuxiliaryData(_kind(vehicle)))
+    auxiliary = AuxiliaryData(_kind(vehicle), headings=_headings(vehicle), odometer=_wheels(vehicle))
+    made = repaired(str(path), imu.time, imu.values, fixes, auxiliary=auxiliary)
     check_log(made)
     return made
 
 
-def _vehicle(path: Path) -> tuple[_Tlog, Vehicle]:
+def _vehicle(path: Path) -> tuple[Telemetry, Vehicle]:
     """Return the content of a file, and the vehicle with most position messages between two starts."""
     data = whole(path, MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME}")
     try:
-        log = _Tlog.of(data)
+        log = Telemetry.of(data)
     except ImportError as error:
         raise MissionError(f"{path}: is a MAVLink telemetry log. {error}") from None
-    log.started = int.from_bytes(data[:_STAMP], "big") * 1e-6
     vehicles = [vehicle for vehicle in log.vehicles.values() if not _on_the_ground(vehicle)]
     if not vehicles:
         raise MissionError(
@@ -278,7 +190,7 @@ def _kind(vehicle: Vehicle) -> str:
     return "" if beat is None else MAV_TYPES.get(int(beat["type"][-1]), "")
 
 
-def _others(log: _Tlog, vehicle: Vehicle) -> tuple[Dropped, ...]:
+def _others(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
     """Return the report on messages of other vehicles, or of another start of the autopilot."""
     others = [one for one in log.vehicles.values() if one is not vehicle and not _on_the_ground(one)]
     count = sum(one.count for one in others) + log.others
@@ -288,7 +200,7 @@ def _others(log: _Tlog, vehicle: Vehicle) -> tuple[Dropped, ...]:
     return (Dropped("messages of another vehicle or of another start of the autopilot", count, first),)
 
 
-def _remarks(log: _Tlog, geoid: float | None) -> tuple[str, ...]:
+def _remarks(log: Telemetry, geoid: float | None) -> tuple[str, ...]:
     began = f"{datetime.fromtimestamp(log.started, UTC):%Y-%m-%d %H:%M} UTC"
     remarks = [f"Time counts from when the autopilot was switched on. The log begins at {began}."]
     remarks.append(
@@ -376,13 +288,40 @@ def _gnss(vehicle: Vehicle, gps: Messages) -> GnssLog:
         position_sigma=np.column_stack((level, level, vertical))[fine],
         velocity_sigma=np.column_stack((rate, rate, rate))[fine],
         lever_arm=_lever_arm(vehicle.parameters),
-        latency=gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in _DELAYS)),
+        latency=gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS)),
     )
+
+
+def _headings(vehicle: Vehicle) -> Headings | None:
+    """Return the headings of the first receiver with two antennas that has any."""
+    for name in RECEIVERS:
+        gps = vehicle.numbers(name)
+        if gps is not None:
+            values = np.column_stack((gps["yaw"], np.nan_to_num(gps["hdg_acc"])))
+            found = Stream.of("heading", _since_boot(vehicle, gps), values)
+            if len(found.time):
+                heading, sigma = found.values.T
+                return Headings(found.time, heading, np.where(sigma > 0, sigma, np.nan))
+    return None
+
+
+def _wheels(vehicle: Vehicle) -> Series | None:
+    """Return the mean speed of the wheels between two messages, at the time in the middle."""
+    messages = vehicle.numbers("WHEEL_DISTANCE")
+    if messages is None:
+        return None
+    count, distances = messages["count"], _columns(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
+    turning = np.arange(distances.shape[1]) < count[:, None]
+    mean = np.where(turning, distances, 0.0).sum(axis=1) / np.maximum(count, 1)
+    moved = Stream.of("wheels", _since_boot(vehicle, messages), mean, count > 0)
+    step, way = np.diff(moved.time), np.diff(moved.values[:, 0])
+    near = step < LONGEST_STEP
+    return Series((moved.time[1:] - step / 2)[near], (way / step)[near]) if near.any() else None
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
     """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
-    for antenna, imu in _ARMS:
+    for antenna, imu in ARMS:
         if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
             return believed_lever_arm(
                 [

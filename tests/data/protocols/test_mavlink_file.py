@@ -139,6 +139,28 @@ def test_the_sensors_are_those_that_were_sent(file, imu, turn, force):
     assert np.abs(ecef.displacement(log.gnss.position, place(found.fix))).max() < 1e-6
 
 
+def test_headings_and_wheels_are_those_of_a_stream(file):
+    station = vehicle()
+    for k, t in enumerate(np.arange(0, 30, 0.05).tolist()):
+        stamp = round(1e6 * (5 + t))
+        station.add(t, "RAW_IMU", stamp, 10, 20, -1000 + k % 3, k % 5, k % 4, k % 7, 0, 0, 0)
+        station.add(t, "WHEEL_DISTANCE", stamp, 2, [4 * t, 4.2 * t, *[99.0] * 14])
+        if k % 4 == 0:
+            place = (450_000_000, round(1e7 * (-73 + t * 1.27e-4)), 100_000, 70, 110, 1000, 9000, 12)
+            station.add(t, "GPS_RAW_INT", stamp, 3, *place, yaw=(k * 50) % 36_000, hdg_acc=(k % 8) * 10_000)
+    data = writer.log(station)
+    log, found = mavlink.read_log(file(data)), decoded(decoder_of("mavlink"), data)
+    headings, odometer = log.auxiliary.headings, log.auxiliary.odometer
+    rows = found.reading[np.isfinite(found.reading["heading"])]
+    np.testing.assert_allclose(headings.time + log.epoch, rows["time"])
+    np.testing.assert_array_equal(headings.heading, rows["heading"])
+    np.testing.assert_array_equal(headings.sigma, rows["heading_sigma"])
+    rows = found.reading[np.isfinite(found.reading["speed"])]
+    np.testing.assert_allclose(odometer.time + log.epoch, rows["time"])
+    np.testing.assert_allclose(odometer.value, 4.1)
+    np.testing.assert_allclose(rows["speed"], 4.1)
+
+
 def test_signs_and_units_of_whole_numbers(file):
     flight = mavlink.read([file(writer.log(vehicle()))], {})
     np.testing.assert_allclose(flight.velocity_n, np.tile([10.0, 0.0, -2.0], (len(flight.time), 1)))
