@@ -82,17 +82,6 @@ FIX_TYPES = {
 }  # fmt: skip
 """Kinds of fixes of the device: 1 is time only."""
 
-_FLOAT = struct.Struct("<f")
-_THREE = struct.Struct("<3f")
-_FOUR = struct.Struct("<4f")
-_SIX = struct.Struct("<6f")
-_SEVEN = struct.Struct("<7f")
-_PLACE = struct.Struct("<3d")
-_LONG = struct.Struct("<Q")
-_TWO = struct.Struct("<2f")
-_UTC = struct.Struct("<b5BH")
-_WORD = struct.Struct("<H")
-
 # Fields, each as its group and its bit in the word of the group. First the time since switching on.
 _STARTUP: tuple[Field, ...] = ((COMMON, 0), (TIME, 0))
 _WEEK_TIMES: tuple[Field, ...] = ((GPS, 1), (TIME, 2))  # GPS time
@@ -139,8 +128,7 @@ class VectorNavBinary(Framing):
         if not isinstance(layout, _Layout):
             return False
         at = layout.at
-        time = _first(at, _STARTUP)
-        seconds = NAN if time is None else _LONG.unpack_from(frame, time)[0] * NANOSECOND
+        seconds = _found(frame, at, _STARTUP, "<Q", (NAN,))[0] * NANOSECOND
         sample = not _ANY.isdisjoint(at)
         if sample:
             self._read_sample(frame, at, end, seconds, rows)
@@ -198,31 +186,20 @@ class VectorNavBinary(Framing):
         return layout
 
     def _read_sample(self, frame: bytes, at: Mapping[Field, int], end: int, time: float, rows: Rows) -> None:
-        rate: Vector = UNKNOWN
-        force: Vector = UNKNOWN
-        magnetic: Vector = UNKNOWN
-        temperature = pressure = NAN
-        clipped = 0
         if _BOTH in at:
-            values = _SIX.unpack_from(frame, at[_BOTH])
+            values = _found(frame, at, (_BOTH,), "<6f", ())
             force, rate = values[:3], values[3:]
-        elif (place := _first(at, (_GYRO, *_RATES))) is not None:
-            rate = _THREE.unpack_from(frame, place)
-        if force is UNKNOWN and (place := _first(at, (_FORCE, *_FORCES))) is not None:
-            force = _THREE.unpack_from(frame, place)
+        else:
+            force = _found(frame, at, (_FORCE, *_FORCES), "<3f", UNKNOWN)
+            rate = _found(frame, at, (_GYRO, *_RATES), "<3f", UNKNOWN)
         if rate is UNKNOWN and force is UNKNOWN:
             rate, force = _divided(frame, at)
-        if (place := _first(at, (_MAGNETIC, *_MAGNETICS))) is not None:
-            x, y, z = _THREE.unpack_from(frame, place)
-            magnetic = (x * GAUSS, y * GAUSS, z * GAUSS)
-        if _MAGNETICS[0] in at:
-            temperature, pressure = _TWO.unpack_from(frame, at[_MAGNETICS[0]] + 12)
-        if _TEMPERATURE in at:
-            (temperature,) = _FLOAT.unpack_from(frame, at[_TEMPERATURE])
-        if _PRESSURE in at:
-            (pressure,) = _FLOAT.unpack_from(frame, at[_PRESSURE])
-        if _SATURATION in at:
-            clipped = _clipped(_WORD.unpack_from(frame, at[_SATURATION])[0])
+        x, y, z = _found(frame, at, (_MAGNETIC, *_MAGNETICS), "<3f", UNKNOWN)
+        beside = _found(frame, at, _MAGNETICS[:1], "<12x2f", (NAN, NAN))
+        (temperature,) = _found(frame, at, (_TEMPERATURE,), "<f", beside[:1])
+        (pressure,) = _found(frame, at, (_PRESSURE,), "<f", beside[1:])
+        clipped = _clipped(int(_found(frame, at, (_SATURATION,), "<H", (0,))[0]))
+        magnetic = (x * GAUSS, y * GAUSS, z * GAUSS)
         rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure * KILOPASCAL, clipped)
 
     def _read_fix(self, frame: bytes, layout: _Layout, end: int, time: float, rows: Rows) -> None:
@@ -236,46 +213,43 @@ class VectorNavBinary(Framing):
         if now == self._fix:
             return
         self._fix = now
-        latitude, longitude, height = _values(_PLACE, frame, at.get(_GPS_PLACE), UNKNOWN)
-        north, east, down = _values(_THREE, frame, at.get((GPS, 9)), UNKNOWN)
-        week = _first(at, _WEEK_TIMES)
+        latitude, longitude, height = _found(frame, at, (_GPS_PLACE,), "<3d", UNKNOWN)
+        north, east, down = _found(frame, at, ((GPS, 9),), "<3f", UNKNOWN)
         kind = FIX_3D if (GPS, 4) not in at else FIX_TYPES.get(frame[at[GPS, 4]], NO_FIX)
         rows.add_fix(
             end,
             time,
-            NAN if week is None else _LONG.unpack_from(frame, week)[0] * NANOSECOND,
-            _utc(frame, at.get((GPS, 0))),
+            _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * NANOSECOND,
+            _utc(_found(frame, at, ((GPS, 0),), "<b5BH", ())),
             math.radians(latitude),
             math.radians(longitude),
             height,
-            _values(_THREE, frame, at.get(_GPS_VELOCITY), UNKNOWN),
+            _found(frame, at, (_GPS_VELOCITY,), "<3f", UNKNOWN),
             math.sqrt((north * north + east * east) / 2),
             down,
-            _values(_FLOAT, frame, at.get((GPS, 10)), (NAN,))[0],
+            _found(frame, at, ((GPS, 10),), "<f", (NAN,))[0],
             frame[at[GPS, 3]] if (GPS, 3) in at else -1,
             kind,
         )
 
 
-def _first(at: Mapping[Field, int], fields: Sequence[Field]) -> int | None:
-    """Return the place of the first field that is there."""
+def _found(
+    frame: bytes, at: Mapping[Field, int], fields: Sequence[Field], form: str, unknown: Vector
+) -> Vector:
+    """Return the numbers of the first field that is there."""
     for field in fields:
         if field in at:
-            return at[field]
-    return None
-
-
-def _values(form: struct.Struct, frame: bytes, place: int | None, unknown: Vector) -> Vector:
-    return unknown if place is None else form.unpack_from(frame, place)
+            return struct.unpack_from(form, frame, at[field])
+    return unknown
 
 
 def _divided(frame: bytes, at: Mapping[Field, int]) -> tuple[Vector, Vector]:
     """Return rates and forces of delta angle and delta velocity, which are integrals over an interval."""
     if _DELTAS in at:
-        interval, *values = _SEVEN.unpack_from(frame, at[_DELTAS])
+        interval, *values = _found(frame, at, (_DELTAS,), "<7f", ())
     else:
-        interval, *values = _FOUR.unpack_from(frame, at[_DELTA_ANGLE])
-        values += _values(_THREE, frame, at.get(_DELTA_VELOCITY), UNKNOWN)
+        interval, *values = _found(frame, at, (_DELTA_ANGLE,), "<4f", ())
+        values += _found(frame, at, (_DELTA_VELOCITY,), "<3f", UNKNOWN)
     if not interval > 0:
         return UNKNOWN, UNKNOWN
     return [math.radians(value / interval) for value in values[:3]], [v / interval for v in values[3:]]
@@ -290,10 +264,10 @@ def _clipped(saturation: int) -> int:
     )
 
 
-def _utc(frame: bytes, place: int | None) -> float:
-    if place is None:
+def _utc(calendar: Vector) -> float:
+    if not calendar:
         return NAN
-    year, month, day, hour, minute, second, millisecond = _UTC.unpack_from(frame, place)
+    year, month, day, hour, minute, second, millisecond = map(int, calendar)
     return utc_seconds(2000 + year, month, day, hour, minute, second + 1e-3 * millisecond)
 
 
