@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.parameters.units import DEGREE, FOOT, STANDARD_GRAVITY, WEEK
+from lab.base.parameters.units import DEGREE, FOOT, STANDARD_GRAVITY, TO_SI, WEEK
 from lab.data.protocols.framing import MORE, NONE, Framing
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
@@ -98,9 +98,14 @@ _SCALES: dict[float, tuple[float, float]] = {
     **dict.fromkeys((1, 5, 11, 20, 27, 28), _HG1700), **dict.fromkeys((4, 12), (2.0**-33, 2.0**-26 * FOOT)),
     13: (0.1 / 2**8 / 3600 * DEGREE, 0.05 / 2**15), **dict.fromkeys((16, 33), _KVH),
     **dict.fromkeys((26, 52), _NANO), 31: _ADIS16488, **dict.fromkeys((32, 56), _STIM300),
-    **dict.fromkeys((58, 68, 69), _HG4930),
+    **dict.fromkeys((58, 68, 69), _HG4930), 8: (2.0**-19, 2.0**-14),
 }  # fmt: skip
 """Increments of one count [rad], [m/s], by the type of the IMU."""
+_EPSON_G320 = (0.008 * DEGREE / 2**16, 0.2 * TO_SI["mg"] / 2**16)  # Epson
+_RATES: dict[float, tuple[float, float]] = {
+    41: _EPSON_G320, 62: _EPSON_G320, 61: (0.0151515 * DEGREE / 2**16, 0.4 * TO_SI["mg"] / 2**16),
+}  # fmt: skip
+"""Rates and forces of one count [rad/s], [m/s²], of IMUs that send no increments, by their type."""
 _ADIS = 31
 """Type of the IMU that the encoder sends."""
 _WEEKS = 2**16
@@ -122,6 +127,7 @@ class NovAtel(Framing):
     def __init__(self) -> None:
         self._last = self._interval = NAN
         self._scale: tuple[float, float] | None = None
+        self._rates: tuple[float, float] | None = None
         self._sizes: deque[float] = deque(maxlen=_LOOKED_AT)
         self._place: tuple[float, list[float], int] | None = None  # that waits: time, BESTPOS, end
         self._velocity: tuple[float, Vector] = NAN, UNKNOWN
@@ -213,7 +219,7 @@ class NovAtel(Framing):
 
     def _read_sample(self, values: list[float], end: int, rows: Rows) -> bool:
         if len(values) == _MESSAGES["RAWIMUX"].cells:
-            self._scale = _SCALES.get(values[1])
+            self._scale, self._rates = _SCALES.get(values[1]), _RATES.get(values[1])
             values = values[2:]
         week, seconds, _, *counts = values
         time = _time(week, seconds)
@@ -223,10 +229,10 @@ class NovAtel(Framing):
         if not interval > _GAP * self._interval:  # also for the first one
             self._interval = interval
         z, y, x = counts[:3]
-        if self._scale is None:
+        if self._scale is None and self._rates is None:
             self._look(math.hypot(x, y, z) / self._interval)
-        if self._scale is not None:
-            turn, push = (unit / self._interval for unit in self._scale)
+        if self._scale is not None or self._rates is not None:
+            turn, push = self._rates or (unit / self._interval for unit in self._scale or ())
             rate = (counts[5] * turn, -counts[4] * turn, counts[3] * turn)
             rows.add_imu(end, time, -1, rate, (x * push, -y * push, z * push))
         return True

@@ -100,6 +100,12 @@ def test_an_imu_is_known_by_its_type_or_by_its_gravity():
     assert row["force"] == pytest.approx(np.array([-202_184, 817_242, 43_110_635]) * foot / 2**27 / 0.01)
     assert row["rate"] == pytest.approx(np.array([-9895, 41_188, -215_194]) / 2**33 / 0.01)
     assert 9.7 < np.linalg.norm(row["force"]) < 9.9
+    epson = [
+        one.replace(";00,11,", ";00,41,").replace("43110635", "327680000") for one in (SAMPLE[:-9], second)
+    ]
+    (row,) = decoded(decoder_of("novatel"), b"".join(map(line, epson))).imu
+    assert row["force"][2] == pytest.approx(9.80665)  # 0.2 mg / 2^16 a count, of the force itself
+    assert np.degrees(row["rate"][2]) == pytest.approx(-215_194 * 0.008 / 2**16)
     alone = [
         f"%RAWIMUSA,1692,{t:.3f};1692,{t:.9f},00801503,{z},-8172,-2021,-215,-41,-98"
         for t, z in ((100 + 0.01 * k, 43_110_635) for k in range(12))
