@@ -133,6 +133,8 @@ class XPlaneLink:
                 self._heard = time.monotonic()
                 return packet
             self.foreign += 1
+            if time.monotonic() > deadline:  # however many come from elsewhere
+                return None
 
     @property
     def silence(self) -> str:

@@ -135,6 +135,24 @@ def test_packets_from_elsewhere_are_ignored():
                 elsewhere.sendto(b"RPOS4" + bytes(64), client)
             server.sendto(b"RPOS4" + bytes(64), client)
             assert until(lambda: recorder.samples == 1)
+            assert recorder._link.foreign == 20
+
+
+def test_a_flood_from_elsewhere_does_not_hold_a_reader(monkeypatch):
+    end = time.monotonic() + 5.0
+
+    class Flood:
+        def settimeout(self, _seconds: float) -> None:
+            assert time.monotonic() < end
+
+        def recvfrom(self, _most: int) -> tuple[bytes, tuple[str, int]]:
+            return b"RPOS4" + bytes(64), ("192.0.2.1", 49000)
+
+    link = xplane_live.XPlaneLink("127.0.0.1", 49000, 50.0)
+    monkeypatch.setattr(link, "_ask", lambda _rate: None)
+    monkeypatch.setattr(link, "_udp", Flood())
+    assert link.packet(0.01) is None
+    assert link.foreign > 0
 
 
 def test_silence_says_what_to_look_after(monkeypatch):
