@@ -76,6 +76,11 @@ _UNITS = {
     "gauss": GAUSS, "mgauss": 1e-3 * GAUSS, "hPa": 100.0, "cdegC": 1e-2,
 }  # fmt: skip
 """Units of fields, as MAVLink writes them, in SI; of others the factor is 1."""
+_RAW = (
+    dict.fromkeys(GYRO, "mrad/s") | dict.fromkeys(ACCELEROMETER, "mG") | dict.fromkeys(MAGNETOMETER, "mgauss")
+    | {"temperature": "cdegC"}
+)  # fmt: skip
+"""Units that RAW_IMU is read in, whether the definition of the message says so or not."""
 _NO_FIELD: dict[str, tuple[int, ...]] = {
     "time_usec": (0,), "alt_ellipsoid": (0,), "vel": (65_535,), "cog": (65_535,), "hdg_acc": (0,),
     "yaw": (0, 65_535), "satellites_visible": (255,),
@@ -110,9 +115,11 @@ _RESTART = 10.0
 """How far the time since switching on has to fall back for a restart [s]: frames of a slow link come out
 of order by less."""
 ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_", "EKF2_IMU_POS_"))
+"""Beginnings of parameters with the places of antenna and IMU [m], of ArduPilot, new and old, and PX4."""
 DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
+"""Parameters that say how late fixes are [ms]."""
 PARAMETERS = frozenset(DELAYS) | {f"{name}{axis}" for pair in ARMS for name in pair for axis in "XYZ"}
-"""Parameters of an autopilot that say where the antenna is and how late its fixes are."""
+"""Parameters that are kept."""
 
 
 class Message(NamedTuple):
@@ -187,14 +194,10 @@ class Mavlink(Framing):
         begin, system = (_HEAD, 5) if frame[0] == _MAGICS[0] else (_SHORT_HEAD, 3)
         # Zeros at the end of a payload are not sent.
         numbers = _numbers(unpacker, frame[begin : begin + frame[1]])
-        values = {
-            field: NAN
-            if numbers[place] in unknown
-            else numbers[place] * unit
-            if unit
-            else _text(numbers[place])
-            for field, place, unit, unknown in places
-        }
+        values: dict[str, Any] = {}
+        for key, place, unit, unknown in places:
+            number = numbers[place]
+            values[key] = NAN if number in unknown else number * unit if unit else _text(number)
         return Message(name, (frame[system], frame[system + 1]), values)
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
@@ -370,6 +373,8 @@ def _places(message: Any) -> list[tuple[str, int, float, tuple[int, ...]]]:
     for name, count in zip(message.ordered_fieldnames, message.lengths, strict=True):
         names += [name] if count == 1 else [f"{name}{index}" for index in range(count)]
     units, unknown = message.fieldunits_by_name, _UNKNOWN.get(message.msgname, {})
+    if message.msgname == "RAW_IMU":
+        units = units | _RAW
     return [
         (
             name,
