@@ -130,7 +130,7 @@ _NOT_READ = (
         "at the end) in its first 64 kB.",
     ),
     (
-        re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
+        re.compile(rb"[^\0]{0,2000}?[#%](?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{0,10}A,"),
         "It looks like ASCII logs of a NovAtel receiver. ins-lab import FILE --as log makes a sensor log of "
         "them, if they have RAWIMUX and BESTPOS.",
     ),
