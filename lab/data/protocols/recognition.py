@@ -31,6 +31,7 @@ _TURN_ON = {
     "vectornav": ("the group GNSS", "angular rates and accelerations (VNIMU, or the group IMU)"),
     "mip": ("position and velocity of GNSS", "scaled gyro and accelerometer"),
     "mavlink": ("GPS_RAW_INT", "HIGHRES_IMU or RAW_IMU"),
+    "novatel": ("BESTPOS and BESTVEL", "RAWIMUX"),
 }
 """What a device is to send for its position, and for its IMU, by protocol."""
 _MOSTLY = 0.5
