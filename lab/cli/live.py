@@ -263,11 +263,19 @@ def simulate(
 ) -> None:
     """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed.
 
+    A device on a table stands until Ctrl-C, unless --rest says how long; what it measures is repeated after
+    ten minutes.
+
     The settings are those of the sensors: --set sensors.heading.fitted=true sends headings too.
     """
     from lab.data.streams.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
-    from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, unsent_readings  # noqa: PLC0415
-    from lab.live.simulated.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated.simulated_device import (  # noqa: PLC0415 - help does not need it
+        Misbehaviour,
+        SimulatedDevice,
+        encoder_of,
+        unsent_readings,
+    )
+    from lab.live.simulated.simulated_flight import REST, USUAL_REST, SimulatedFlight  # noqa: PLC0415
     from lab.live.simulated.simulated_link import link_of  # noqa: PLC0415 - help does not need it
 
     _check(rate, 1, 2000, "--rate", "Hz")
@@ -276,17 +284,19 @@ def simulate(
     _check(drift, -5000, 5000, "--drift", "ppm")
     _check(rest, 0, 3600, "--rest", "s")
     with working(mission):
-        link = link_of(to)
+        link, encoder = link_of(to), encoder_of(device)
+        stands = mission == REST and not rest
         flight = SimulatedFlight.of(
-            mission, rate, sensor=card, seed=seed, rest=rest, axes=AxisMap.of(axes),
-            assignments=assignments or (),
+            mission, rate, sensor=card, seed=seed, rest=USUAL_REST if stands else rest,
+            axes=AxisMap.of(axes), assignments=assignments or (),
         )  # fmt: skip
-        sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
+        wrong = Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift)
+        sender = SimulatedDevice(flight, encoder, link, wrong, endless=stands)
     if unsent := unsent_readings(device, flight.reading):
         print(f"ins-lab: --device {device}: {unsent}", file=sys.stderr)
     with interrupted() as pressed, _started(sender, to):
         print(
-            f"Sending {counted(len(flight.imu), 'sample')}; open it with: "
+            f"Sending {'until Ctrl-C' if stands else counted(len(flight.imu), 'sample')}; open it with: "
             f"ins-lab live watch {sender.address}",
             flush=True,
         )
@@ -385,7 +395,7 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         name: getattr(status, name)
         for name in (
             "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "drift_sigma", "silence",
+            "latency", "drift", "drift_sigma", "silence", "interruptions",
         )
     }  # fmt: skip
     state["axes"] = str(status.axes)
@@ -408,11 +418,15 @@ def _check_came(source: str, status: Status) -> None:
 
 def _conclude(status: Status) -> None:
     """Say on standard error what came, and what was lost."""
+    from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
+
     for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
         if sentence:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     seen, loss = status.statistics, status.loss
     lost = {
+        f"{counted(status.interruptions, 'interruption')} of the connection": status.interruptions,
+        f"silent for the last {status.silence:.0f} s": status.state == STALE,
         f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
         f"{counted(seen.failed, 'check')} failed": seen.failed,
         f"{counted(seen.refused, 'sample')} refused": seen.refused,

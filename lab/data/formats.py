@@ -22,7 +22,6 @@ from lab.data.files import (
     gpx,
     igc,
     kml,
-    mavlink,
     own_csv,
     sdlog2,
     simulator_csv,
@@ -33,7 +32,7 @@ from lab.data.files import (
 from lab.data.files.profile import shipped_profiles
 from lab.data.files.streams import Stream
 from lab.data.log.sensor_log import SensorLog
-from lab.data.protocols import receiver_file
+from lab.data.protocols import mavlink_file, receiver_file
 from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.sheets import sensor_csv
@@ -102,7 +101,13 @@ READERS: tuple[Reader, ...] = (
     Reader(
         ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log, read_imu=ardupilot.read_imu
     ),
-    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log, read_imu=mavlink.read_imu),
+    Reader(
+        mavlink_file.NAME,
+        mavlink_file.recognises,
+        mavlink_file.read,
+        mavlink_file.read_log,
+        read_imu=mavlink_file.read_imu,
+    ),
     Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
 )
 """All readers; at most one recognises a file."""
@@ -137,9 +142,9 @@ _NOT_READ = (
         "at the end) in its first 64 kB.",
     ),
     (
-        re.compile(rb"[^\0]{0,2000}?#(?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{2,10}A,"),
-        "It looks like ASCII logs of a NovAtel receiver: convert them to NMEA (GGA and RMC) or to a csv with "
-        "named columns.",
+        re.compile(rb"[^\0]{0,2000}?[#%](?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{0,10}A,"),
+        "It looks like ASCII logs of a NovAtel receiver. ins-lab import FILE --as log makes a sensor log of "
+        "them, if they have RAWIMUX and BESTPOS.",
     ),
     (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
     (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
@@ -316,7 +321,7 @@ _FRAMES = (
     ("an IMU of Xsens, in its older format MTData", (b"\xfa\xff\x32",), _TO_CONVERT),
     ("an IMU of MicroStrain", (b"ue\x80", b"ue\x82", b"ue\x91"), _TO_LOG),
     ("an IMU of VectorNav", (b"\xfa\x01", b"\xfa\x03", b"\xfa\x05", b"\xfa\x15", b"\xfa\x1d"), _TO_LOG),
-    ("a NovAtel receiver", (b"\xaaD\x12", b"\xaaD\x13"), _TO_CONVERT),
+    ("a NovAtel receiver", (b"\xaaD\x12", b"\xaaD\x13"), _TO_LOG),
     ("a Septentrio receiver", (b"$@",), _TO_CONVERT),
     ("a SiRF receiver", (b"\xb0\xb3\xa0\xa2",), _TO_CONVERT),
     ("a SkyTraq receiver", (b"\r\n\xa0\xa1",), _TO_CONVERT),

@@ -46,7 +46,7 @@ def sent(flight: SimulatedFlight, device: str, *, imu: bool = True) -> list[Chun
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("device", ["vectornav", "ublox", "xsens"])
+@pytest.mark.parametrize("device", ["vectornav", "ublox", "novatel"])
 def test_a_capture_becomes_a_log_that_runs(flight: SimulatedFlight, tmp_path: Path, device: str) -> None:
     path = tmp_path / "drive.bin"
     path.write_bytes(b"".join(chunk.data for chunk in sent(flight, device)))

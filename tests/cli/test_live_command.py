@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -15,11 +16,15 @@ from pathlib import Path
 
 import pytest
 from asking import ask, refused
+from live_streams import fixes, motion
 from writers.nmea import sentence
 
+from lab.cli import live as live_command
+from lab.data.protocols.vectornav_encoder import VectorNavEncoder
 from lab.data.streams import recorded_log
 from lab.data.streams.recorded_log import recorded_samples
 from lab.live.simulated.simulated_device import SimulatedDevice
+from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import mission
 
 
@@ -185,6 +190,49 @@ def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
     assert (tmp_path / "drive.inslab").stat().st_size > 6000
 
 
+def test_an_unplugged_device_is_a_loss() -> None:
+    data = VectorNavEncoder().encode(motion(200), fixes(2))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def send() -> None:
+            client, _ = server.accept()
+            with client:
+                client.sendall(data)
+            server.close()  # it does not come back
+
+        thread = threading.Thread(target=send)
+        thread.start()
+        answer = ask("live", "watch", f"tcp:127.0.0.1:{server.getsockname()[1]}", "--seconds", "1", "--json")
+        thread.join()
+    assert answer.exit_code == 0, answer.output
+    assert json.loads(answer.stdout.splitlines()[-1])["samples"] == 200
+    assert "1 interruption of the connection" in answer.stderr
+    assert "nothing was lost" not in answer.stderr
+
+
+def test_a_device_on_a_table_stands_until_it_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[bool] = []
+    device = SimulatedDevice.__init__
+
+    def noted(*arguments: object, endless: bool = False, **more: object) -> None:
+        made.append(endless)
+        device(*arguments, endless=endless, **more)  # type: ignore[arg-type]
+
+    class Pressed:
+        def wait(self, _seconds: float) -> bool:
+            return True
+
+    monkeypatch.setattr(SimulatedDevice, "__init__", noted)
+    monkeypatch.setattr(live_command, "interrupted", lambda: contextlib.nullcontext(Pressed()))
+    answer = ask("live", "simulate", "rest", "--to", f"tcp:{free_port()}")
+    assert "Sending until Ctrl-C" in answer.stdout, answer.output
+    answer = ask("live", "simulate", "rest", "--rest", "5", "--to", f"tcp:{free_port()}")
+    assert "Sending 500 samples" in answer.stdout, answer.output
+    assert made == [True, False]
+    monkeypatch.setattr(SimulatedFlight, "of", lambda *_, **__: pytest.fail("it has flown"))
+    refused(ask("live", "simulate", "rest", "--device", "toaster"), "'toaster' is no device", "vectornav")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -198,7 +246,6 @@ def test_bytes_of_another_speed_are_refused_and_stay(tmp_path: Path) -> None:
         (["record", "udp:5555", "../drive"], ["../drive"]),
         (["record", "udp:5555", "drive", "--lever-arm", "1,2"], ["--lever-arm 1,2", "three numbers"]),
         (["record", "udp:5555", "drive", "--lever-arm", "1,2,900"], ["up to 100 m"]),
-        (["simulate", "montreal", "--device", "toaster"], ["'toaster' is no device", "vectornav"]),
         (["simulate", "montreal", "--to", "nowhere"], ["'nowhere' is no place", "pty, tcp:5555"]),
         (["simulate", "montreal", "--rate", "0"], ["--rate 0", "1 to 2000 Hz"]),
         (["simulate", "montreal", "--corruption", "2"], ["--corruption 2", "0 to 0.1"]),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,11 @@ def test_the_strip_has_rates_latency_and_losses() -> None:
     for words in ("3 lost", "7 spikes", "1 clock change<", "no fixes"):
         assert words in line.strip.object
     assert "corrupt" not in line.strip.object
+    assert "0 lost" not in line.strip.object
+    line.show(
+        replace(status, interruptions=2), NAVIGATES, "", ""
+    )  # what went while it was unplugged is unknown
+    assert "2 interruptions" in line.strip.object
     assert "0 lost" not in line.strip.object
 
 

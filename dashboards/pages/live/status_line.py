@@ -118,9 +118,10 @@ def _strip(status: Status, state: LiveState) -> list[str]:
         if np.isfinite(status.latency):
             found.append(f'<span title="Latency">{1e3 * status.latency:.0f} ms</span>')
     lost, corrupt = status.loss.missing, status.statistics.failed + status.statistics.refused
-    found += [] if lost else ["0 lost"]
+    found += [] if lost or status.interruptions else ["0 lost"]
     wrong = {
         f"{lost} lost": lost,
+        counted(status.interruptions, "interruption"): status.interruptions,
         f"{corrupt} corrupt": corrupt,
         counted(state.rows.spikes, "spike"): state.rows.spikes,
         counted(status.loss.jumps, "clock change"): status.loss.jumps,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
+from lab.data.protocols.bno085 import Bno085, Bno085Encoder
 from lab.data.protocols.decoder import Decoder, DecoderError, Encoder
 from lab.data.protocols.decoder_file import FORM, load_decoder
 from lab.data.protocols.mavlink import Mavlink
@@ -14,15 +15,16 @@ from lab.data.protocols.mip import Mip
 from lab.data.protocols.mip_encoder import MipEncoder
 from lab.data.protocols.nmea import Nmea
 from lab.data.protocols.nmea_encoder import NmeaEncoder
+from lab.data.protocols.novatel import NovAtel, NovAtelEncoder
 from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.phone_encoder import PhoneEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
 from lab.data.protocols.ubx_encoder import UbloxEncoder
-from lab.data.protocols.vectornav_ascii import VectorNavAscii
-from lab.data.protocols.vectornav_binary import VectorNavBinary
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.witmotion import WitMotion, WitMotionEncoder
 from lab.data.protocols.xsens import Xsens
 from lab.data.protocols.xsens_encoder import XsensEncoder
 
@@ -39,6 +41,9 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "xsens": lambda: StreamDecoder("xsens", (Xsens(),), beside=(Nmea(),)),
     "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
     "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
+    "novatel": lambda: StreamDecoder("novatel", (NovAtel(),), beside=(Nmea(),)),
+    "witmotion": lambda: StreamDecoder("witmotion", (WitMotion(),)),
+    "bno085": lambda: StreamDecoder("bno085", (Bno085(),)),
     "ublox": _ublox,
     "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
     "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
@@ -51,6 +56,9 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "xsens": XsensEncoder,
     "mip": MipEncoder,
     "memsense": MemsenseEncoder,
+    "novatel": NovAtelEncoder,
+    "witmotion": WitMotionEncoder,
+    "bno085": Bno085Encoder,
     "ublox": UbloxEncoder,
     "nmea": NmeaEncoder,
     "mavlink": MavlinkEncoder,

@@ -24,7 +24,7 @@ from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
 from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
-from lab.data.protocols.sending import merged, vector
+from lab.data.protocols.sending import merged, vector, whole
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples
@@ -156,5 +156,5 @@ class MemsenseEncoder:
         time = float(row["time"])
         timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
         frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
-        frame += _NUMBERS.pack(*(round(min(max(count, -_FULL), _FULL - 1)) for count in counts))
+        frame += _NUMBERS.pack(*map(whole, counts))
         return frame + bytes((sum8(frame[self._begin :]),))

@@ -42,18 +42,19 @@ NANOSECOND = 1e-9
 """[s]."""
 
 _HEADER, _CHECK = 4, 2  # bytes before and after the fields
-_THREE = struct.Struct(">3f")
-_NANOSECONDS = struct.Struct(">Q")
-_PLACE = struct.Struct(">4d2fH")
-_VELOCITY = struct.Struct(">8fH")
-_GPS_TIME = struct.Struct(">dHH")
-_FIX_INFO = struct.Struct(">BBHH")
+_TIMES = {REFERENCE_TIME: ">Q", DELTA_TIME: ">Q", SHARED_GPS_TIME: ">dHH"}
+_SENSOR_FORMS = _TIMES | {GPS_TIMESTAMP: ">dHH", PRESSURE: ">f"} | dict.fromkeys(
+    (FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY, TEMPERATURE), ">3f"
+)  # fmt: skip
+_GNSS_FORMS = _TIMES | {PLACE: ">4d2fH", VELOCITY: ">8fH", GNSS_TIME: ">dHH", FIX_INFO: ">BBHH"}
+_FORMS = {SENSOR: _SENSOR_FORMS} | dict.fromkeys(GNSS, _GNSS_FORMS)
+"""Numbers of each field that is read, by set."""
 _FIX_TYPES = {0: FIX_3D, 1: FIX_2D, 5: FIX_RTK_FLOAT, 6: FIX_RTK, 7: FIX_DIFFERENTIAL}
 """Kinds of fixes of the device; 2 is time only, 3 none, 4 invalid."""
 _LONGEST_INTERVAL = 1.0
 """Longest interval that an increment is divided by [s]: after a longer one, packets are missing."""
 
-Fields = Mapping[int, bytes]
+Fields = Mapping[int, Vector]
 
 
 class Mip(Framing):
@@ -85,18 +86,18 @@ class Mip(Framing):
 
     def _read_sample(self, fields: Fields, end: int, rows: Rows) -> bool:
         time = _time(fields)
-        rate, force = _three(fields, RATE), _three(fields, FORCE)
-        angle, velocity = _three(fields, DELTA_ANGLE), _three(fields, DELTA_VELOCITY)
+        rate, force = fields.get(RATE, UNKNOWN), fields.get(FORCE, UNKNOWN)
+        angle, velocity = fields.get(DELTA_ANGLE, UNKNOWN), fields.get(DELTA_VELOCITY, UNKNOWN)
         if angle is not UNKNOWN or velocity is not UNKNOWN:
             interval, self._before = time - self._before, time
             if DELTA_TIME in fields:
-                interval = _whole(fields, DELTA_TIME) * NANOSECOND
+                interval = fields[DELTA_TIME][0] * NANOSECOND
             if rate is UNKNOWN and force is UNKNOWN and 0 < interval <= _LONGEST_INTERVAL:
                 rate, force = [one / interval for one in angle], [one / interval for one in velocity]
         if rate is UNKNOWN and force is UNKNOWN:
             return False
         x, y, z = force
-        mx, my, mz = _three(fields, MAGNETIC)
+        mx, my, mz = fields.get(MAGNETIC, UNKNOWN)
         rows.add_imu(
             end,
             time,
@@ -104,54 +105,40 @@ class Mip(Framing):
             rate,
             (x * STANDARD_GRAVITY, y * STANDARD_GRAVITY, z * STANDARD_GRAVITY),
             (mx * GAUSS, my * GAUSS, mz * GAUSS),
-            _three(fields, TEMPERATURE)[2],
-            _number(fields, PRESSURE) * MILLIBAR,
+            fields.get(TEMPERATURE, UNKNOWN)[2],
+            fields.get(PRESSURE, UNKNOWN)[0] * MILLIBAR,
         )
         return True
 
 
 def _fields(frame: bytes) -> Fields | None:
-    """Return what is in each field of a packet, by its descriptor; None if they do not fill it."""
-    at, last = _HEADER, len(frame) - _CHECK
+    """Return the numbers of the fields of a packet that are read; None if its fields do not fill it."""
+    at, last, forms = _HEADER, len(frame) - _CHECK, _FORMS.get(frame[2], {})
     fields = {}
     while at < last:
-        size = frame[at]
+        size, form = frame[at], forms.get(frame[at + 1], "")
         if size < 2 or at + size > last:
             return None
-        fields[frame[at + 1]] = frame[at + 2 : at + size]
+        if form and struct.calcsize(form) == size - 2:
+            fields[frame[at + 1]] = struct.unpack_from(form, frame, at + 2)
         at += size
     return fields
 
 
-def _three(fields: Fields, kind: int) -> Vector:
-    data = fields.get(kind, b"")
-    return _THREE.unpack(data) if len(data) == _THREE.size else UNKNOWN
-
-
-def _number(fields: Fields, kind: int) -> float:
-    data = fields.get(kind, b"")
-    return float(struct.unpack(">f", data)[0]) if len(data) == 4 else NAN
-
-
-def _whole(fields: Fields, kind: int) -> float:
-    data = fields.get(kind, b"")
-    return float(_NANOSECONDS.unpack(data)[0]) if len(data) == _NANOSECONDS.size else NAN
-
-
 def _read_fix(fields: Fields, end: int, rows: Rows) -> bool:
-    place, velocity = fields.get(PLACE, b""), fields.get(VELOCITY, b"")
-    if len(place) != _PLACE.size:
+    if PLACE not in fields:
         return False
-    latitude, longitude, height, _, level, vertical, valid = _PLACE.unpack(place)
-    fix_type, satellites = FIX_3D if valid & 1 else NO_FIX, -1
-    if len(fields.get(FIX_INFO, b"")) == _FIX_INFO.size:
-        kind, satellites, _, _ = _FIX_INFO.unpack(fields[FIX_INFO])
+    latitude, longitude, height, _, level, vertical, flags = fields[PLACE]
+    valid, satellites = int(flags), -1
+    fix_type = FIX_3D if valid & 1 else NO_FIX
+    if FIX_INFO in fields:
+        kind, satellites, _, _ = map(int, fields[FIX_INFO])
         fix_type = _FIX_TYPES.get(kind, NO_FIX) if valid & 1 else NO_FIX
-    north = east = down = speed_sigma = NAN
-    if len(velocity) == _VELOCITY.size:
-        north, east, down, _, _, _, speed_sigma, _, known = _VELOCITY.unpack(velocity)
-        if not known & 1:
-            north = east = down = NAN
+    north, east, down, _, _, _, speed_sigma, _, known = fields.get(
+        VELOCITY, (*UNKNOWN, *UNKNOWN, NAN, NAN, 0)
+    )
+    if not int(known) & 1:
+        north = east = down = NAN
     rows.add_fix(
         end,
         _time(fields),
@@ -172,12 +159,9 @@ def _read_fix(fields: Fields, end: int, rows: Rows) -> bool:
 
 def _time(fields: Fields) -> float:
     """Return the time of the device's clock [s]; devices without one of their own stamp by that of GPS."""
-    return _whole(fields, REFERENCE_TIME) * NANOSECOND if REFERENCE_TIME in fields else _week_time(fields)
+    return fields[REFERENCE_TIME][0] * NANOSECOND if REFERENCE_TIME in fields else _week_time(fields)
 
 
 def _week_time(fields: Fields) -> float:
-    for kind in (GNSS_TIME, SHARED_GPS_TIME, GPS_TIMESTAMP):
-        data = fields.get(kind, b"")
-        if len(data) == _GPS_TIME.size:
-            return float(_GPS_TIME.unpack(data)[0])
-    return NAN
+    found = (fields[kind][0] for kind in (GNSS_TIME, SHARED_GPS_TIME, GPS_TIMESTAMP) if kind in fields)
+    return next(found, NAN)

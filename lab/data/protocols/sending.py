@@ -92,6 +92,12 @@ def nanoseconds(seconds: float) -> int:
     return round(1e9 * max(float(seconds), 0.0)) if math.isfinite(seconds) else 0
 
 
+def whole(value: float, bits: int = 16) -> int:
+    """Return a value as a whole number of some bits with a sign, at the end of its range if it is beyond."""
+    largest = 1 << bits - 1
+    return round(min(max(value, -largest), largest - 1))
+
+
 def merged(imu: NDArray[np.void], fix: NDArray[np.void], sample: Write, place: Write) -> bytes:
     """Return the frames of samples and fixes, each fix after the last sample that is not later.
 

@@ -13,7 +13,7 @@ from lab.data.protocols.framing import crc16_xmodem, xor8
 from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
 from lab.data.protocols.sending import known, merged, nanoseconds, sent_fix, vector
-from lab.data.protocols.vectornav_binary import KILOPASCAL, SYNC
+from lab.data.protocols.vectornav import KILOPASCAL, SYNC
 
 # Kinds of fixes of the device.
 _FIX_TYPES = {FIX_2D: 2, FIX_3D: 3, FIX_DIFFERENTIAL: 4, FIX_RTK_FLOAT: 7, FIX_RTK: 8}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols.nmea_encoder import headings
-from lab.data.protocols.sending import merged, microseconds
+from lab.data.protocols.sending import merged, microseconds, whole
 from lab.data.protocols.xsens import (
     ACCELERATION,
     EXTENDED,
@@ -32,8 +32,6 @@ from lab.data.protocols.xsens import (
 Precision = Literal["single", "fp12.20", "fp16.32", "double"]
 # The kind of number, as bits of an identifier.
 _BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double": 3}
-_FIXED = (-(2.0**15), 2.0**15 - 1)
-"""Least and largest value that is sent with 16 bits before the point and 32 behind it."""
 
 
 class XsensEncoder:
@@ -91,8 +89,8 @@ class XsensEncoder:
         if self._bits == _BITS["double"]:
             return struct.pack(">d", value)
         if self._bits == _BITS["fp12.20"]:
-            return struct.pack(">i", round(min(max(value * 2**20, -(2.0**31)), 2.0**31 - 1)))
-        fixed = round(min(max(value, _FIXED[0]), _FIXED[1]) * 2**32)
+            return struct.pack(">i", whole(value * 2**20, 32))
+        fixed = whole(value * 2**32, 48)
         return struct.pack(">Ih", fixed & 0xFFFFFFFF, fixed >> 32)
 
 

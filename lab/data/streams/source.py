@@ -228,6 +228,7 @@ class Source:
             silence=now - self._heard,
             statistics=reception.statistics,
             loss=reception.loss,
+            interruptions=len(self._losses),
             drift=reception.clock.drift if end.imu else float("nan"),
             drift_sigma=reception.clock.drift_sigma if end.imu else float("nan"),
             offset=reception.clock.offset,

@@ -51,14 +51,15 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
     if isinstance(address, Address):
         address = Address(address.kind, address.place, {**address.options, **options})
         options = dict(address.options)
-        transport: Transport = _maker(address.kind)(address)
-    else:
-        transport = address
-    known = transport.header if isinstance(transport, Replay) else {}
     given = {
         name: value for name, value in options.items() if name in ("protocol", "columns", "axes", "rate")
     }
-    reception = reception_of(known, **given)
+    # Before a flight is simulated; what a replay goes on with is in its header.
+    is_replay = isinstance(address, Replay) or (isinstance(address, Address) and address.kind == "replay")
+    reception = None if is_replay else reception_of({}, **given)
+    transport = _maker(address.kind)(address) if isinstance(address, Address) else address
+    if reception is None:
+        reception = reception_of(transport.header if isinstance(transport, Replay) else {}, **given)
     source = Source(transport, reception, {"name": options.get("name", "")})
     if isinstance(transport, Replay) and "axes" not in options:
         transport.tell = lambda event: _follow(source, event)

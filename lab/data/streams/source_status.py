@@ -56,6 +56,8 @@ class Status:
         What the decoder has seen.
     loss : Loss
         Losses between the device and the filter.
+    interruptions : int
+        How often the device was lost after it was reached.
     drift, drift_sigma : float
         How much faster the device's clock runs than the host's, as a part of 1, and its σ; NaN without
         samples.
@@ -88,6 +90,7 @@ class Status:
     silence: float = 0.0
     statistics: Statistics = field(default_factory=Statistics)
     loss: Loss = field(default_factory=Loss)
+    interruptions: int = 0
     drift: float = float("nan")
     drift_sigma: float = float("nan")
     offset: float = float("nan")

@@ -50,6 +50,22 @@ class Misbehaviour:
     drift: float = 0.0
 
 
+def encoder_of(device: str) -> Encoder:
+    """Return a new encoder of a device.
+
+    Raises
+    ------
+    TransportError
+        If there is no such device, or a library for it is not installed.
+    """
+    if device not in ENCODERS:
+        raise TransportError(f"{device!r} is no device; accepted are {', '.join(ENCODERS)}")
+    try:
+        return ENCODERS[device]()
+    except ImportError as error:
+        raise TransportError(str(error)) from error
+
+
 def unsent_readings(device: str, reading: NDArray[np.void]) -> str:
     """Return which readings a device does not send, and which devices do, in sentences; empty if it does.
 
@@ -103,6 +119,8 @@ class SimulatedDevice:
         The line.
     misbehaviour
         What is wrong with it.
+    endless
+        Whether the flight begins again when it is over, while time goes on: for one that stands still.
 
     Raises
     ------
@@ -116,11 +134,8 @@ class SimulatedDevice:
         encoder: str | Encoder,
         link: Link,
         misbehaviour: Misbehaviour | None = None,
+        endless: bool = False,
     ) -> None:
-        if isinstance(encoder, str):
-            if encoder not in ENCODERS:
-                raise TransportError(f"{encoder!r} is no device; accepted are {', '.join(ENCODERS)}")
-            encoder = ENCODERS[encoder]()
         self.flight = flight
         self.misbehaviour = misbehaviour or Misbehaviour()
         self.sent = 0
@@ -128,7 +143,8 @@ class SimulatedDevice:
         self.latest = 0.0
         self._waiting: deque[tuple[float, bytes]] = deque()  # due times of the flight [s], and what was due
         self._moved = 0.0  # time of the flight when the line last took bytes, or none waited [s]
-        self._encoder = encoder
+        self._encoder = encoder_of(encoder) if isinstance(encoder, str) else encoder
+        self._endless = endless
         self._link = link
         self._plugged = False
         self._back = np.inf  # when it is plugged in again, by the host's clock [s]
@@ -166,7 +182,7 @@ class SimulatedDevice:
     @property
     def finished(self) -> bool:
         """Whether the flight is over, and all that can be delivered is."""
-        return self.sent >= len(self._imu) and not self._waiting
+        return not self._endless and self.sent >= len(self._imu) and not self._waiting
 
     @property
     def late(self) -> float:
@@ -218,6 +234,7 @@ class SimulatedDevice:
         # The line needs a reader before the first sample, or the sample would be lost.
         self._begin = time.monotonic()
         step = max(1 / self.flight.rate, TICK)
+        before = 0  # samples of the rounds before
         sent_fixes, sent_readings, held = 0, 0, 0.0
         while not self._ending.is_set() and not self.finished:
             if time.monotonic() >= self._back:
@@ -226,14 +243,19 @@ class SimulatedDevice:
             now = time.monotonic() - self._begin
             with self._lock:
                 if now >= held:
-                    due = min(int(now * self.flight.rate + 1e-9), len(self._imu))
+                    if self._endless and self.sent - before == len(self._imu):
+                        # What is due a moment later is sent now, before the flight is put behind itself.
+                        self._queue(now, self._imu[:0], self._fix[sent_fixes:], self._reading[sent_readings:])
+                        before, sent_fixes, sent_readings = self.sent, 0, 0
+                        self._begin_again()
+                    due = min(int(now * self.flight.rate + 1e-9), before + len(self._imu))
                     fixes = int(np.searchsorted(self._due_fix, now))
                     readings = int(np.searchsorted(self._due_reading, now))
                     if due > self.sent or fixes > sent_fixes or readings > sent_readings:
                         first = max((self.sent + 1) / self.flight.rate, held) if due > self.sent else now
                         self._queue(
                             first,
-                            self._imu[self.sent : due],
+                            self._imu[self.sent - before : due - before],
                             self._fix[sent_fixes:fixes],
                             self._reading[sent_readings:readings],
                         )
@@ -245,6 +267,17 @@ class SimulatedDevice:
             if self._waiting:
                 ahead = min(ahead, TICK)
             self._ending.wait(min(max(ahead, 0.0), LONGEST_SLEEP))
+
+    def _begin_again(self) -> None:
+        """Put the flight behind itself."""
+        longer = len(self._imu) / self.flight.rate
+        for rows in (self._imu, self._fix, self._reading):
+            rows["time"] += longer * (1 + self.misbehaviour.drift)
+        for rows in (self._fix, self._reading):
+            rows["week_time"] += longer
+            rows["utc"] += longer
+        self._due_fix += longer
+        self._due_reading += longer
 
     def _queue(self, due: float, imu: np.ndarray, fix: np.ndarray, reading: np.ndarray) -> None:
         """Put what is due at a time of the flight [s] behind what waits for room."""

@@ -45,6 +45,8 @@ _STANDS_STILL = 0.02
 """Speed up to which a vehicle stands still, as far as the navigator can tell [m/s]."""
 _STEP = 0.1
 """Interval of the samples of a rest in a recording [s]."""
+USUAL_REST = 600.0
+"""Time for which a device on a table stands still, if nothing says how long [s]."""
 _LEAST_REST = 1.0
 """Shortest flight recording of a device that rests [s]: a curve needs a few samples."""
 _WEEK_TIME = 432_018.0

@@ -9,15 +9,14 @@ from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.network_transports import TcpConnection
 from lab.data.streams.serial_port import SerialPort
 from lab.data.streams.transport import Chunk, Transport, TransportError
-from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice
-from lab.live.simulated.simulated_flight import REST, SimulatedFlight
+from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, encoder_of
+from lab.live.simulated.simulated_flight import REST, USUAL_REST, SimulatedFlight
 from lab.live.simulated.simulated_link import link_of, local_link
 from lab.motion.truth.growing_truth import TrueFlight
 
 RATES = (1.0, 2000.0)
 """Rates of a simulated device [Hz]: above, its samples come several at a time."""
 _LONGEST_REST = 3600.0  # before a flight, or of a device that stands still [s]
-_USUAL_REST = 600.0  # of a device that stands still [s]
 _MAX_CORRUPTION = 0.1  # part of the bytes: beyond, no frame is left
 _MAX_JITTER = 1000.0  # [ms]
 _MAX_DRIFT = 5000.0  # [ppm]: what a device clock follows
@@ -125,14 +124,7 @@ def open_simulated(address: Address) -> SimulatedTransport:
     )
     options = address.options
     mounted = options.get("mounted")
-    flight = SimulatedFlight.of(
-        address.place,
-        address.number("hz", 100.0, *RATES, "Hz"),
-        sensor=options.get("card", ""),
-        seed=address.whole("seed", 1, 0, MAX_SEED),
-        rest=address.number("rest", _USUAL_REST if address.place == REST else 0.0, 0.0, _LONGEST_REST, "s"),
-        axes=AxisMap.of(mounted) if mounted else None,
-    )
+    encoder = encoder_of(options.get("device", "vectornav"))
     over = options.get("over")
     if over is not None and over.startswith("udp"):
         raise TransportError(f"{address}: over = {over!r}; accepted are pty and tcp:0")
@@ -142,5 +134,12 @@ def open_simulated(address: Address) -> SimulatedTransport:
         1e-6 * address.number("drift_ppm", 0.0, -_MAX_DRIFT, _MAX_DRIFT, "ppm"),
     )
     link = local_link() if over is None else link_of(over)
-    device = SimulatedDevice(flight, options.get("device", "vectornav"), link, misbehaviour)
-    return SimulatedTransport(str(address), device)
+    flight = SimulatedFlight.of(
+        address.place,
+        address.number("hz", 100.0, *RATES, "Hz"),
+        sensor=options.get("card", ""),
+        seed=address.whole("seed", 1, 0, MAX_SEED),
+        rest=address.number("rest", USUAL_REST if address.place == REST else 0.0, 0.0, _LONGEST_REST, "s"),
+        axes=AxisMap.of(mounted) if mounted else None,
+    )
+    return SimulatedTransport(str(address), SimulatedDevice(flight, encoder, link, misbehaviour))

@@ -76,8 +76,8 @@ class XPlaneFlight:
         BrokenFlightError
             If the flight does not go on; `begin_anew` begins the next one.
         """
-        frame = self.frames.accept(packet, arrival)
-        return [] if frame is None else [self.measured(piece) for piece in self.pieces(frame, arrival)]
+        found = self.frames.accept(packet, arrival)
+        return [self.measured(piece) for frame, came in found for piece in self.pieces(frame, came)]
 
     def pieces(self, frame: Frame, arrival: float) -> list[FlownPiece]:
         """Return the pieces of the curve that become known by a frame; see `take`."""

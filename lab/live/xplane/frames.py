@@ -1,9 +1,4 @@
-"""X-Plane frames: packets in the order of their arrival become frames, and what breaks a flight is named.
-
-RPOS brings position, attitude and velocity without a time, RREF the simulator's clock. X-Plane sends both in
-one frame, either of them first. Which one, the waits between the first packets show, as for recorded flights
-(`lab.data.protocols.xplane_packets`).
-"""
+"""X-Plane frames: the positions of a running X-Plane become frames, and what breaks a flight is named."""
 
 from __future__ import annotations
 
@@ -13,13 +8,12 @@ from collections import deque
 import numpy as np
 
 from lab.base.parameters.counted import counted, were
-from lab.data.protocols import xplane_packets
+from lab.data.protocols import xplane
+from lab.data.protocols.xplane import REFERENCES, Position, XPlanePackets
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import C_nb_from_euler
 from lab.motion.recordings.recording import Frame
 
-LOOKED_AT = 12
-"""Positions whose packets show which of the two comes first: 0.24 s at 50 Hz."""
 CLOSEST = 1e-3
 """Least time between two frames [s]: that of the largest rate that is asked for."""
 BRIDGED = 1.0
@@ -58,8 +52,8 @@ class XPlaneFrames:
 
     Attributes
     ----------
-    ignored : int
-        Packets of other kinds.
+    packets : XPlanePackets
+        What the frames are made of.
     untimed, unbelievable : int
         Positions without the simulator's clock; with numbers that no flight has.
     late : int
@@ -69,13 +63,9 @@ class XPlaneFrames:
     """
 
     def __init__(self) -> None:
-        self.ignored = self.untimed = self.unbelievable = self.late = self.bridged = 0
+        self.packets = XPlanePackets()
+        self.untimed = self.unbelievable = self.late = self.bridged = 0
         self.longest = 0.0
-        self._values = [math.nan] * len(xplane_packets.REFERENCES)
-        self._first: list[tuple[float, bytes | None]] = []
-        self._clock_first: bool | None = None
-        self._waiting: bytes | None = None  # a position that waits for its clock
-        self._fresh = False  # whether the clock was not yet used
         self._last: Frame | None = None
         self._back = 0  # late frames in a row
         self._usual = math.nan  # interval of the frames [s]
@@ -85,9 +75,8 @@ class XPlaneFrames:
 
     def begin_anew(self) -> None:
         """Forget the flight before a break, and the packets that wait."""
-        self._waiting, self._fresh, self._last, self._back = None, False, None, 0
-        self._first.clear()
-        self._clock_first = None
+        self.packets.begin_anew()
+        self._last, self._back = None, 0
         self._paces.clear()
         self._span = None
 
@@ -96,8 +85,8 @@ class XPlaneFrames:
         """Whether a position has come."""
         return self._came > -math.inf
 
-    def accept(self, packet: bytes, arrival: float) -> Frame | None:
-        """Return the frame that a packet completes, if it does.
+    def accept(self, packet: bytes, arrival: float) -> list[tuple[Frame, float]]:
+        """Return the frames that a packet completes, with their arrival [s].
 
         Parameters
         ----------
@@ -109,68 +98,18 @@ class XPlaneFrames:
         Raises
         ------
         BrokenFlightError
-            If this frame does not continue the flight; the next flight begins after `begin_anew`.
+            If a frame does not continue the flight; the next flight begins after `begin_anew`.
         """
-        record = xplane_packets.position(packet)
-        if record is None:
-            found = xplane_packets.references(packet)
-            if found is None:
-                self.ignored += 1
-                return None
-            for index, value in found.items():
-                self._values[index] = value
-            if 0 not in found:
-                return None
-        else:
-            self._came = arrival
-        if self._clock_first is None:
-            self._look(arrival, record)
-            return None
-        complete = self._paired(record)
-        if complete is None:
-            return None
-        frame = xplane_packets.frame(complete, self._values)
-        if frame is None:
-            self.unbelievable += 1
-            return None
-        return self._following(frame, arrival)
-
-    def _look(self, arrival: float, record: bytes | None) -> None:
-        """Find out which packet comes first in a frame, from the shorter of the waits."""
-        self._first.append((arrival, record))
-        positions = [k for k, (_, one) in enumerate(self._first) if one is not None]
-        if len(positions) < LOOKED_AT:
-            return
-        before, after = [], []
-        for k in positions[1:-1]:
-            if self._first[k - 1][1] is None:
-                before.append(self._first[k][0] - self._first[k - 1][0])
-            if self._first[k + 1][1] is None:
-                after.append(self._first[k + 1][0] - self._first[k][0])
-        if not before and not after:
-            self.untimed += len(positions)
-            self._first.clear()
-            return
-        self._clock_first = bool(before) and (not after or bool(np.median(before) <= np.median(after)))
-        self._first.clear()
-
-    def _paired(self, record: bytes | None) -> bytes | None:
-        """Return the record of a frame whose position and clock are there."""
-        if self._clock_first:
-            if record is None:
-                self._fresh = True
-                return None
-            if not self._fresh:
+        found = []
+        for position in self.packets.accept(packet, arrival):
+            self._came = position.arrival
+            if math.isnan(position.references[0]):
                 self.untimed += 1
-                return None
-            self._fresh = False
-            return record
-        if record is not None:
-            self.untimed += self._waiting is not None
-            self._waiting = record
-            return None
-        complete, self._waiting = self._waiting, None
-        return complete
+            elif (frame := _frame(position)) is None:
+                self.unbelievable += 1
+            elif (following := self._following(frame, position.arrival)) is not None:
+                found.append((following, position.arrival))
+        return found
 
     def _following(self, frame: Frame, arrival: float) -> Frame | None:
         """Return a frame that continues the flight, or None for one of the same moment."""
@@ -219,7 +158,7 @@ class XPlaneFrames:
         if self._last is None and self.untimed:
             found.append(
                 "X-Plane sends positions without its clock (the data reference "
-                f"{xplane_packets.REFERENCES[0][1]}): no true motion can be made of them."
+                f"{REFERENCES[0][1]}): no true motion can be made of them."
             )
         elif self._last is not None and self._came - self._moved > STANDS > now - self._came:
             found.append(f"X-Plane is paused: its clock has stood still for {now - self._moved:.0f} s.")
@@ -239,13 +178,28 @@ class XPlaneFrames:
                 (self.untimed if self._last is not None else 0, "without the simulator's clock"),
                 (self.unbelievable, "with numbers that no flight has"),
                 (self.late, "too late"),
-                (self.ignored, "of other kinds"),
+                (self.packets.ignored, "of other kinds"),
             )
             if count
         ]
         if lost:
             found.append(f"Not used: {', '.join(lost)}.")
         return found
+
+
+def _frame(position: Position) -> Frame | None:
+    """Return the state of the aircraft in one frame, or None if its numbers are those of no flight."""
+    known = xplane.columns(position.record, position.references)
+    for name, *_ in REFERENCES[3:]:
+        del known[name]  # of the air, which a frame does not need
+    if not xplane.within(known).all():
+        return None
+    return Frame(
+        float(known["time"][0]),
+        xplane.matrix(known, "latitude", "longitude", "height")[0],
+        xplane.velocity_n(known)[0],
+        xplane.matrix(known, "roll", "pitch", "heading")[0],
+    )
 
 
 def _break(last: Frame, frame: Frame, step: float) -> str:

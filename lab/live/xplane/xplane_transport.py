@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import socket
 import time
 
 from lab.base.parameters.counted import counted, were
-from lab.data.protocols import xplane_packets
-from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Encoder
 from lab.data.protocols.samples import Samples, joined
 from lab.data.streams.address import MAX_SEED, Address, computer_and_port
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.transport import Chunk, TransportError
-from lab.data.streams.xplane_live import BUFFER, MAX_PACKET, PORT, RATES, SILENCE
+from lab.data.streams.transport import Chunk
+from lab.data.streams.xplane_live import PORT, RATES, XPlaneLink
 from lab.experiment.experiment import Experiment
+from lab.live.simulated.simulated_device import encoder_of
 from lab.live.simulated.simulated_flight import fix_rows, imu_rows
 from lab.live.xplane.flight import XPlaneFlight
 from lab.live.xplane.frames import BrokenFlightError
@@ -42,14 +39,12 @@ class XPlaneTransport:
     ----------
     address
         The address it was opened by.
-    host, port
-        Where X-Plane listens.
+    link
+        To X-Plane.
     flight
         The sensors, and what becomes of the packets.
     encoder
         The protocol of the device.
-    frames
-        Positions to ask for [Hz]; X-Plane sends at most one in a frame.
     axes
         How the device is mounted.
     """
@@ -59,24 +54,16 @@ class XPlaneTransport:
     def __init__(
         self,
         address: str,
-        host: str,
-        port: int,
+        link: XPlaneLink,
         flight: XPlaneFlight,
         encoder: Encoder,
-        frames: float,
         axes: AxisMap | None = None,
     ) -> None:
         self.address = address
-        self._place = host, port
-        self._where = f"X-Plane at {host}:{port}"
+        self._link = link
         self._flight = flight
         self._encoder = encoder
-        self._frames = frames
         self._axes = axes or AxisMap()
-        self._socket: socket.socket | None = None
-        self._peer = ("", 0)
-        self._opened = self._asked = self._heard = 0.0
-        self._foreign = 0
         self._why = ""  # the flight broke, which the next `read` reports
         self._broke: tuple[str, float] = ("", 0.0)  # why and when the flight last broke
 
@@ -88,25 +75,14 @@ class XPlaneTransport:
     @property
     def remark(self) -> str:
         """What comes from X-Plane, or why nothing does, in sentences; empty if there is nothing to say."""
-        now = time.monotonic()
-        found = self._flight.frames.remarks(now)
-        silent = now - max(self._heard, self._opened)
-        if silent > SILENCE and self._heard > self._opened:
-            found = [
-                f"{self._where} has sent nothing for {silent:.0f} s: is it paused, loading or closed?",
-                *found,
-            ]
-        elif silent > SILENCE:
-            found = [
-                f"{self._where} has not answered for {silent:.0f} s: is X-Plane running with a flight "
-                "loaded, are host and port those of its Settings, Network, are incoming connections "
-                "accepted there, and does no firewall stand between?"
-            ]
+        now, silence = time.monotonic(), self._link.silence
+        found = [silence] if silence else []
+        found += self._flight.frames.remarks(now)
         why, when = self._broke
         if why and now - when < _TOLD:
             found.insert(0, f"A new flight began {now - when:.0f} s ago, since {why}.")
-        if self._foreign:
-            found.append(f"{counted(self._foreign, 'packet')} from elsewhere {were(self._foreign)} not used.")
+        if foreign := self._link.foreign:
+            found.append(f"{counted(foreign, 'packet')} from elsewhere {were(foreign)} not used.")
         return " ".join(found)
 
     def open(self) -> None:
@@ -117,25 +93,9 @@ class XPlaneTransport:
         OSError
             If there is no such computer, or the network cannot be used.
         """
-        found = socket.getaddrinfo(*self._place, socket.AF_INET, socket.SOCK_DGRAM)
-        self._peer = (str(found[0][4][0]), self._place[1])
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-            self._socket.bind(("", 0))
-            self._ask(self._frames)
-        except OSError:
-            self.close()
-            raise
-        self._opened = self._asked = time.monotonic()
+        self._link.open()
         self._flight.begin_anew()
         self._why = ""
-
-    def _ask(self, rate: float) -> None:
-        """Ask for packets at a rate; a rate of zero ends them."""
-        assert self._socket is not None
-        for packet in xplane_packets.requests(rate):
-            self._socket.sendto(packet, self._peer)
 
     def read(self, longest: float) -> Chunk:
         """Wait for packets, and return the bytes that the sensors send by them.
@@ -145,12 +105,11 @@ class XPlaneTransport:
         OSError
             If the flight does not go on, as after a jump, or the network failed.
         """
-        assert self._socket is not None
         self._report()
         found: list[Samples] = []
         wait = longest
         for _ in range(_MOST):
-            packet = self._packet(wait)
+            packet = self._link.packet(wait)
             if packet is None:
                 break
             wait = 0.0
@@ -160,10 +119,6 @@ class XPlaneTransport:
                 self._why, self._broke = str(why), (str(why), time.monotonic())
                 break
         now = time.monotonic()
-        if now - max(self._heard, self._asked) > SILENCE / 2:
-            # X-Plane drops its subscribers when it restarts.
-            self._asked = now
-            self._ask(self._frames)
         samples = joined(found)
         if not len(samples.imu):
             self._report()
@@ -182,30 +137,9 @@ class XPlaneTransport:
         if self._why:
             raise ConnectionError(self._why)
 
-    def _packet(self, longest: float) -> bytes | None:
-        """Return the next packet of X-Plane, or None if none comes in time."""
-        assert self._socket is not None
-        deadline = time.monotonic() + longest
-        while True:
-            self._socket.settimeout(max(deadline - time.monotonic(), 0.0))
-            try:
-                packet, sender = self._socket.recvfrom(MAX_PACKET)
-            except (TimeoutError, BlockingIOError):
-                return None
-            except ConnectionError:  # on Windows, after an unreachable port
-                return None
-            if sender[0] == self._peer[0]:
-                self._heard = time.monotonic()
-                return packet
-            self._foreign += 1
-
     def close(self) -> None:
         """End the packets, and free the port; may be repeated."""
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._ask(0.0)
-            self._socket.close()
-            self._socket = None
+        self._link.close()
 
 
 def open_xplane(address: Address) -> XPlaneTransport:
@@ -244,9 +178,7 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> X
     address.check(("card", "hz", "seed", "frames", "device", "mounted"))
     options = address.options
     place = address if ":" in address.place else Address(address.kind, f"{address.place}:{PORT}", options)
-    device = options.get("device", "vectornav")
-    if device not in ENCODERS:
-        raise TransportError(f"{device!r} is no device; accepted are {', '.join(ENCODERS)}")
+    encoder = encoder_of(options.get("device", "vectornav"))
     mounted = options.get("mounted")
     flight = XPlaneFlight(
         sensors,
@@ -255,9 +187,8 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> X
     )
     return XPlaneTransport(
         str(address),
-        *computer_and_port(place),
+        XPlaneLink(*computer_and_port(place), address.number("frames", 50.0, *RATES, "Hz")),
         flight,
-        ENCODERS[device](),
-        address.number("frames", 50.0, *RATES, "Hz"),
+        encoder,
         AxisMap.of(mounted) if mounted else None,
     )

@@ -494,6 +494,10 @@ def test_the_order_of_day_and_month_is_said_where_it_is_assumed(tmp_path, made):
         ("#timestamp, p_RS_R_x [m], p_RS_R_y [m]\n1,2,3\n", "positions in metres from an origin"),
         ("# timestamp tx ty tz qx qy qz qw\n1 2 3 4 5 6 7 8\n", "positions in metres from an origin"),
         ("#BESTPOSA,COM1,0,78.5;SOL_COMPUTED,SINGLE,51,0\n", "NovAtel"),
+        (
+            "%RAWIMUSXA,2200,10.01;00,31,2200,10.01,0,-1054447,-1582,43061,-3792,19302,4345*1dd0481d\n",
+            "--as log",
+        ),
         ("$GPGGA,120000,5130.0,N,00007.0,W,1,9,1,10,M,,,,\n" * 3, "right checksum"),
         ('{"a": [1, 2]}\n', "JSON"),
         ("     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE\n", "RINEX"),

@@ -13,8 +13,7 @@ from lab.data.protocols.samples import Samples
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
-from lab.data.protocols.vectornav_ascii import VectorNavAscii
-from lab.data.protocols.vectornav_binary import VectorNavBinary
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
 from lab.data.protocols.vectornav_encoder import VectorNavEncoder
 
 COUNT = 20_000
@@ -43,6 +42,7 @@ STREAMS: dict[
     "ublox": ("ublox", True, lambda: encoded("ublox")),
     "NEO-M8U": ("ublox", True, lambda: 40 * capture("ubx_gpsd_neo-m8u.log")),
     "mavlink": ("mavlink", True, lambda: encoded("mavlink")),
+    "witmotion": ("witmotion", False, lambda: encoded("witmotion")),
     "phone": ("phone", True, lambda: encoded("phone")),
     "text": ("text", False, lambda: TextEncoder().encode(motion(COUNT), fixes(0))),
 }

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from live_streams import capture, decoded, fixes, motion
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from writers.mavlink import Station, log
 
+from lab.data.protocols import mavlink_file
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.decoder import DecoderError
 from lab.data.protocols.framing import crc16_mcrf4xx
 from lab.data.protocols.mavlink_encoder import MavlinkEncoder
 from lab.data.protocols.recognition import recognise
+from lab.missions import MissionError
 
 TLOG = "mavlink_blueos_head400k.tlog"
 G = 9.80665
@@ -94,22 +97,11 @@ def test_pymavlink_reads_what_is_encoded_and_so_do_we():
     np.testing.assert_allclose(found.fix["velocity_n"][:, :2], fix["velocity_n"][:, :2], atol=0.01)
 
 
-class Station:
-    """Packs messages of one sender."""
-
-    def __init__(self, system: int) -> None:
-        self._link = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
-
-    def send(self, name: str, *values: object, **more: object) -> bytes:
-        """Return the bytes of a message."""
-        message = getattr(self._link, f"{name}_encode")(*values)
-        return bytes(message.pack(self._link, **more))
-
-
 def scaled(system: int, kind: str, time: int, acc: int = -1000, v1: bool = False) -> bytes:
     """Return a message of an IMU at rest, with a force along z in thousandths of g."""
-    stamp = 1000 * time if kind == "raw_imu" else time
-    return Station(system).send(kind, stamp, 0, 0, acc, 1, 2, 3, 0, 0, 0, force_mavlink1=v1)
+    station = Station(system)
+    station.add(0.0, kind, 1000 * time if kind == "raw_imu" else time, 0, 0, acc, 1, 2, 3, 0, 0, 0, v1=v1)
+    return station.frames[0][1]
 
 
 def test_one_message_of_one_vehicle_is_the_imu():
@@ -136,8 +128,15 @@ def test_counts_of_an_unknown_unit_are_not_taken():
     )
 
 
-def test_without_pymavlink_the_message_names_the_command(monkeypatch):
+def test_without_pymavlink_the_message_names_the_command(tmp_path, monkeypatch):
+    station = Station()
+    station.add(0.0, "HEARTBEAT", 2, 3, 81, 0, 4)
+    (tmp_path / "log").write_bytes(log(station))
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
     with pytest.raises(DecoderError, match=r"needs pymavlink.*pip install 'ins-lab\[mavlink\]'"):
         decoder_of("mavlink")
     assert recognise(b"\xfd" * 100) == []
+    path = tmp_path / "log"
+    for read in (lambda: mavlink_file.read([path], {}), lambda: mavlink_file.read_log(path)):
+        with pytest.raises(MissionError, match=r"needs pymavlink.*pip install 'ins-lab\[mavlink\]'"):
+            read()

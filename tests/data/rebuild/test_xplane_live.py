@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from xplane_sender import CLOCK, XPlaneSender
 
-from lab.data.protocols import xplane_packets
+from lab.data.protocols.xplane import XPlanePackets
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.streams import xplane_live
 from lab.data.streams.xplane_live import XPlaneRecorder
@@ -135,6 +135,24 @@ def test_packets_from_elsewhere_are_ignored():
                 elsewhere.sendto(b"RPOS4" + bytes(64), client)
             server.sendto(b"RPOS4" + bytes(64), client)
             assert until(lambda: recorder.samples == 1)
+            assert recorder._link.foreign == 20
+
+
+def test_a_flood_from_elsewhere_does_not_hold_a_reader(monkeypatch):
+    end = time.monotonic() + 5.0
+
+    class Flood:
+        def settimeout(self, _seconds: float) -> None:
+            assert time.monotonic() < end
+
+        def recvfrom(self, _most: int) -> tuple[bytes, tuple[str, int]]:
+            return b"RPOS4" + bytes(64), ("192.0.2.1", 49000)
+
+    link = xplane_live.XPlaneLink("127.0.0.1", 49000, 50.0)
+    monkeypatch.setattr(link, "_ask", lambda _rate: None)
+    monkeypatch.setattr(link, "_udp", Flood())
+    assert link.packet(0.01) is None
+    assert link.foreign > 0
 
 
 def test_silence_says_what_to_look_after(monkeypatch):
@@ -201,14 +219,14 @@ def test_what_cannot_be_is_refused_at_once(host, port, rate, words):
     )
 )
 def test_any_packets_give_a_flight_or_a_reason(packets):
-    records = [record for packet in packets if (record := xplane_packets.position(packet)) is not None]
-    for packet in packets:
-        values = xplane_packets.references(packet)
-        assert values is None or all(0 <= index < len(xplane_packets.REFERENCES) for index in values)
-    clocks = [value for i in range(len(records)) for value in (float(i), 0.0, 0.0, 50.0, 0.0, 0.0)]
-    arrivals = [float(i) for i in range(len(records))]
+    taken = XPlanePackets()
+    found = [one for at, packet in enumerate(packets) for one in taken.accept(packet, float(at))]
+    found += taken.finish()
+    sent = [packet[5:] for packet in packets if packet[:4] == b"RPOS" and len(packet) == 69]
+    assert [one.record for one in found] == sent
+    values = [value for one in found for value in one.references]
     try:
-        flight = xplane_packets.flight(b"".join(records), arrivals, clocks, arrivals)
+        flight = xplane_live.flight(b"".join(sent), [one.arrival for one in found], values)
     except MissionError:
         return
     assert len(flight.time) >= 4

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_source import until
 
+import lab.live
 from lab.data.protocols.catalogue import decoder_of
 from lab.live.simulated import simulated_device
 from lab.live.simulated.simulated_device import SimulatedDevice
@@ -101,3 +102,35 @@ def test_what_nobody_reads_is_gone_and_counted(flight, monkeypatch):
         with socket.create_connection((host, int(port))) as client:
             found = decoder_of("vectornav").feed(client.recv(4096, socket.MSG_WAITALL))
     assert found.imu["time"][0] > 0.3  # nothing from before
+
+
+def test_an_endless_flight_begins_again_while_time_goes_on():
+    flight, line = SimulatedFlight.of(REST, 100.0, rest=1.0), Narrow(10**6)
+    device = SimulatedDevice(flight, "vectornav", line, endless=True)
+    with device:
+        until(lambda: device.sent > 310)
+        assert not device.finished
+    found = decoder_of("vectornav").feed(bytes(line.taken))
+    assert len(found.imu) > 310
+    np.testing.assert_allclose(found.imu["time"], 0.01 * np.arange(1, len(found.imu) + 1), atol=2e-9)
+    np.testing.assert_array_equal(found.imu["rate"][100:200], found.imu["rate"][:100])
+    np.testing.assert_allclose(np.diff(found.fix["week_time"]), 1.0, atol=1e-6)
+    assert found.fix["time"].tolist() == pytest.approx([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "axes=x,y",
+        "protocol=nmae",
+        "device=toaster",
+        "over=udp:1",
+        "corruption=2",
+        "jitter_ms=-1",
+        "columns=q",
+    ],
+)
+def test_a_wrong_option_is_refused_before_a_flight_is_simulated(wrong, monkeypatch):
+    monkeypatch.setattr(SimulatedFlight, "of", lambda *_, **__: pytest.fail("it has flown"))
+    with pytest.raises(ValueError, match=wrong.partition("=")[2].partition(":")[0]):
+        lab.live.open(f"simulated:montreal?{wrong}")

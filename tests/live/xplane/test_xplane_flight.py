@@ -15,7 +15,7 @@ from lab import Experiment
 from lab.data.log.sensor_log import MAX_GAP
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.samples import Samples, joined
-from lab.data.protocols.xplane_packets import REFERENCES
+from lab.data.protocols.xplane import REFERENCES
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
@@ -85,8 +85,7 @@ def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
     pieces = []
     for time, *both in sent():  # the curve is that of the first flight: it depends on no seed
         for k, packet in enumerate(both):
-            frame = flights[0].frames.accept(packet, ARRIVAL + time + 1e-4 * k)
-            if frame is not None:
+            for frame, _ in flights[0].frames.accept(packet, ARRIVAL + time + 1e-4 * k):
                 pieces += flights[0].pieces(frame, ARRIVAL)
     for flight, navigator, reception in zip(flights, navigators, receptions, strict=True):
         flight.epoch = ARRIVAL

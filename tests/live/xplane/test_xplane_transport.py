@@ -183,7 +183,7 @@ def test_packets_from_elsewhere_are_not_used(
 ) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 50)
-        monkeypatch.setattr(source._transport, "_peer", ("127.0.0.2", xplane.port))
+        monkeypatch.setattr(source._transport._link, "peer", ("127.0.0.2", xplane.port))
         count = source.end.imu
         until(lambda: "packets from elsewhere were not used" in said(source))
         assert source.end.imu < count + 50
