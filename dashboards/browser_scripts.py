@@ -82,7 +82,7 @@ STALE = f"""
 const bokeh = Bokeh.documents[0];
 const all = () => [...bokeh.all_models];
 const chip = all().find((one) => one.css_classes?.includes?.("verdict-chip"));
-const {{data: bar}} = all().find((one) => one.data?.asked && "answered" in one.data);
+const {{data: bar}} = all().find((one) => "answered" in (one.data?.attributes ?? {{}}));
 const settings = new WeakMap();
 const isSetting = (data) => {{
   if (!settings.has(data)) {{
@@ -98,8 +98,8 @@ let sent = 0;
 bokeh.on_change(({{model, attr, sync}}) => {{
   if (!sync || attr !== "value" || !isSetting(model)) return;
   age(true);
-  const question = {{what: "answer", position: ++sent}};
-  queueMicrotask(() => {{ bar.asked = {{...question, count: (bar.asked.count || 0) + 1}} }});
+  const question = ++sent;
+  queueMicrotask(() => {{ bar.question = question }});
 }});
 bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
 """

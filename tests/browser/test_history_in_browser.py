@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.browser.conftest import IDLE, show, shown, wait_for
+from tests.browser.conftest import IDLE, eventually, show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -16,6 +16,10 @@ BEGUN = "?mission=los_angeles&trajectory.imu_rate=50"
 ADDRESS = "decodeURIComponent(location.search)"
 CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
 ENTRIES = "history.length"
+MESSAGES = (
+    "[...Bokeh.documents[0].all_models].find((one) => 'answered' in (one.data?.attributes ?? {})).data.shown.count"
+)
+"""How often the server has written the address of a page."""
 
 
 def shows(page: Page, noise: str, tab: str = "Errors") -> None:
@@ -116,3 +120,33 @@ def test_undo_and_forward_lead_past_a_reload(open_page: Callable[..., Page]) -> 
         shows(page, noise)
         wait_for(page, IDLE)
     expect(undo).to_be_disabled()
+
+
+def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server_still_writes(
+    open_page: Callable[..., Page],
+) -> None:
+    page = open_page(BEGUN)
+    box, time = page.get_by_role("textbox", name=NOISE), page.get_by_role("slider", name="Time")
+    for noise in ("0.2", "0.3"):
+        box.fill(noise)
+        box.press("Enter")
+        shows(page, noise)
+    page.reload()
+    wait_for(page, IDLE)
+    box.fill("0.4")
+    box.press("Enter")
+    shows(page, "0.4")
+    opened: list[Route] = []
+    page.route("**/simulator?*", lambda route: opened.append(route))
+    time.focus()
+    for _ in range(3):
+        page.keyboard.press("Control+z")
+    eventually(page, lambda: bool(opened))  # the first address of all is on its way
+    wait_for(page, IDLE)
+    written = page.evaluate(MESSAGES)
+    page.keyboard.press("End")
+    wait_for(page, f"{MESSAGES} > {written}")
+    opened[0].continue_()
+    shows(page, "0.05")
+    wait_for(page, IDLE)
+    expect(page.get_by_role("button", name="Undo")).to_be_disabled()
