@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, Route, WebSocket, expect
 
 from tests.browser.conftest import IDLE, eventually, show, shown, wait_for
 
@@ -16,10 +16,6 @@ BEGUN = "?mission=los_angeles&trajectory.imu_rate=50"
 ADDRESS = "decodeURIComponent(location.search)"
 CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
 ENTRIES = "history.length"
-MESSAGES = (
-    "[...Bokeh.documents[0].all_models].find((one) => 'answered' in (one.data?.attributes ?? {})).data.shown.count"
-)
-"""How often the server has written the address of a page."""
 
 
 def shows(page: Page, noise: str, tab: str = "Errors") -> None:
@@ -131,22 +127,26 @@ def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server
         box.fill(noise)
         box.press("Enter")
         shows(page, noise)
+    sent: list[str] = []  # by the server
+
+    def listen(socket: WebSocket) -> None:
+        socket.on("framereceived", lambda frame: sent.append(str(frame)))
+
+    page.on("websocket", listen)
     page.reload()
     wait_for(page, IDLE)
     box.fill("0.4")
     box.press("Enter")
     shows(page, "0.4")
-    opened: list[Route] = []
+    opened: list[Route] = []  # on their way to the server
     page.route("**/simulator?*", lambda route: opened.append(route))
     time.focus()
     for _ in range(3):
         page.keyboard.press("Control+z")
-    eventually(page, lambda: bool(opened))  # the first address of all is on its way
-    wait_for(page, IDLE)
-    written = page.evaluate(MESSAGES)
+    eventually(page, lambda: any("noise_density" not in one.request.url for one in opened))
     page.keyboard.press("End")
-    wait_for(page, f"{MESSAGES} > {written}")
-    opened[0].continue_()
+    eventually(page, lambda: any("&time=" in frame for frame in sent))
+    opened[-1].continue_()
     shows(page, "0.05")
     wait_for(page, IDLE)
     expect(page.get_by_role("button", name="Undo")).to_be_disabled()

@@ -67,7 +67,10 @@ def test_no_style_of_the_page_is_one_that_the_plots_no_longer_read(shared_page: 
 def test_a_layout_writes_only_styles_that_change(shared_page: Page) -> None:
     wait_for(shared_page, IDLE)
     counts = shared_page.evaluate(COUNTED, "layout")
-    layouts, components = counts["layouts"], counts["components"]  # a busy browser may still have a layout to do
+    layouts, components = (
+        counts["layouts"],
+        counts["components"],
+    )  # a busy browser may still have a layout to do
     assert layouts >= 1
     assert components > 200
     assert counts["written"] < components / 10 * layouts  # Bokeh alone writes each style twice
