@@ -93,8 +93,8 @@ class HistoryBar(JSComponent):
         {"pushed": [], "position": 0, "search": "", "oldest": 0, "undone": "", "redone": ""}
         | {"undos": 0, "beyond": 0, "count": 0},
         doc="Number and query of new entries, number and query of the present one, number of the oldest one, "
-        "names of what undo and redo change, how many undos were asked for, how many of them this page has nothing "
-        "for, and a count.",
+        "names of what undo and redo change, how many undos were asked for, for how many of them this page "
+        "has nothing, and a count.",
     )
     asked: list[Any] = param.List([], doc="The last wishes: the number of each, what, and a number with it.")
     question: int = param.Integer(0, doc="Number of the last question whether all before it has been heard.")

@@ -139,7 +139,11 @@ def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server
     box.press("Enter")
     shows(page, "0.4")
     opened: list[Route] = []  # on their way to the server
-    page.route("**/simulator?*", lambda route: opened.append(route))
+
+    def hold(route: Route) -> None:
+        opened.append(route)
+
+    page.route("**/simulator?*", hold)
     time.focus()
     for _ in range(3):
         page.keyboard.press("Control+z")
