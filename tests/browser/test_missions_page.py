@@ -30,7 +30,7 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture
 def mine(own_missions: Path, shared_page: Page, request: pytest.FixtureRequest) -> Iterator[Path]:
-    """Return the folder of the user's own missions, with one called mine in it; the page keeps no part open."""
+    """Return the folder of the user's own missions, with one called mine in it; the library is open again."""
     recording = mission("los_angeles").recording
     add_mission(recording, "mine", title="My flight", tags=["rare"], origin="tests", overwrite=True)
     yield own_missions

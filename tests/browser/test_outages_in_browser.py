@@ -1,4 +1,4 @@
-"""Compare > Outages in a browser: a table with curves, a refusal in words, and a table of earlier settings."""
+"""Compare > Outages in a browser: a table with curves, a refusal in words, and what turns pale."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_outages_are_run_refused_and_turn_pale(
     run.click()
     refused = page.get_by_text("an outage of 3000 s does not fit into the flight, which lasts 105 s")
     expect(refused).to_have_text(
-        r"Without GPS [s]: an outage of 3000 s does not fit into the flight, which "
+        "Without GPS [s]: an outage of 3000 s does not fit into the flight, which "
         "lasts 105 s and in which the filter converges first; accepted is at most 84 s"
     )
     expect(row).to_be_visible()  # the table that was there
