@@ -80,6 +80,9 @@ function leave() {
     window.history.back()
   } else if (model === null || model.shown.undos === undos) {
     window.location.reload()
+  } else {  // a server that does not answer hears no more
+    clearTimeout(timer)
+    timer = setTimeout(() => window.location.reload(), WAIT)
   }
 }
 
