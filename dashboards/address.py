@@ -87,39 +87,41 @@ class Shown(NamedTuple):
 
 
 class HistoryBar(JSComponent):
-    """Two buttons and their keys; the history of the browser follows what is shown.
-
-    Parameters
-    ----------
-    act
-        Called with what a person asks for ("undo", "redo", or "visit" for an entry of the browser's history),
-        and with the number of the entry.
-    """
+    """Two buttons and the keys of the page; the history of the browser follows what is shown."""
 
     shown: dict[str, Any] = param.Dict(
-        {"pushed": [], "position": 0, "search": "", "oldest": 0, "undone": "", "redone": "", "count": 0},
+        {"pushed": [], "position": 0, "search": "", "oldest": 0, "undone": "", "redone": ""}
+        | {"undos": 0, "beyond": 0, "count": 0},
         doc="Number and query of new entries, number and query of the present one, number of the oldest one, "
-        "names of what undo and redo change, and a count.",
+        "names of what undo and redo change, how many undos were asked for, for how many of them this page "
+        "has nothing, and a count.",
     )
-    asked: dict[str, Any] = param.Dict({}, doc="The last wish: what, the number of an entry, and a count.")
-    answered: int = param.Integer(0, doc="Number of the last question whether all before it has been heard.")
+    asked: list[Any] = param.List([], doc="The last wishes: the number of each, what, and a number with it.")
+    question: int = param.Integer(0, doc="Number of the last question whether all before it has been heard.")
+    answered: int = param.Integer(0, doc="The last question that was answered.")
 
     _esm = Path(__file__).with_name("history_bar.js")
     _stylesheets = [_STYLE]  # noqa: RUF012 - Panel's own
 
-    def __init__(self, act: Callable[[str, int], None], **params: Any) -> None:
+    def __init__(self, **params: Any) -> None:
         super().__init__(**params)  # type: ignore[no-untyped-call]
-        self._act = act
-        self.param.watch(self._asked, "asked")
+        self._acts: list[Callable[[str, int], None]] = []
+        self._heard = 0  # number of the last wish
+        self.param.watch(self._hear, "asked")
+        self.param.watch(lambda event: setattr(self, "answered", event.new), "question")
 
-    def _asked(self, event: param.parameterized.Event) -> None:
-        what, position = event.new.get("what"), event.new.get("position")
-        if not (isinstance(what, str) and isinstance(position, int)):
-            return
-        if what == "answer":
-            self.answered = position
-        else:
-            self._act(what, position)
+    def hear(self, act: Callable[[str, int], None]) -> None:
+        """Call a function with each wish ("undo", "tab", ...) and the number that belongs to it."""
+        self._acts.append(act)
+
+    def _hear(self, event: param.parameterized.Event) -> None:
+        """Do what was asked since the last time: several wishes may arrive at once."""
+        for wish in event.new:
+            match wish:
+                case [int(count), str(what), int(number)] if count > self._heard:
+                    self._heard = count
+                    for act in self._acts:
+                        act(what, number)
 
 
 class Address:
@@ -152,10 +154,12 @@ class Address:
         self._shown = shown
         self._location = pn.state.location
         self.search = str(self._location.search) if self._location is not None else ""
-        self.bar = HistoryBar(self._act, margin=(6, 0), width=76, height=36)
+        self.bar = HistoryBar(margin=(6, 0), width=76, height=36)
+        self.bar.hear(self._act)
         self.held = HeldLinks(session, document)
         self.notes = Notes(session)
         self._history = History(self._state())
+        self._undos = self._beyond = 0  # undos asked for, and those of them that lead past the first state
         self._waits = False  # for the next update
         self._walking = False
         self._of_a_class: Glide | None = None
@@ -255,6 +259,9 @@ class Address:
         steps = {"undo": self._history.position - 1, "redo": self._history.position + 1, "visit": position}
         if what not in steps:  # a key that is no matter of the history
             return
+        if what == "undo":
+            self._undos += 1
+            self._beyond += self._history.position == 0
         state = self._history.visit(steps[what])
         if state is not None:
             self._restore(state)
@@ -298,6 +305,8 @@ class Address:
             "oldest": history.oldest,
             "undone": history.undone,
             "redone": history.redone,
+            "undos": self._undos,
+            "beyond": self._beyond,
             "count": self.bar.shown["count"] + 1,
         }
 

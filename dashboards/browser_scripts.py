@@ -82,28 +82,33 @@ STALE = f"""
 const bokeh = Bokeh.documents[0];
 const all = () => [...bokeh.all_models];
 const chip = all().find((one) => one.css_classes?.includes?.("verdict-chip"));
-const {{data: bar}} = all().find((one) => one.data?.asked && "answered" in one.data);
+const {{data: bar}} = all().find((one) => "answered" in (one.data?.attributes ?? {{}}));
 const settings = new WeakMap();
-const isSetting = (data) => {{
-  if (!settings.has(data)) {{
-    settings.set(data, all().some((one) => one.data === data && one.tags?.includes?.("{SETTING}")));
+const isSetting = (part) => {{
+  if (!settings.has(part)) {{
+    const of = (one) => (one === part || one.data === part) && one.tags?.includes?.("{SETTING}");
+    settings.set(part, all().some(of));
   }}
-  return settings.get(data);
+  return settings.get(part);
 }};
+const walks = () => ["undo", "redo", "visit"].includes(bar.asked.at(-1)?.[1]);
 const age = (is_old) => {{
   const shown = Bokeh.index.query((view) => view.model === chip);
   for (const {{el}} of shown) el.toggleAttribute("data-old", is_old);
 }};
 let sent = 0;
-bokeh.on_change(({{model, attr, sync}}) => {{
-  if (!sync || attr !== "value" || !isSetting(model)) return;
+bokeh.on_change(({{model, attr, sync, msg_data}}) => {{
+  const part = msg_data?.origin ?? (["value", "asked"].includes(attr) ? model : null);
+  if (!sync || !part || !(part === bar ? walks() : isSetting(part))) return;
   age(true);
-  const question = {{what: "answer", position: ++sent}};
-  queueMicrotask(() => {{ bar.asked = {{...question, count: (bar.asked.count || 0) + 1}} }});
+  const question = ++sent;
+  queueMicrotask(() => {{ bar.question = question }});
 }});
 bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
 """
-"""Makes the verdict grey as soon as a setting is on its way to the server, until it is taken or refused.
+"""Makes the verdict grey as soon as what may begin a run is on its way to the server, until it is heard.
+
+That is a setting, a button that changes some, and a step in the history.
 
 The server answers in the order in which it is asked.
 """

@@ -13,6 +13,7 @@ import param
 
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from dashboards.widgets import SETTING
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, card_in_force, cards
 from lab.sensors.suite import SensorSuite
@@ -57,6 +58,7 @@ class CardChooser:
             margin=(8, 0),
             sizing_mode="stretch_width",
             description="Loads the datasheet of a real sensor, and the number of filter states it needs.",
+            tags=[SETTING],
         )
         self._switch = pmui.Switch(
             label="Fill gaps in the datasheet with typical values",
@@ -66,6 +68,7 @@ class CardChooser:
             size="small",
             margin=(0, 0),
             sizing_mode="stretch_width",
+            tags=[SETTING],
         )
         self._note = pn.pane.HTML("", margin=(0, 0, 4, 0), sizing_mode="stretch_width", visible=False)
         self._widget.param.watch(self._chosen, "value")

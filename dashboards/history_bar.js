@@ -13,20 +13,30 @@ const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-
 const REDO = "M18.4 10.6C16.55 8.99 14.15 8 11.5 8c-4.65 0-8.58 3.03-9.96 7.22L3.9 16c1.05-3.19 4.05-5.5 7.6-5.5 1.95 0"
   + " 3.73.72 5.12 1.88L13 16h9V7l-3.6 3.6z"
 
-const WAIT = 1000  // longest time that a browser takes to go to another entry [ms]
+const WAIT = 5000  // longest time that a busy browser takes to go to another entry [ms]
+const KEPT = 32  // most wishes that wait for the server
 
 const opening = String(Math.random())
-const past = window.history.state  // of this entry, when the page was opened before
-const older = Boolean(past && (past.position > 0 || past.older))  // whether there are entries of that
+const earlier = (state) => Boolean(state && (state.position > 0 || state.older))  // whether entries come before it
+let older = earlier(window.history.state)  // whether this entry, of a page that was opened before, has such entries
 let here = 0  // number of the present entry
 let goal = null  // number of the entry to which the browser is on its way
+let leaves = ""  // "going" on the way to an entry of another opening, "there" once it is to be opened
 let seen = 0  // number of the last message of the server
+let undos = 0  // how many were asked for
+let told = 0  // how many of them the server had nothing for
+let beyond = 0  // how many of these the browser still has to do
 let timer = 0
 let waiting = []  // entries to add
 let model = null
 
 const url = (search) => window.location.pathname + search + window.location.hash
-const ask = (what, position) => { model.asked = {what, position, count: (model.asked.count || 0) + 1} }
+
+// The server hears several wishes at once, or one after the other, in their order.
+function ask(what, position) {
+  const [last] = model.asked.at(-1) ?? [0]
+  model.asked = [...model.asked.slice(1 - KEPT), [last + 1, what, position]]
+}
 
 function put(position, search) {
   here = position
@@ -34,7 +44,7 @@ function put(position, search) {
 }
 
 function follow() {
-  if (goal !== null) return
+  if (goal !== null || leaves) return
   for (const [position, search] of waiting) {
     here = position
     window.history.pushState({opening, position, older}, "", url(search))
@@ -56,17 +66,43 @@ function arrive() {
   here = goal
   goal = null
   follow()
+  if (beyond > 0 || leaves) leave()
+}
+
+// What came before this opening of the page is undone by the browser, which opens its address once the server has heard
+// all undos. Until then, the page writes no address: it would take the place of that one.
+function leave() {
+  if (goal !== null || leaves === "going") return
+  if (beyond > 0 && older) {
+    beyond -= 1
+    leaves = "going"
+    timer = setTimeout(() => { leaves = ""; follow() }, WAIT)
+    window.history.back()
+  } else if (model === null || model.shown.undos === undos) {
+    window.location.reload()
+  } else {  // a server that does not answer hears no more
+    clearTimeout(timer)
+    timer = setTimeout(() => window.location.reload(), WAIT)
+  }
 }
 
 window.addEventListener("popstate", ({state}) => {
-  if (model === null) return
   if (state === null) {  // another fragment
     window.history.replaceState({opening, position: here, older}, "")
-  } else if (goal !== null) {
+    return
+  }
+  clearTimeout(timer)
+  if (model === null || state.opening !== opening || state.position < model.shown.oldest) {
+    older = earlier(state)
+    goal = null
+    leaves = "there"
+    leave()
+  } else if (state.position === goal) {
     arrive()
-  } else if (state.opening !== opening || state.position < model.shown.oldest) {
-    window.location.reload()
   } else {
+    ;({older} = state)
+    leaves = ""
+    goal = null
     here = state.position
     ask("visit", here)
   }
@@ -107,9 +143,10 @@ window.addEventListener("keydown", (event) => {
   }
 })
 
-// What came before this opening of the page is undone by the browser, which opens its address.
-const leads_back = () => model.shown.position === 0 && !model.shown.undone && older
-const undo = () => leads_back() ? window.history.back() : ask("undo", 0)
+const undo = () => {
+  undos += 1
+  ask("undo", 0)
+}
 const redo = () => ask("redo", 0)
 
 function made(act, path) {
@@ -134,16 +171,23 @@ export function render(props) {
   row.append(before, after)
 
   const show = () => {
-    const {pushed, undone, redone, count} = model.shown
-    name(before, "Undo", leads_back() ? "the last change before the reload" : undone, "Ctrl+Z")
+    const {position, pushed, undone, redone, count} = model.shown
+    const leads_back = position === 0 && !undone && older
+    name(before, "Undo", leads_back ? "the last change before the reload" : undone, "Ctrl+Z")
     name(after, "Redo", redone, "Ctrl+Shift+Z")
     if (count === seen) return
     seen = count
     waiting.push(...pushed)
     follow()
+    beyond = older ? beyond + model.shown.beyond - told : 0
+    told = model.shown.beyond
+    if (beyond > 0 || leaves) leave()
   }
   model.on("shown", show)
-  if (seen === 0) put(0, window.location.search)
+  if (seen === 0) {
+    if (window.location.search === window.insLabOpened) put(0, window.location.search)
+    else window.location.reload()  // a person went on while the page was made
+  }
   show()
   return row
 }

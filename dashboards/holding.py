@@ -52,7 +52,7 @@ class Holding:
 
     def __init__(self, session: Session, keys: HistoryBar) -> None:
         self._session = session
-        keys.param.watch(lambda event: self.hold() if event.new.get("what") == "hold" else None, "asked")
+        keys.hear(lambda what, _number: self.hold() if what == "hold" else None)
         self.button = pmui.IconButton(
             icon="push_pin",
             description="Hold this result, to compare it with the next ones (H)",

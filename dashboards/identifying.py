@@ -15,6 +15,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WRAP
+from dashboards.widgets import SETTING
 from lab.analysis.identification.identification import Identification
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
@@ -61,7 +62,7 @@ class Identifying:
             label="Identify noise from the innovations", size="small", variant="outlined", margin=(8, 8)
         )
         self._ask.on_click(lambda _event: self._asked())
-        self._apply = pmui.Button(label="Apply", size="small", margin=(8, 8), visible=False)
+        self._apply = pmui.Button(label="Apply", size="small", margin=(8, 8), visible=False, tags=[SETTING])
         self._apply.on_click(lambda _event: self._applied())
         self._chosen = pmui.CheckBoxGroup(
             label="Parameters that Apply changes", inline=True, margin=(0, 12), visible=False

@@ -5,11 +5,11 @@ A note is text, whoever wrote it and whatever link brought it: it is never read 
 
 from __future__ import annotations
 
-import re
-import unicodedata
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import parse_qsl, quote, urlencode
+
+from lab.views.flight_notes import ACCEPTED, LONGEST, plain_text, read_note
 
 if TYPE_CHECKING:
     from dashboards.session import Session
@@ -18,8 +18,6 @@ NOTE = "note"
 """What names a note in an address; there is one for each."""
 MOST = 20
 """Most notes of a flight: more are not told apart in the lane."""
-LONGEST = 200
-"""Longest text of a note [characters]."""
 ROOM = 4096
 """Longest part of an address with notes [characters]: half of what a link may have."""
 MOST_FIELDS = 200
@@ -28,9 +26,6 @@ MOST_NAMED = 3
 """Most wrong notes of a link that are named; the rest is ignored."""
 SHORT = 24
 """Longest text of a note in the name of a change [characters]."""
-
-_SECONDS = r"\d{1,9}(?:\.\d{1,9})?"
-_WRITTEN = re.compile(rf"({_SECONDS})(?:-({_SECONDS}))?:(.*)", re.ASCII | re.DOTALL)
 
 
 class Note(NamedTuple):
@@ -52,12 +47,6 @@ class Note(NamedTuple):
     mission: str
 
 
-def plain_text(typed: str) -> str:
-    """Return a text in one line, without control characters and marks of the direction of writing."""
-    kept = (" " if unicodedata.category(one).startswith("C") else one for one in typed[: 4 * LONGEST])
-    return " ".join("".join(kept).split())
-
-
 def query_of_notes(notes: Iterable[Note], mission: str) -> str:
     """Return the notes of a flight as the query of an address."""
     return urlencode(
@@ -73,28 +62,17 @@ def notes_of_query(query: str, mission: str) -> tuple[tuple[Note, ...], list[str
         return (), []
     found, problems = list[Note](), list[str]()
     for text in [value for name, value in fields if name == NOTE]:
-        note = _read(text, mission)
-        if note is None:
-            problems.append(
-                f"The link has note={text[:40]}, which was ignored; accepted is a time or a stretch of time "
-                f"in seconds with a text of up to {LONGEST} characters, such as 60-75:Look here."
-            )
-        elif len(found) == MOST or len(query_of_notes([*found, note], mission)) > ROOM:
+        read = read_note(text)
+        if read is None:
+            problems.append(f"The link has note={text[:40]}, which was ignored; {ACCEPTED}")
+            continue
+        note = Note(*read, mission)
+        if len(found) == MOST or len(query_of_notes([*found, note], mission)) > ROOM:
             problems.append(f"The link has too many notes; the first {len(found)} are shown.")
             break
         else:
             found.append(note)
     return tuple(found), problems[:MOST_NAMED]
-
-
-def _read(written: str, mission: str) -> Note | None:
-    """Return a note of an address; None if it is not acceptable."""
-    parts = _WRITTEN.fullmatch(written)
-    if parts is None:
-        return None
-    start, end = float(parts[1]), float(parts[2] or parts[1])
-    text = plain_text(parts[3])
-    return Note(start, end, text, mission) if start <= end and 0 < len(text) <= LONGEST else None
 
 
 def _written(note: Note) -> str:

@@ -40,6 +40,7 @@ PAGE = Environment().from_string(
 {{% extends base %}}
 {{% block postamble %}}{{{{ super() }}}}
 <script>
+window.insLabOpened = window.location.search;  // for history_bar.js
 {{% raw %}}{SCRIPT.read_text()}{{% endraw %}}
 </script>
 {{% endblock %}}

@@ -20,7 +20,7 @@ from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
 from dashboards.sigmas import sigma_of
 from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from dashboards.titled import Card
-from dashboards.widgets import FOLLOWS, ChoiceField, Field, TextField, field
+from dashboards.widgets import FOLLOWS, SETTING, ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone
@@ -283,6 +283,7 @@ class SettingsPanel:
             margin=(10, 0, 0, 2),
             align="center",
             stylesheets=[TOOLTIP],
+            tags=[SETTING],
         )
         another.on_click(lambda _event: self._next_seed())
         row = pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")
@@ -302,6 +303,7 @@ class SettingsPanel:
             description="Reset settings to what they were at first. The arrow at the top brings them back.",
             sx={"padding": "3px 5px"},
             stylesheets=[TOOLTIP],
+            tags=[SETTING],
         )
         reset.on_click(self._reset)
         return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")

@@ -53,6 +53,7 @@ export function render({model}) {
   button.setAttribute("aria-haspopup", "menu")
   button.setAttribute("aria-expanded", "false")
   const menu = made("div", {className: "menu", popover: "auto"})
+  button.popoverTargetElement = menu
   const list = made("div", {role: "menu", ariaLabel: "Share"})
   const note = document.createElement("p")
   const toast = made("div", {className: "toast", role: "status"})
@@ -94,6 +95,7 @@ export function render({model}) {
       else if (fresh) give(key)
       else wanted = key
     })
+    item.autofocus = items.size === 0  // as soon as the menu is open: the next key is for it
     items.set(key, item)
     list.append(item)
   }
@@ -113,7 +115,6 @@ export function render({model}) {
   model.on("told", show)
   model.on("msg:custom", ([name, content]) => save(name, content))
 
-  button.addEventListener("click", () => menu.togglePopover())
   menu.addEventListener("beforetoggle", (event) => {
     const opens = event.newState === "open"
     button.setAttribute("aria-expanded", String(opens))
@@ -124,7 +125,6 @@ export function render({model}) {
     fresh = false
     ask("open")
   })
-  menu.addEventListener("toggle", (event) => { if (event.newState === "open") items.values().next().value.focus() })
   menu.addEventListener("keydown", (event) => {
     const all = [...items.values()]
     const at = all.indexOf(list.getRootNode().activeElement)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 
 import panel as pn
 import panel_material_ui as pmui
-import param
 
 from dashboards.address import HistoryBar
 from dashboards.style import TOOLTIP
@@ -62,7 +61,7 @@ class Shortcuts:
 
     def __init__(self, keys: HistoryBar, acts: Mapping[str, Callable[[int], None]]) -> None:
         self._acts: dict[str, Callable[[int], None]] = {**acts, "help": lambda _number: self._open()}
-        keys.param.watch(self._asked, "asked")
+        keys.hear(self._do)
         self.button = pmui.IconButton(
             icon="help_outline",
             description="What keys and mouse do (?)",
@@ -83,10 +82,9 @@ class Shortcuts:
             self._words.object = _ABOUT + _table("Keys", KEYS) + _table("Over a plot", PLOTS)
         self.list.open = True
 
-    def _asked(self, event: param.parameterized.Event) -> None:
-        act, number = self._acts.get(str(event.new.get("what"))), event.new.get("position")
-        if act is not None and isinstance(number, int):
-            act(number)
+    def _do(self, what: str, number: int) -> None:
+        if what in self._acts:
+            self._acts[what](number)
 
 
 def _table(title: str, rows: tuple[tuple[str, str], ...]) -> str:

@@ -16,6 +16,7 @@ from dashboards.openings import Openings
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.session import Session
+from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding, Verdict
 from lab.analysis.verdicts.trial import advised, can_be_tried
 from lab.base.parameters.setting_error import SettingError
@@ -217,7 +218,9 @@ class VerdictChip:
         self._words = pn.pane.HTML("", sizing_mode="stretch_width", margin=0, stylesheets=[_WORDS])
         self._show_me = pmui.Button(label="Show me", size="small", variant="outlined", margin=(6, 8, 0, 0))
         self._show_me.on_click(lambda _event: self._shown())
-        self._apply = pmui.Button(label="Apply", size="small", margin=(6, 8, 0, 0), visible=False)
+        self._apply = pmui.Button(
+            label="Apply", size="small", margin=(6, 8, 0, 0), visible=False, tags=[SETTING]
+        )
         self._apply.on_click(lambda _event: self._applied())
         buttons = pn.Row(self._apply, self._show_me, margin=0)
         return pmui.Popup(

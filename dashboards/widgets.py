@@ -29,7 +29,7 @@ Change = Callable[[Any], object]
 FOLLOWS = "follows the sensor"
 """Stands in the field of a setting of the filter that is not given."""
 SETTING = "setting"
-"""Tag of what sends the value of a setting."""
+"""Tag of what sends the value of a setting, and of buttons that change settings."""
 LOGARITHMIC_FROM = 100
 """A slider is logarithmic if the ratio of its ends is at least this."""
 
@@ -390,7 +390,9 @@ class TextField(Field):
         self._lock: pmui.IconButton | None = None
         self._view: pn.viewable.Viewable = self._widget
         if follows(declaration):
-            self._lock = pmui.IconButton(size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP])
+            self._lock = pmui.IconButton(
+                size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP], tags=[SETTING]
+            )
             self._lock.on_click(lambda _event: self._ask(None))
             row = pn.Row(self._widget, self._lock, margin=0, sizing_mode="stretch_width")
             self._view = pn.Column(row, margin=0, sizing_mode="stretch_width")

@@ -18,6 +18,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import RUNS, Session
 from dashboards.style import WRAP
+from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
 from lab.analysis.verdicts.trial import advised, can_be_tried, tried
@@ -96,7 +97,9 @@ class Consistency(ComputedPage):
         self._many = TimeFigures(ENSEMBLE_CONSISTENCY, self.axis)
         self._verdict = _html()
         self._changes: tuple[Change, ...] = ()
-        self._follow = pmui.Button(label="Apply the advice", size="small", margin=(4, 12), visible=False)
+        self._follow = pmui.Button(
+            label="Apply the advice", size="small", margin=(4, 12), visible=False, tags=[SETTING]
+        )
         self._follow.on_click(lambda _event: self._followed())
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)

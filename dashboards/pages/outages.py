@@ -182,7 +182,7 @@ class Outages:
             return
         self._stop.visible = False
         if outcome.result is None:
-            self._say(as_seen(outcome.problem))
+            self._say(as_seen(outcome.problem.replace("seconds: ", f"{self._seconds.label}: ", 1)))
             return
         self._say("")
         self._draw(plan, outcome.result)

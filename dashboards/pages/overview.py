@@ -19,6 +19,7 @@ from dashboards.pages.view_3d import View3D
 from dashboards.query import query
 from dashboards.session import OUTAGES, Session
 from dashboards.settings_panel import may_change
+from dashboards.widgets import SETTING
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -114,7 +115,7 @@ class Overview(ComputedPage):
 
     def make(self) -> pn.viewable.Viewable:
         """Return the layout with the plots for known errors."""
-        self._head = OverviewHead(self._pressed, css_classes=["head"], margin=0)
+        self._head = OverviewHead(self._pressed, css_classes=["head"], margin=0, tags=[SETTING])
         self._track = TrackFigure()
         self._track.figure.update(min_height=LEAST, css_classes=["track"])
         self._figures: dict[tuple[TimePlot, ...], TimeFigures] = {}

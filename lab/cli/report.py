@@ -29,7 +29,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab report montreal --to montreal.html
   ins-lab report montreal --set navigator.q_scale=0.1 --to wrong_q.html
-  ins-lab report my_drive --to my_drive.html
+  ins-lab report my_drive --to my_drive.html --note "60-75:The tunnel" --note "120:Here it stops"
   ins-lab report montreal --to montreal.html --json > montreal.json"""
 
 
@@ -42,6 +42,15 @@ def report(
     assignments: Assignments = None,
     seed: Seed = None,
     own: AlgorithmFile = None,
+    note: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--note",
+            metavar="START-END:TEXT",
+            help="Note on a stretch of the flight, or on a moment [s]; more of them with more --note.",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
     further: Further = None,
@@ -51,12 +60,13 @@ def report(
 
     more = further_parts(further, as_json)
     check_out(to, force, ".html", "an HTML file", "--to")
+    notes = [_note(text) for text in note or ()]
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
         navigators = algorithms([own] if own else None)
         result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
         try:
-            result.report(to, overwrite=force)
+            result.report(to, overwrite=force, notes=notes)
         except OSError as error:
             raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
         if as_json:
@@ -65,3 +75,12 @@ def report(
         print_json(found)
     else:
         print(to)
+
+
+def _note(text: str) -> tuple[float, float, str]:
+    from lab.views.flight_notes import ACCEPTED, read_note  # noqa: PLC0415 - help does not need it
+
+    note = read_note(text)
+    if note is None:
+        raise CommandError(f"--note {text[:40]}: {ACCEPTED}")
+    return note

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -515,11 +516,22 @@ class Result(NotebookCard, Repeatable):
         """Return this run as JSON text; see `to_dict`."""
         return json.dumps(self.to_dict(budget=budget, identification=identification), indent=2)
 
-    def report(self, path: str | Path, *, overwrite: bool = False) -> None:
+    def report(
+        self, path: str | Path, *, overwrite: bool = False, notes: Sequence[tuple[float, float, str]] = ()
+    ) -> None:
         """Write this run as one HTML file: verdict, changed settings, plots, tables, versions, all settings.
 
         It opens without a network, and prints on a few pages. The advice of the verdict is tried, which takes
         some runs.
+
+        Parameters
+        ----------
+        path
+            The file to write.
+        overwrite
+            Whether a file that exists is replaced.
+        notes
+            Notes on the flight: start and end of a stretch of time [s], and a text.
 
         Raises
         ------
@@ -527,8 +539,10 @@ class Result(NotebookCard, Repeatable):
             If the file exists and `overwrite` is not given.
         FileNotFoundError
             If the folder does not exist.
+        ValueError
+            If a note ends before it starts, or starts before the flight.
         """
-        find("result", "report")(self, Path(path), overwrite=overwrite)
+        find("result", "report")(self, Path(path), overwrite=overwrite, notes=notes)
 
     @property
     def overview(self) -> tuple[str, pd.DataFrame]:

@@ -6,6 +6,7 @@ TOML, and the versions that made it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from html import escape
@@ -94,12 +95,17 @@ def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) 
     )
 
 
-def write_report(result: Result, path: Path, *, overwrite: bool = False) -> None:
+def write_report(
+    result: Result, path: Path, *, overwrite: bool = False, notes: Sequence[tuple[float, float, str]] = ()
+) -> None:
     """Write a run as one HTML file; see `Result.report`."""
     refuse_existing([path], overwrite)
+    for start, end, text in notes:
+        if not 0 <= start <= end < math.inf:
+            raise ValueError(f"the note {text!r} is from {start} s to {end} s: accepted is 0 <= start <= end")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    html = report_html(result)
+    html = report_html(result, notes)
     with atomic_file(path) as file:
         file.write(html.encode())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import ERRORS, IDLE, eventually, wait_for
+from tests.browser.conftest import ERRORS, IDLE, eventually, reset, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -106,3 +106,26 @@ def test_no_verdict_is_green_while_the_server_has_not_answered(
     expect(chip).to_have_text("● Q 9.9 × too small" if is_accepted else "● Consistent")
     eventually(page, lambda: (chip.evaluate(COLOUR) == green) != is_accepted)
     assert "line-through" not in chip.evaluate("(button) => getComputedStyle(button).textDecoration")
+
+
+def test_no_verdict_is_green_while_a_button_that_begins_a_run_is_on_its_way(shared_page: Page) -> None:
+    page = shared_page
+    chip = page.locator(".verdict-chip button")
+    page.get_by_role("textbox", name="Q scale").first.fill("0.9")
+    page.get_by_role("textbox", name="Q scale").first.press("Enter")
+    show(page, "Overview")
+    for press in (
+        lambda: page.keyboard.press("Control+z"),
+        lambda: page.get_by_role("button", name="Redo").click(),
+        lambda: page.get_by_role("button", name="Another seed").click(),
+        lambda: page.get_by_role("button", name="Take away GPS").click(),
+        lambda: reset(page),
+    ):
+        wait_for(page, IDLE)
+        eventually(page, lambda: chip.evaluate(COLOUR) != GREY)
+        page.get_by_role("slider", name="Time").focus()
+        page.evaluate(NO_ANSWER)
+        press()
+        eventually(page, lambda: chip.evaluate(COLOUR) == GREY)
+        page.evaluate("answer()")
+    eventually(page, lambda: chip.evaluate(COLOUR) != GREY)

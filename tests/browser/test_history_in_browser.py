@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, WebSocket, expect
 
-from tests.browser.conftest import IDLE, show, shown, wait_for
+from tests.browser.conftest import IDLE, eventually, show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -116,3 +116,41 @@ def test_undo_and_forward_lead_past_a_reload(open_page: Callable[..., Page]) -> 
         shows(page, noise)
         wait_for(page, IDLE)
     expect(undo).to_be_disabled()
+
+
+def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server_still_writes(
+    open_page: Callable[..., Page],
+) -> None:
+    page = open_page(BEGUN)
+    box, time = page.get_by_role("textbox", name=NOISE), page.get_by_role("slider", name="Time")
+    for noise in ("0.2", "0.3"):
+        box.fill(noise)
+        box.press("Enter")
+        shows(page, noise)
+    sent: list[str] = []  # by the server
+
+    def listen(socket: WebSocket) -> None:
+        socket.on("framereceived", lambda frame: sent.append(str(frame)))
+
+    page.on("websocket", listen)
+    page.reload()
+    wait_for(page, IDLE)
+    box.fill("0.4")
+    box.press("Enter")
+    shows(page, "0.4")
+    opened: list[Route] = []  # on their way to the server
+
+    def hold(route: Route) -> None:
+        opened.append(route)
+
+    page.route("**/simulator?*", hold)
+    time.focus()
+    for _ in range(3):
+        page.keyboard.press("Control+z")
+    eventually(page, lambda: any("noise_density" not in one.request.url for one in opened))
+    page.keyboard.press("End")
+    eventually(page, lambda: any("&time=" in frame for frame in sent))
+    opened[-1].continue_()
+    shows(page, "0.05")
+    wait_for(page, IDLE)
+    expect(page.get_by_role("button", name="Undo")).to_be_disabled()

@@ -17,7 +17,7 @@ from lab.flying.airports import runway
 from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 from lab.missions.library import delete_mission
-from tests.browser.conftest import RANGE_END, show, wait_for
+from tests.browser.conftest import PASSED, RANGE_END, show, wait_for
 
 ADD = re.compile("^Simulate sensors on its path")
 LAST_FIGURE = """[...Bokeh.index.query((view) => view.model.type === 'Figure')]
@@ -29,11 +29,13 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture
-def mine(own_missions: Path) -> Iterator[Path]:
-    """Return the folder of the user's own missions, with one called mine in it."""
+def mine(own_missions: Path, shared_page: Page, request: pytest.FixtureRequest) -> Iterator[Path]:
+    """Return the folder of the user's own missions, with one called mine in it; the library is open again."""
     recording = mission("los_angeles").recording
     add_mission(recording, "mine", title="My flight", tags=["rare"], origin="tests", overwrite=True)
     yield own_missions
+    if request.node.stash.get(PASSED, False):
+        missions_tab(shared_page)
     for path in own_missions.iterdir():
         if path.is_file():  # a folder has what a page may bring back until it closes
             path.unlink()

@@ -103,15 +103,17 @@ def test_each_change_is_an_entry_of_the_browser_and_going_to_one_adds_none(walk:
 @pytest.mark.parametrize(
     "asked",
     [
-        {},
-        {"what": "visit"},
-        {"what": "visit", "position": "1"},
-        {"what": "visit", "position": 10**30},
-        {"what": ["undo"], "position": 1},
-        {"what": "close", "position": 1},
+        [],
+        ["undo", None, 1],
+        [[1, "visit"]],
+        [[1, "visit", "1"]],
+        [[1, "visit", 10**30]],
+        [[1, ["undo"], 1]],
+        [[1, "close", 1]],
+        [[0, "undo", 0]],
     ],
 )
-def test_a_wish_that_a_browser_does_not_have_changes_nothing(walk: Walk, asked: dict) -> None:
+def test_a_wish_that_a_browser_does_not_have_changes_nothing(walk: Walk, asked: list) -> None:
     walk.page.session.change(NOISE, 0.2)
     with set_curdoc(walk._document):
         walk.page._address.bar.asked = asked

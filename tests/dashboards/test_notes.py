@@ -9,9 +9,10 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import Walk, walking
 
-from dashboards.notes import LONGEST, MOST, ROOM, Note, notes_of_query, plain_text, query_of_notes
+from dashboards.notes import MOST, ROOM, Note, notes_of_query, query_of_notes
 from dashboards.query import experiment_of_query
 from lab.experiment.experiment import Experiment
+from lab.views.flight_notes import LONGEST, plain_text
 
 
 @pytest.fixture

@@ -77,7 +77,7 @@ class Walk:
         """Undo, redo, or visit an entry of the browser's history; return what the browser is sent."""
         bar = self.page._address.bar
         with set_curdoc(self._document):
-            bar.asked = {"what": what, "position": position, "count": bar.asked.get("count", 0) + 1}
+            bar.asked = [*bar.asked, [len(bar.asked) + 1, what, position]]
         return self.sent()
 
     def sent(self) -> dict[str, Any]:

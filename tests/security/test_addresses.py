@@ -24,11 +24,12 @@ from dashboards import exchange
 from dashboards.exchange import Files, experiment_of
 from dashboards.headers import sockets
 from dashboards.held_links import HeldLinks
-from dashboards.notes import LONGEST, MOST, ROOM, notes_of_query, query_of_notes
+from dashboards.notes import MOST, ROOM, notes_of_query, query_of_notes
 from dashboards.query import experiment_of_query, query, view_of_query
 from dashboards.session import Session
 from dashboards.upstream.page_address import address_parts
 from lab import Experiment, SettingError
+from lab.views.flight_notes import LONGEST
 from tests.security.conftest import Served
 
 Uploading = tuple[Files, Session, Document]
