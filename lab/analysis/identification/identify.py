@@ -28,6 +28,7 @@ from lab.analysis.identification.assumptions import (
     cured,
     least_factors,
     mixed,
+    moved,
     parameters,
     rows_of,
     scaled_rows,
@@ -176,7 +177,9 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     before = held_out(again, run.experiment, masks, search.dropped)
     found = _judged(run, search, whole, estimate, (now, stands), masks, before, tell)
     white = found.white
-    if not white or not better(before, found.after):
+    # Right assumptions leave white innovations and intervals that contain them: nothing is left to find.
+    right = white and not moved(now, found.assumed).any()
+    if not (right or (white and better(before, found.after))):
         # A filter that follows correlated errors of the fixes predicts the next fix well, but not fixes
         # withheld for longer.
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
@@ -184,9 +187,9 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
             estimate = _maximised(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
             other = _judged(run, ahead, whole, estimate, (now, stands), masks, before, tell)
             found = _better_of(found, other)
-    if not better(before, found.after):
+    if not (right or better(before, found.after)):
         tell("trying factors on R and Q", 0.9)
-        turns = [*masks, *between]
+        turns = masks if _turns(last - first) < TURNS else [*masks, *between]
         found = _by_factors(run, again, now, turns, search.dropped, float(least.max())) or found
     tell("judging the innovations", 0.95)
     seen = [_next_fixes(search, settings) for settings in (run.experiment, found.experiment)]
@@ -349,7 +352,7 @@ def _better_of(one: _Found, other: _Found) -> _Found:
 
 
 def _turns(length: float) -> int:
-    """Return the number of sets of outages for a search: a long log has enough outages in one set."""
+    """Return the number of sets of outages for a search: of a long log, one set has enough outages."""
     return TURNS if length < TURNS * EVERY * 2 else 1
 
 

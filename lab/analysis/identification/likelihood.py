@@ -231,9 +231,9 @@ def maximise(
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
             small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
             place, here, value, damping = trial, there, better, damping / STIFFER
-            slopes = _slopes(run, parameters, free, place, here, pool)
             if small:
-                break
+                break  # the slopes there are those here
+            slopes = _slopes(run, parameters, free, place, here, pool)
     white = is_white(here)
     sigma = np.zeros(len(parameters))
     sigma[free] = _sigma(slopes, prior)
