@@ -194,9 +194,7 @@ def align(
         if rest
         else mean_rates_at_fixes(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
     )
-    position, velocity = _of_imu(
-        position, velocity, q_nb, assumed.lever_arm, rate, force_n, heading_sigma
-    )
+    position, velocity = _of_imu(position, velocity, q_nb, assumed.lever_arm, rate, force_n, heading_sigma)
     return Alignment(
         Start(position, velocity, q_nb),
         bias,
