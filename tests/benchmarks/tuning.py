@@ -1,6 +1,6 @@
 """Tuning: how well `identify` finds the noise of a filter, in simulation and on public logs.
 
-``python -m tests.benchmarks.tuning simulated [SEEDS]`` prints a table of three cards on three missions, with
+``python -m tests.benchmarks.tuning simulated [SEEDS [JUDGED]]`` prints a table of three cards on three missions, with
 seeds from 1001 on. Q and R of the filter are each wrong by ten, upwards or downwards by turns. White noise
 and constant biases of the card are simulated: the filter's model of flicker is cautious, so that flicker has
 no true Q. A line has
@@ -10,7 +10,7 @@ no true Q. A line has
 - the part of the seeds in which the NIS with what was found have no χ² distribution, with a chance of 5 %
   (Kolmogorov and Smirnov: the shape, and not the mean only), and the same before;
 - the median of the rms position error with what was found, over the least that factors on Q and R reach by
-  the truth, for the first seeds;
+  the truth, for the first seeds, `JUDGED` or as many as are given;
 - the mean processor time [s].
 
 ``python -m tests.benchmarks.tuning logs FOLDER ...`` prints, of each log in a folder and with its SHA-256,
@@ -48,6 +48,8 @@ CARDS = ("BMI088", "ADIS16470", "HG4930")
 MISSIONS = ("montreal", "los_angeles", "pacific")
 WRONG = ((10.0, 10.0), (10.0, 0.1), (0.1, 10.0), (0.1, 0.1))
 """Factors on Q and R, by turns."""
+SEEDS = 100
+"""Seeds of a line."""
 FIRST = 1001
 """The first seed."""
 IMU_RATE = 50.0
@@ -56,8 +58,8 @@ OWN = ("noise_density", "bias_sigma")
 """What a triad has of a card."""
 WHITE = NAMES[:2]
 """The parameters of Q with a truth other than zero."""
-JUDGED = 4
-"""Seeds of a cell that are compared with the truth."""
+JUDGED = 20
+"""Seeds of a cell for which factors are found by the truth: each takes 40 runs."""
 
 
 def wrong(name: str, mission: str, seed: int) -> Experiment:
@@ -109,7 +111,7 @@ def oracle(experiment: Experiment) -> float:
     return float(optimize.minimize(of, np.zeros(2), method="Nelder-Mead", options={"maxfev": 40}).fun)
 
 
-def cell(name: str, mission: str, seeds: int) -> dict[str, list[bool]]:
+def cell(name: str, mission: str, seeds: int, judged: int) -> dict[str, list[bool]]:
     """Print the line of a card on a mission, and return which intervals contain the truth."""
     held: dict[str, list[bool]] = defaultdict(list)
     shapes, ratios, taken = [], [], 0.0
@@ -124,7 +126,7 @@ def cell(name: str, mission: str, seeds: int) -> dict[str, list[bool]]:
         tuned = experiment.copy().update(found.settings() if found.recommended else {})
         one = subject(run)
         shapes.append([has_shape(one, experiment), has_shape(one, tuned)])
-        if seed < FIRST + JUDGED:
+        if seed < FIRST + judged:
             ratios.append(error(tuned) / oracle(experiment))
     parts = [f"{kind} {part(held[kind])}" for kind in ("Q", "R")]
     before, after = 100 - 100 * np.mean(shapes, axis=0)
@@ -141,12 +143,12 @@ def part(flags: list[bool]) -> str:
     return f"{100 * np.mean(flags):5.1f} % of {len(flags)}" if flags else "not shown"
 
 
-def simulated(seeds: int) -> None:
+def simulated(seeds: int, judged: int = JUDGED) -> None:
     """Print the table of simulated flights."""
     every: list[bool] = []
     for name in CARDS:
         for mission in MISSIONS:
-            every += chain(*cell(name, mission, seeds).values())
+            every += chain(*cell(name, mission, seeds, judged).values())
     print(f"all together: {part(every)}, {seeds} seeds a line")
 
 
@@ -184,6 +186,6 @@ def digest(folder: Path, name: str) -> str:
 
 if __name__ == "__main__":
     if sys.argv[1] == "simulated":
-        simulated(int(sys.argv[2]) if len(sys.argv) > 2 else 100)
+        simulated(*(map(int, sys.argv[2:]) if len(sys.argv) > 2 else (SEEDS,)))
     else:
         logs(sys.argv[2:])

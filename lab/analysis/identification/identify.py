@@ -274,7 +274,7 @@ def _judged(
         wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
     begun = search.begun
     found = mixed(stands, begun.moved(estimate.value), wrong)
-    rows = rows_of(run, now, begun, found, _whatever_others(search, whole, joint, known))
+    rows = rows_of(run, now, begun, found, whatever_others(search, whole, joint, known))
     changes = changes_of(run, now, found)
     changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
@@ -330,7 +330,7 @@ def _known(
     }
 
 
-def _whatever_others(
+def whatever_others(
     search: _Search, whole: list[Parameter], joint: Estimate, known: Mapping[int, Known]
 ) -> dict[int, Known]:
     """Return what the log shows of each parameter, whatever noise has the values that were held.
