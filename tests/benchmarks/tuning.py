@@ -1,9 +1,9 @@
 """Tuning: how well `identify` finds the noise of a filter, in simulation and on public logs.
 
-``python -m tests.benchmarks.tuning simulated [SEEDS [JUDGED]]`` prints a table of three cards on three missions, with
-seeds from 1001 on. Q and R of the filter are each wrong by ten, upwards or downwards by turns. White noise
-and constant biases of the card are simulated: the filter's model of flicker is cautious, so that flicker has
-no true Q. A line has
+``python -m tests.benchmarks.tuning simulated [SEEDS [JUDGED]]`` prints a table of three cards on three
+missions, with seeds from 1001 on. Q and R of the filter are each wrong by ten, upwards or downwards by turns.
+White noise and constant biases of the card are simulated: the filter's model of flicker is cautious, so that
+flicker has no true Q. A line has
 
 - the part of the 95 % intervals that contain the truth, of Q (white noise of gyros and accelerometers) and of
   R (three variances of a fix), and how many there are: a flight need not show each;
