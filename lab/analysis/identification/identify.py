@@ -361,7 +361,10 @@ def whatever_others(
             continue
         begin = np.where(others, -NOTHING, joint.value)
         held = others | (np.arange(PARAMETERS) >= LATENCY)
-        alone = maximise(search.run, whole, begin, held, most=AHEAD)
+        try:
+            alone = maximise(search.run, whole, begin, held, most=AHEAD)
+        except (ValueError, np.linalg.LinAlgError):  # without the other noise, the filter cannot run
+            continue
         if joint.log_likelihood - alone.log_likelihood < REJECTED / 2:
             alone = replace(alone, log_likelihood=max(alone.log_likelihood, joint.log_likelihood))
             high = interval(search.run, whole, alone, index)[1]

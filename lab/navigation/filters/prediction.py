@@ -28,7 +28,7 @@ from lab.navigation.strapdown import get
 kept_part = Slot("kept_part")
 """``kept_part(decay, dt, room)``: the factors of all driven states over a step; see `kept_part_of`."""
 IN_REGISTERS = 16
-"""Most factors that stay in registers: with 30 of them, a sample takes ten times as long as from memory."""
+"""Most factors that stay in registers: with 30 of them, a sample takes seven times as long as from memory."""
 
 
 @inline_kernel
