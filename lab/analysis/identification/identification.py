@@ -39,12 +39,13 @@ class Row(NamedTuple):
     sigma : float
         Standard deviation of `after`; NaN if the log does not show the parameter.
     low, high : float
-        95 % interval; it starts at 0 if the log only shows that the parameter is at most `high`.
+        95 % interval, whatever other noise may be; it starts at 0 if the log only shows that the parameter is
+        at most `high`.
     observable : bool
         Whether the log shows the parameter.
     applied : bool
-        Whether the settings take the new value over: its interval excludes the assumed one, or the verdict
-        advises it.
+        Whether the settings take the new value over: the log refutes the assumed one beside the other values,
+        or the verdict advises it.
     """
 
     parameter: str

@@ -75,6 +75,8 @@ BY_ALL = 0.05
 """Probability that any of the parameters changes by chance. A convention."""
 TINY = 1e-300
 """Smallest divisor."""
+UNLIKE_ZERO = 1.0
+"""σ of the logarithm of a noise above which the noise may be zero: its interval spans a factor of 50."""
 REJECTED = 3.84
 """Twice the loss of log-likelihood at the ends of the 95 % interval (χ², 1 degree of freedom)."""
 
@@ -175,8 +177,9 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
     before = held_out(again, run.experiment, masks, search.dropped)
     found = _judged(run, search, whole, estimate, (now, stands), masks, before, tell)
+    # White innovations hold all that the log shows. The few outages that judge are won by chance, too.
     white = found.white
-    if not white or not better(before, found.after):
+    if not white:
         # A filter that follows correlated errors of the fixes predicts the next fix well, but not fixes
         # withheld for longer.
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
@@ -184,9 +187,9 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
             estimate = _maximised(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
             other = _judged(run, ahead, whole, estimate, (now, stands), masks, before, tell)
             found = _better_of(found, other)
-    if not better(before, found.after):
+    if not (white or better(before, found.after)):
         tell("trying factors on R and Q", 0.9)
-        turns = [*masks, *between]
+        turns = masks if _turns(last - first) < TURNS else [*masks, *between]
         found = _by_factors(run, again, now, turns, search.dropped, float(least.max())) or found
     tell("judging the innovations", 0.95)
     seen = [_next_fixes(search, settings) for settings in (run.experiment, found.experiment)]
@@ -259,6 +262,7 @@ def _judged(
     now, stands = assumptions
     done = 0.8 if search.masks else 0.5
     zero = _zero(stands)
+    joint = estimate
     estimate, shown, bounded = _observable(search, whole, estimate, zero, tell, done)
     known = _known(search, whole, estimate, shown, bounded)
     start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
@@ -270,7 +274,7 @@ def _judged(
         wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
     begun = search.begun
     found = mixed(stands, begun.moved(estimate.value), wrong)
-    rows = rows_of(run, now, begun, found, known)
+    rows = rows_of(run, now, begun, found, whatever_others(search, whole, joint, known))
     changes = changes_of(run, now, found)
     changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
@@ -326,6 +330,48 @@ def _known(
     }
 
 
+def whatever_others(
+    search: _Search, whole: list[Parameter], joint: Estimate, known: Mapping[int, Known]
+) -> dict[int, Known]:
+    """Return what the log shows of each parameter, whatever noise has the values that were held.
+
+    One noise can stand for another. So the upper end of noise that may be zero is where it stands for all
+    others that may, and other noise has an interval of the search for all parameters, too.
+
+    Parameters
+    ----------
+    search, whole
+        The search, and its parameters.
+    joint
+        The estimate of all parameters.
+    known
+        What the log shows beside values that were held.
+    """
+    noise = np.arange(PARAMETERS) < NOISE.stop
+    small = noise & (joint.sigma > UNLIKE_ZERO)
+    found = dict(known)
+    for index in sorted(set(known) & set(range(NOISE.stop))):
+        one, half = known[index], NORMAL * float(joint.sigma[index])
+        others = small & (np.arange(PARAMETERS) != index)
+        if not others.any():
+            continue
+        if not one.bounded:
+            low, high = joint.value[index] - half, joint.value[index] + half
+            found[index] = one._replace(low=min(one.low, float(low)), high=max(one.high, float(high)))
+            continue
+        begin = np.where(others, -NOTHING, joint.value)
+        held = others | (np.arange(PARAMETERS) >= LATENCY)
+        try:
+            alone = maximise(search.run, whole, begin, held, most=AHEAD)
+        except (ValueError, np.linalg.LinAlgError):  # without the other noise, the filter cannot run
+            continue
+        if joint.log_likelihood - alone.log_likelihood < REJECTED / 2:
+            alone = replace(alone, log_likelihood=max(alone.log_likelihood, joint.log_likelihood))
+            high = interval(search.run, whole, alone, index)[1]
+            found[index] = one._replace(high=max(one.high, high))
+    return found
+
+
 def _by_factors(
     run: Run, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags, least: float
 ) -> _Found | None:
@@ -349,7 +395,7 @@ def _better_of(one: _Found, other: _Found) -> _Found:
 
 
 def _turns(length: float) -> int:
-    """Return the number of sets of outages for a search: a long log has enough outages in one set."""
+    """Return the number of sets of outages for a search: of a long log, one set has enough outages."""
     return TURNS if length < TURNS * EVERY * 2 else 1
 
 

@@ -231,9 +231,9 @@ def maximise(
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
             small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
             place, here, value, damping = trial, there, better, damping / STIFFER
-            slopes = _slopes(run, parameters, free, place, here, pool)
             if small:
-                break
+                break  # the slopes there are those here
+            slopes = _slopes(run, parameters, free, place, here, pool)
     white = is_white(here)
     sigma = np.zeros(len(parameters))
     sigma[free] = _sigma(slopes, prior)
@@ -373,7 +373,8 @@ def is_white(seen: InnovationSeries, probability: float = 0.001) -> bool:
     seen
         The innovations.
     probability
-        False-alarm probability for white innovations, per channel.
+        False-alarm probability of χ² for white innovations, of all channels together. Of 175 fixes, Q is
+        beyond it in 1 % of the cases: its own tail is heavier.
     """
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     for channel in normalised.T:
@@ -381,6 +382,6 @@ def is_white(seen: InnovationSeries, probability: float = 0.001) -> bool:
         if known.size > FEWEST:
             found = autocorrelation(known[:, None], min(MAX_LAG, known.size // VALUES_PER_LAG))
             _, p = ljung_box(found, known.size)
-            if float(np.min(p)) < probability:
+            if float(np.min(p)) < probability / normalised.shape[1]:
                 return False
     return True

@@ -106,13 +106,13 @@ class Simulated:
 class Logged:
     """A sensor log.
 
-    The start is determined once for each latency and lever arm, because matching velocities takes longer than
-    navigating.
+    The start is determined once for each latency, because matching velocities takes longer than navigating.
+    Another lever arm only shifts it.
     """
 
     def __init__(self, recorded: Recorded) -> None:
         self._log = recorded.log
-        self._starts: dict[tuple[float, ...], Alignment] = {}
+        self._starts: dict[float, tuple[Alignment, FloatArray]] = {}  # with its lever arm
         self.stamps = recorded.log.gnss.time
         self.span = (float(recorded.time[0]), float(recorded.time[-1]))
 
@@ -122,10 +122,13 @@ class Logged:
         """Return the innovations of all fixes; see `Subject`."""
         sensors, navigator = experiment.sensors, experiment.navigator
         latency = assumed_latency(navigator, self._log.gnss.latency)
-        place = latency, *assumed_lever_arm(navigator, self._log.gnss.lever_arm).tolist()
-        start = self._starts.get(place)
+        arm = assumed_lever_arm(navigator, self._log.gnss.lever_arm)
+        start = None
+        if latency in self._starts:
+            found, of = self._starts[latency]
+            start = found.with_longer_arm(arm - of)
         run = navigate_log(self._log, sensors, navigator, sensors.gps.outages, withheld, start)
-        self._starts.setdefault(place, run.alignment)
+        self._starts.setdefault(latency, (run.alignment, arm))
         rows = np.searchsorted(self.stamps - latency, run.fixes.time - _ROUNDING)
         return (
             self._of_all(_seen(run.solution), rows),

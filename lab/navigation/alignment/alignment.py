@@ -78,6 +78,14 @@ class Alignment(NamedTuple):
     rest: float
     heading: Found
 
+    def with_longer_arm(self, by: FloatArray) -> Alignment:
+        """Return the start with another lever arm; `by` (3,) is its difference in b [m]."""
+        start = self.start
+        moved = _of_imu(
+            start.position, start.velocity_n, start.q_nb, by, self.rate, self.force_n, self.heading.sigma
+        )
+        return self._replace(start=start._replace(position=moved[0], velocity_n=moved[1]))
+
     @property
     def remark(self) -> str:
         """Description of how the start was found."""
@@ -186,13 +194,9 @@ def align(
         if rest
         else mean_rates_at_fixes(imu, imu.time[:1], assumed.lever_arm, estimated=True)[0, :3] - bias
     )
-    shift, swing = antenna(q_nb, assumed.lever_arm, rate)
+    position, velocity = _of_imu(position, velocity, q_nb, assumed.lever_arm, rate, force_n, heading_sigma)
     return Alignment(
-        Start(
-            displaced(position[None], -mean_turned(shift, force_n, heading_sigma)[None])[0],
-            velocity - mean_turned(swing, force_n, heading_sigma),
-            q_nb,
-        ),
+        Start(position, velocity, q_nb),
         bias,
         np.array([tilt, tilt, heading_sigma]),
         bias_sigma,
@@ -202,6 +206,20 @@ def align(
         rest,
         found,
     )
+
+
+def _of_imu(
+    position: FloatArray,
+    velocity_n: FloatArray,
+    q_nb: FloatArray,
+    arm: FloatArray,
+    rate: FloatArray,
+    force_n: FloatArray,
+    sigma: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of the IMU from those of the antenna; `sigma` is that of the heading."""
+    shift, swing = (mean_turned(part, force_n, sigma) for part in antenna(q_nb, arm, rate))
+    return displaced(position[None], -shift[None])[0], velocity_n - swing
 
 
 def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,6 +16,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -71,12 +72,17 @@ def start_covariance(
         )
     effects = _Effects.of(assumed, names, start)
     sigma = np.sqrt(scale) * start.attitude_sigma[2]
-    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-    P = np.zeros_like(independent)
-    for angle, weight in zip(sigma * nodes, weights / weights.sum(), strict=True):
-        mean, M = effects.at(float(angle), start.attitude_sigma[2])
-        P += weight * (np.outer(mean, mean) + M @ independent @ M.T)
+    nodes, weights = _quadrature()
+    mean, M = effects.at(sigma * nodes, start.attitude_sigma[2])
+    P = np.tensordot(weights, M @ independent @ M.mT, 1) + (weights * mean.T) @ mean
     return np.asarray((P + P.T) / 2)
+
+
+@cache
+def _quadrature() -> tuple[FloatArray, FloatArray]:
+    """Return the nodes (k,) of a standard normal variable, and their weights (k,), whose sum is 1."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    return nodes, weights / weights.sum()
 
 
 class _Effects(NamedTuple):
@@ -130,27 +136,27 @@ class _Effects(NamedTuple):
         apart = antenna(start.start.q_nb, assumed.lever_arm, start.rate)
         return cls(tilts, receiver, arm, start.force_n, *apart, 0.5 if start.heading.source else 0.0)
 
-    def at(self, angle: float, sigma: float) -> tuple[FloatArray, FloatArray]:
-        """Return the mean error (n,) for a heading error, and the effect (n, n) of the other errors.
+    def at(self, angles: FloatArray, sigma: float) -> tuple[FloatArray, FloatArray]:
+        """Return the mean error (k, n) for heading errors (k,), and the effect (k, n, n) of the other errors.
 
         A wrong heading turns the arm by its error. The rotation vector of heading error and tilt has the tilt
         turned by half of it.
 
         Parameters
         ----------
-        angle, sigma
-            The heading error, and the σ with which the start was made [rad].
+        angles, sigma
+            The heading errors, and the σ with which the start was made [rad].
         """
-        n = self.tilts.shape[1]
-        error = about(self.force_n) * angle
-        turned, partly = (Rotation.from_rotvec(part * error).as_matrix() for part in (1.0, self.part))
-        mean, M = np.zeros(n), np.eye(n)
-        mean[ATT] = error
-        M[ATT] = partly @ self.tilts
-        M[: VEL.stop] = self.receiver
+        k, n = angles.size, self.tilts.shape[1]
+        errors = np.outer(angles, about(self.force_n))
+        turned, partly = (Rotation.from_rotvec(part * errors).as_matrix() for part in (1.0, self.part))
+        mean, M = np.zeros((k, n)), np.tile(np.eye(n), (k, 1, 1))
+        mean[:, ATT] = errors
+        M[:, ATT] = partly @ self.tilts
+        M[:, : VEL.stop] = self.receiver
         for block, vector in ((POS, self.shift), (VEL, self.swing)):
-            mean[block] = turned @ vector - mean_turned(vector, self.force_n, sigma)
-            M[block] += turned @ (self.arm[block] - skew(vector) @ self.tilts)
+            mean[:, block] = turned @ vector - mean_turned(vector, self.force_n, sigma)
+            M[:, block] += turned @ (self.arm[block] - skew(vector) @ self.tilts)
         return mean, M
 
 

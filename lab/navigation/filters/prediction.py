@@ -26,7 +26,9 @@ from lab.navigation.kernels.propagation import (
 from lab.navigation.strapdown import get
 
 kept_part = Slot("kept_part")
-"""``kept_part(decay, dt)``: the factors of all driven states over a step; see `kept_part_of`."""
+"""``kept_part(decay, dt, room)``: the factors of all driven states over a step; see `kept_part_of`."""
+IN_REGISTERS = 16
+"""Most factors that stay in registers: with 30 of them, a sample takes seven times as long as from memory."""
 
 
 @inline_kernel
@@ -104,15 +106,19 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
 
 
 def kept_part_of(model: ErrorModel) -> Written:
-    """Return the kernel `kept_part` of a model. Its tuple stays in registers; an array would not."""
-    factors = ", ".join(f"1 - dt * decay[{b}]" for b in range(layout(model.blocks).DRIVEN))
-    return Written("kept_part", f"@inline_kernel\ndef kept_part(decay, dt):\n    return ({factors},)")
+    """Return the kernel `kept_part` of a model. A tuple stays in registers; many factors need the room."""
+    count = layout(model.blocks).DRIVEN
+    if count > IN_REGISTERS:
+        body = f"for b in range({count}):\n        room[b] = 1 - dt * decay[b]\n    return room"
+    else:
+        body = f"return ({', '.join(f'1 - dt * decay[{b}]' for b in range(count))},)"
+    return Written("kept_part", f"@inline_kernel\ndef kept_part(decay, dt, room):\n    {body}")
 
 
 @embedded_kernel
 def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
     """Propagate [P | x] over the sample with F to first order, then add the noise."""
-    state, w, noise, kept = run.state, run.w, run.noise, kept_part(run.decay, dt)
+    state, w, noise, kept = run.state, run.w, run.noise, kept_part(run.decay, dt, run.x)
     propagate(run.F, dt, kept, w)
     # Corrections already fed back decay like those still in x.
     for b in range(DRIVEN):

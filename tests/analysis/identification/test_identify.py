@@ -7,9 +7,9 @@ import pytest
 from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
-from lab.analysis.identification.assumptions import Known
-from lab.analysis.identification.identify import refuted
-from lab.analysis.identification.likelihood import Estimate, InnovationSeries
+from lab.analysis.identification.assumptions import PARAMETERS, Assumed, Known, parameters
+from lab.analysis.identification.identify import refuted, whatever_others
+from lab.analysis.identification.likelihood import Estimate, InnovationSeries, maximise
 from lab.analysis.identification.renavigation import subject
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import read_sensor_log
@@ -255,3 +255,41 @@ def test_a_run_navigated_anew_after_an_alignment_is_that_run():
     again = subject(result)
     seen, _ = again.navigate(made, np.zeros(again.stamps.size, bool))
     np.testing.assert_allclose(seen.innovation, result.solution_arrays.innovation, rtol=1e-9, atol=1e-12)
+
+
+def test_another_lever_arm_shifts_the_start(drive):
+    run, arm = Experiment(mission=str(drive)).run(), np.array([2.0, -1.0, 0.5])
+    changed = run.experiment.copy().update({"navigator": {"lever_arm": arm.tolist()}})
+    anew = navigate_log(run.recorded.log, changed.sensors, changed.navigator).alignment.start
+    shifted = run.recorded.alignment.with_longer_arm(arm - run.own_lever_arm).start
+    np.testing.assert_allclose(shifted.position, anew.position, rtol=1e-14)
+    np.testing.assert_allclose(shifted.velocity_n, anew.velocity_n, rtol=1e-9)
+    assert np.linalg.norm(shifted.velocity_n - run.recorded.alignment.start.velocity_n) > 1e-4
+
+
+class Sum:
+    """A search for two noises of which the innovations show the sum alone."""
+
+    masks = ()
+
+    def __init__(self, variance: float) -> None:
+        self.innovation = np.random.default_rng(3).normal(size=(400, 6)) * np.sqrt(variance)
+
+    def run(self, by):
+        """Return the innovations if the filter assumes some noises."""
+        total = 0.01 + np.exp(2 * by[0]) + np.exp(2 * by[1])
+        return InnovationSeries(self.innovation, np.tile(total * np.eye(6), (400, 1, 1)))
+
+
+def test_the_upper_end_of_a_noise_is_where_it_stands_for_all_others():
+    """Ln σ of 2,400 values has the standard deviation 1/√4800."""
+    search = Sum(2.0)
+    whole = parameters(Assumed(np.ones(12), np.ones(3), 0.0, np.zeros(3)), np.full(3, 0.1))
+    held = np.arange(PARAMETERS) > 1
+    joint = maximise(search.run, whole, np.zeros(PARAMETERS), held)
+    beside = np.log(np.sqrt(0.5))  # as far as the other noise of 1.5 leaves it
+    known = {0: Known(beside, 0.1, beside - 0.2, beside + 0.2, bounded=True)}
+    found = whatever_others(search, whole, joint, known)[0]
+    highest = np.log(np.sqrt(np.mean(search.innovation**2) - 0.01)) + 1.96 / np.sqrt(4800)
+    assert found.high == pytest.approx(highest, abs=0.004)
+    assert found.low == known[0].low
