@@ -7,7 +7,7 @@ import pytest
 
 from lab.analysis.errors import error_state
 from lab.analysis.verdicts import hypotheses, imu_causes, innovation_evidence
-from lab.analysis.verdicts.evidence import BLOCKS, Reference, nees_squares, state_means, usage
+from lab.analysis.verdicts.evidence import BLOCKS, Reference, state_means, usage
 from lab.analysis.verdicts.run_evidence import evidence_of
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, QUARTERS, Figure
 from lab.analysis.verdicts.verdict import judge
@@ -15,7 +15,6 @@ from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.belief import belief
-from lab.navigation.filters.error_models import VEL
 from lab.navigation.solution import Solution
 
 STEP = 0.5
@@ -36,18 +35,20 @@ def flown(duration: float, fixes: int) -> tuple[Solution, Reference]:
     return solution, Reference(truth, np.zeros((n, 6)), zero[1:], zero[1:])
 
 
-@pytest.mark.parametrize(("duration", "epochs"), [(240.0, 4), (30.0, 1)])
-def test_nees_counts_the_fixes_used_once_a_minute(duration: float, epochs: int) -> None:
+@pytest.mark.parametrize(("duration", "epochs"), [(240.0, 3), (150.0, 2.5), (30.0, 1)])
+def test_nees_counts_the_fixes_used_once_a_minute(duration: float, epochs: float) -> None:
+    """And not more often than there are fixes."""
     solution, reference = flown(duration, 4)
     solution.fix_sample[:] = 7, 9, -1, 20
     solution.velocity_n[7], solution.velocity_n[20] = (2.0, 4.0, 0.0), (0.0, 0.0, 2.0)
     solution.velocity_n[8] = 1e3  # no fix here
     used = np.array([0, 1, 3])
-    found = nees_squares(solution, used, reference, VEL)
+    means = state_means(solution, used, used, reference)
+    found = means.together(means.figures.index(Figure(NEES, "velocity")))
     assert found.total == pytest.approx(epochs * (5 + 0 + 1) / 3)
     assert found.number == 3 * epochs
-    assert nees_squares(solution, used, reference).number == 15 * epochs
-    assert nees_squares(solution, used[:0], reference).number == 0
+    assert means.together(0).number == 15 * epochs
+    assert state_means(solution, used[:0], used, reference).together(0).number == 0
 
 
 def test_between_fixes_the_position_is_judged_each_second_and_just_before_each_fix() -> None:
