@@ -21,7 +21,7 @@ from lab.analysis.imu_columns import write_imu_columns
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.kernels.compilation import entry_kernel
+from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.solution import Belief, Imu, Solution
 
 CAUSES = 4
@@ -200,7 +200,7 @@ def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
         # Most receivers have one R.
         inverse = np.linalg.inv(R[part] if (R[part] != R[first]).any() else R[first : first + 1])
         P = of_fixes(solution.fix_covariance, fixes)[part]
-        _gain(of_kernel(P), of_kernel(H[part]), inverse, used[part], K[part])
+        _gain(of_kernel(P), of_kernel(H[part]), np.asarray(inverse, np.float64), used[part], K[part])
         hold_heading(K, here, np.array([0.0, 0.0, 1.0]), solution.fix_held[fixes[here]])
     return K
 
@@ -275,14 +275,16 @@ def response(
     # The first step ends at the first fix; before it, there is no error.
     transitions = _transitions(motion, dt[:-1], solution.states, names)
     nothing = np.zeros((FIXES_AT_ONCE, solution.states, causes.shape[2]))
-    onwards = ((Phi, nothing[: len(Phi)]) for Phi in itertools.chain([np.eye(solution.states)[None]], transitions))
+    onwards = (
+        (Phi, nothing[: len(Phi)]) for Phi in itertools.chain([np.eye(solution.states)[None]], transitions)
+    )
     return respond(gains, matrices(solution, belief, fixes)[0], onwards, causes)
 
 
 def _transitions(
     motion: MotionAtFixes, dt: FloatArray, n: int, names: tuple[str, ...]
 ) -> Iterator[FloatArray]:
-    """Iterate over the transitions (k, n, n) of the error from some fixes to the next, `dt` (m,) later [s]."""
+    """Iterate over the transitions (k, n, n) of the error from some fixes to the next, `dt` later [s]."""
     for first in range(0, dt.size, FIXES_AT_ONCE):
         part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
         here, T = MotionAtFixes(*(values[part] for values in motion)), dt[part, None, None]
@@ -324,8 +326,8 @@ def respond(
     first = 0
     for transition, forced in onwards:
         part = slice(first, first + len(transition))
-        given = gains[part], H[part], transition, fixes[part], forced
-        _respond(*map(of_kernel, given), error, answer[part])
+        gain, shown, move = of_kernel(gains[part]), of_kernel(H[part]), of_kernel(transition)
+        _respond(gain, shown, move, of_kernel(fixes[part]), of_kernel(forced), error, answer[part])
         first = part.stop
     return answer
 
@@ -341,27 +343,32 @@ def _respond(
     answer: FloatArray,
 ) -> None:
     """Continue the error (n, p) after one fix to that after the last of some, and write their answers."""
-    n, p = error.shape
-    before = np.empty((n, p))
+    before = np.empty(error.shape)
     for k in range(len(gains)):
-        for i in range(n):
-            before[i] = forced[k, i]
-            for m in range(n):
-                if transition[k, i, m] != 0:
-                    for c in range(p):
-                        before[i, c] += transition[k, i, m] * error[m, c]
-        for i in range(H.shape[1]):
-            for c in range(p):
-                answer[k, i, c] = -fixes[k, i, c]
-            for m in range(n):
-                if H[k, i, m] != 0:
-                    for c in range(p):
-                        answer[k, i, c] += H[k, i, m] * before[m, c]
-        for i in range(n):
-            error[i] = before[i]
-            for m in range(H.shape[1]):
-                for c in range(p):
-                    error[i, c] -= gains[k, i, m] * answer[k, m, c]
+        _copy(forced[k], 1.0, before)
+        _add_product(transition[k], error, 1.0, before)
+        _copy(fixes[k], -1.0, answer[k])
+        _add_product(H[k], before, 1.0, answer[k])
+        _copy(before, 1.0, error)
+        _add_product(gains[k], answer[k], -1.0, error)
+
+
+@kernel
+def _copy(values: FloatArray, factor: float, out: FloatArray) -> None:
+    for i in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            out[i, c] = factor * values[i, c]
+
+
+@kernel
+def _add_product(left: FloatArray, right: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add a product of matrices, of which the left one has many zeros."""
+    for i in range(left.shape[0]):
+        for m in range(left.shape[1]):
+            entry = factor * left[i, m]
+            if entry != 0:
+                for c in range(out.shape[1]):
+                    out[i, c] += entry * right[m, c]
 
 
 def _skew(vectors: FloatArray) -> FloatArray:

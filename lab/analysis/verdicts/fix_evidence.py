@@ -181,15 +181,16 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
     """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
     times = np.clip(fixes.time[used] - late, truth.time[0], truth.time[-1])
-    truth = truth.around(times)
-    longitude = np.unwrap(truth.longitude)
+    after = np.clip(np.searchsorted(truth.time, times, side="right"), 1, truth.time.size - 1)
+    before, then = truth.taken(after - 1), truth.taken(after)
+    part = (times - before.time) / (then.time - before.time)
     there = Truth(
         time=times,
-        latitude=np.interp(times, truth.time, truth.latitude),
-        longitude=wrap(np.interp(times, truth.time, longitude)),
-        height=np.interp(times, truth.time, truth.height),
-        velocity_n=np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
-        q_nb=truth.q_nb[:0],
+        latitude=before.latitude + part * (then.latitude - before.latitude),
+        longitude=wrap(before.longitude + part * wrap(then.longitude - before.longitude)),
+        height=before.height + part * (then.height - before.height),
+        velocity_n=before.velocity_n + part[:, None] * (then.velocity_n - before.velocity_n),
+        q_nb=before.q_nb[:0],
         euler=np.zeros((0, 3)),
     )
     velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
@@ -206,7 +207,10 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
     """
     both = np.concatenate((causes, values[:, :, None]), axis=2)
     wide = both.shape[2]
-    squares, log_determinant = np.zeros((len(TIMES), wide, wide, len(RATIOS))), np.zeros((len(TIMES), len(RATIOS)))
+    squares, log_determinant = (
+        np.zeros((len(TIMES), wide, wide, len(RATIOS))),
+        np.zeros((len(TIMES), len(RATIOS))),
+    )
     _whiten(of_kernel(times), of_kernel(both), np.array(TIMES), np.array(RATIOS), squares, log_determinant)
     squares = squares.transpose(0, 3, 1, 2)
     return Fit(squares[..., :-1, :-1], squares[..., :-1, -1], squares[..., -1, -1]), log_determinant

@@ -193,10 +193,19 @@ def likelihoods(
     first = 0
     for part in steps:
         here = slice(first, first + part.transition.shape[0])
-        given = part.transition, part.noise, H[here], R[here], innovation[here], correction[here]
-        offered = Offered(*map(of_kernel, given), left[here])
+        offered = Offered(
+            of_kernel(part.transition),
+            of_kernel(part.noise),
+            of_kernel(H[here]),
+            of_kernel(R[here]),
+            of_kernel(innovation[here]),
+            of_kernel(correction[here]),
+            left[here],
+        )
         for bank in banks:
-            bank.follow(offered, np.diff(times[first : here.stop + 1]), limit, Found(*(one[here] for one in found)))
+            bank.follow(
+                offered, np.diff(times[first : here.stop + 1]), limit, Found(*(one[here] for one in found))
+            )
         first = here.stop
     np.linalg.cholesky(found.covariance)  # raises
     total = np.empty(len(tried))
@@ -224,7 +233,7 @@ class _Bank:
 
     def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
         self._count, n = len(tried), P0.shape[0]
-        tried = [*tried, *tried[-1:] * (-len(tried) % LANES)]
+        tried = [*tried, *[tried[-1]] * (-len(tried) % LANES)]
         variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])
         N = n + 3 if variance.any() else n

@@ -16,8 +16,8 @@ from lab.base.arrays import FloatArray
 from lab.navigation.kernels.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.kernels.lane_views import LANES, wide, wide_vectors
 
-CHANNELS = 6
-"""Components of a fix: position, then velocity."""
+CHANNELS, AXES = 6, 3
+"""Components of a fix: position, then velocity; and those of either."""
 PARTS = 5
 """Parts of the noise that have factors of their own; see `imu_causes.Steps`."""
 
@@ -70,7 +70,7 @@ class Found(NamedTuple):
 class Terms(NamedTuple):
     """The elements of a transition that are not zero: in each row (n,), their number and columns (n, n)."""
 
-    count: NDArray[np.int64]
+    number: NDArray[np.int64]
     column: NDArray[np.int64]
 
     @classmethod
@@ -78,6 +78,17 @@ class Terms(NamedTuple):
         """Return those of some transitions (m, n, n)."""
         some = (transition != 0).any(axis=0)
         return cls(some.sum(axis=1), np.argsort(~some, axis=1, kind="stable"))
+
+
+@inline_kernel
+def _moved(w: Any, first: int, apart: int, transition: FloatArray, i: int, terms: Terms) -> Any:
+    """Return element i of the product of the transition and the numbers from `first` on, each `apart`."""
+    total = transition[i, i] * w[first + i * apart]
+    for t in range(terms.number[i]):
+        m = terms.column[i, t]
+        if m != i:
+            total = total + transition[i, m] * w[first + m * apart]
+    return total
 
 
 @kernel
@@ -88,18 +99,8 @@ def _propagate(
     n, N = transition.shape[0], place.N
     for i in range(n):
         for j in range(N):
-            total = transition[i, i] * w[i * N + j]
-            for t in range(terms.count[i]):
-                m = terms.column[i, t]
-                if m != i:
-                    total = total + transition[i, m] * w[m * N + j]
-            w[place.PRODUCT + i * N + j] = total
-        apart = transition[i, i] * w[place.APART + i]
-        for t in range(terms.count[i]):
-            m = terms.column[i, t]
-            if m != i:
-                apart = apart + transition[i, m] * w[place.APART + m]
-        w[place.MOVED + i] = apart
+            w[place.PRODUCT + i * N + j] = _moved(w, j, N, transition, i, terms)
+        w[place.MOVED + i] = _moved(w, place.APART, 1, transition, i, terms)
     for i in range(n):
         w[place.APART + i] = w[place.MOVED + i]
     for i in range(n, N):
@@ -109,23 +110,30 @@ def _propagate(
     for i in range(N):
         row = place.PRODUCT + i * N
         for j in range(min(i + 1, n)):
-            total = transition[j, j] * w[row + j]
-            for t in range(terms.count[j]):
-                m = terms.column[j, t]
-                if m != j:
-                    total = total + transition[j, m] * w[row + m]
-            if i < n:
-                for b in range(PARTS):
-                    if noise[b, i, j] != 0:
-                        total = total + noise[b, i, j] * w[place.Q + b]
+            total = _moved(w, row, 1, transition, j, terms)
+            for b in range(PARTS if i < n else 0):
+                if noise[b, i, j] != 0:
+                    total = total + noise[b, i, j] * w[place.Q + b]
             w[i * N + j] = total
             w[j * N + i] = total
         for j in range(n, i + 1):
-            total = decay * w[row + j]
-            if i == j:
-                total = total + w[place.VARIANCE] * (1.0 - decay * decay)
-            w[i * N + j] = total
-            w[j * N + i] = total
+            w[i * N + j] = decay * w[row + j]
+            w[j * N + i] = w[i * N + j]
+    for i in range(n, N):
+        w[i * N + i] = w[i * N + i] + w[place.VARIANCE] * (1.0 - decay * decay)
+
+
+@inline_kernel
+def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int) -> Any:
+    """Return component c of the product of H and the numbers from `first` on, each `apart`."""
+    n = H.shape[1]
+    total = w[first] * H[c, 0]
+    for m in range(1, n):
+        if H[c, m] != 0:
+            total = total + w[first + m * apart] * H[c, m]
+    if n + c < N and c < AXES:  # the slow error of a position is a part of the fix
+        total = total - w[first + (n + c) * apart]
+    return total
 
 
 @kernel
@@ -133,36 +141,16 @@ def _predict(
     w: Any, place: Place, H: FloatArray, R: FloatArray, innovation: FloatArray, correction: FloatArray
 ) -> None:
     """Predict a fix, given innovation and correction of the filter that ran."""
-    n, N = correction.size, place.N
+    N = place.N
+    for i in range(N):
+        for c in range(CHANNELS):
+            w[place.SEEN + i * CHANNELS + c] = _shown(w, i * N, 1, H, c, N)
     for c in range(CHANNELS):
-        # A slow error of the position is measured with a minus sign.
-        slow = n + c if n + c < N and c < 3 else -1
-        for i in range(N):
-            total = w[i * N] * H[c, 0]
-            for m in range(1, n):
-                if H[c, m] != 0:
-                    total = total + w[i * N + m] * H[c, m]
-            if slow >= 0:
-                total = total - w[i * N + slow]
-            w[place.SEEN + i * CHANNELS + c] = total
-    for c in range(CHANNELS):
-        slow = n + c if n + c < N and c < 3 else -1
         for d in range(c + 1):
-            total = w[place.RATIO + c] * w[place.RATIO + d] * R[c, d]
-            for i in range(n):
-                if H[c, i] != 0:
-                    total = total + w[place.SEEN + i * CHANNELS + d] * H[c, i]
-            if slow >= 0:
-                total = total - w[place.SEEN + slow * CHANNELS + d]
-            w[place.S + c * CHANNELS + d] = total
-        nu = innovation[c] - w[place.APART] * H[c, 0]
-        for i in range(1, n):
-            if H[c, i] != 0:
-                nu = nu - w[place.APART + i] * H[c, i]
-        if slow >= 0:
-            nu = nu + w[place.APART + slow]
-        w[place.INNOVATION + c] = nu
-    for i in range(n):
+            noise = w[place.RATIO + c] * w[place.RATIO + d] * R[c, d]
+            w[place.S + c * CHANNELS + d] = noise + _shown(w, place.SEEN + d, CHANNELS, H, c, N)
+        w[place.INNOVATION + c] = innovation[c] - _shown(w, place.APART, 1, H, c, N)
+    for i in range(correction.size):
         w[place.APART + i] = w[place.APART + i] - correction[i]
 
 
@@ -261,7 +249,7 @@ def _square_of_three(nu: FloatArray, S: FloatArray, at: int) -> float:
     x = nu[at]
     y = nu[at + 1] - d / a * x
     z = nu[at + 2] - e / a * x - f / b * y
-    return x * x / a + y * y / b + z * z / c
+    return float(x * x / a + y * y / b + z * z / c)
 
 
 @entry_kernel

@@ -413,5 +413,7 @@ def suspicious(found: Innovations) -> bool:
 def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
     """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
     m = normalised.shape[0]
-    lagged = np.array([np.einsum("mc,mc->c", normalised[k:], normalised[: max(m - k, 0)]) for k in range(1 + LAGS)])
+    lagged = np.array(
+        [np.einsum("mc,mc->c", normalised[k:], normalised[: max(m - k, 0)]) for k in range(1 + LAGS)]
+    )
     return Squares(lagged[0], np.full(MEASUREMENTS, float(m))), normalised.sum(axis=0), lagged[1:]
