@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis import fix_causes
 from lab.analysis.verdicts import fix_evidence as module
-from lab.analysis.verdicts.evidence import Evidence, Reference, Squares, evidence
+from lab.analysis.verdicts.evidence import Evidence, Reference, evidence
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES
 from lab.analysis.verdicts.innovation_evidence import offered
 from lab.analysis.verdicts.innovation_verdict import Explanation, _preferred
@@ -294,8 +294,7 @@ def one() -> Evidence:
 )
 def test_what_no_cause_explains_is_still_said(one, mean, direction, words):
     wrong = replace(one.states, means=Kept(mean * np.ones_like(one.states.means.values)))
-    nees = Squares(np.array(50 * mean), np.array(50.0))
-    finding = judge(replace(one, nees=nees, states=wrong)).findings[0]
+    finding = judge(replace(one, states=wrong)).findings[0]
     assert (finding.quantity, finding.direction) == ("NEES", direction)
     assert finding.factor == pytest.approx(4)
     assert words in finding.sentence

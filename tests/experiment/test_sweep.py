@@ -264,6 +264,7 @@ def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Pa
     some.to_csv(tmp_path / "some.csv")
     table = pd.read_csv(tmp_path / "some.csv")
     assert table["nis"].isna().sum() == some.missing
+    sweeping.KEPT.clear()
     with pytest.raises(StoppedError, match="before the first of 12 runs"):
         sweeping.sweep(small(), values, 3, None, 1, cancelled=lambda: True)
 

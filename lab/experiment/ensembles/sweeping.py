@@ -174,11 +174,14 @@ class _Done:
         if found:
             self._report()
 
+    def keep(self, block: Block, numbers: Sequence[Numbers]) -> None:
+        """Keep the numbers of a block in the cache, from any thread: they are there if the sweep ends now."""
+        for seed, one in zip(block.seeds, numbers, strict=True):
+            keep(self._tasks[block.point, seed], one)
+
     def add(self, block: Block, numbers: Sequence[Numbers]) -> None:
         """Add the numbers of a block, and tell of it."""
-        for seed, one in zip(block.seeds, numbers, strict=True):
-            self.found[block.point, seed] = one
-            keep(self._tasks[block.point, seed], one)
+        self.found |= {(block.point, seed): one for seed, one in zip(block.seeds, numbers, strict=True)}
         if time.monotonic() > self._reported + REPORT_EVERY or len(self.found) == len(self._tasks):
             self._report()
 
@@ -235,11 +238,17 @@ def run_on_threads(
     """Run blocks on the threads of this computer."""
     pool, room = ThreadPoolExecutor(threads, thread_name_prefix="sweep"), threading.local()
     left, running = deque(blocks), dict[Future[list[Numbers]], Block]()
+
+    def work(block: Block) -> list[Numbers]:
+        numbers = run_block(points[block.point], block, room)
+        done.keep(block, numbers)
+        return numbers
+
     try:
         while (left or running) and not is_cancelled():
             while left and len(running) < 2 * threads:
                 block = left.popleft()
-                running[pool.submit(run_block, points[block.point], block, room)] = block
+                running[pool.submit(work, block)] = block
             for future in wait(running, ASKED_EVERY, FIRST_COMPLETED).done:
                 done.add(running.pop(future), future.result())
     finally:
@@ -273,6 +282,7 @@ def run_on_cluster(
 
     def add(index: int, numbers: list[list[Numbers]]) -> None:
         for block, own in zip(shares[index], numbers, strict=True):
+            done.keep(block, own)
             done.add(block, own)
 
     ended = cluster.run_pieces(
