@@ -80,6 +80,8 @@ def _whiten(values: FloatArray, P: FloatArray, least: float) -> bool:
     root, per, scale = np.empty((n, n)), np.empty(n), np.empty(n)
     for e in range(P.shape[0]):
         for i in range(n):
+            if not P[e, i, i] > 0:
+                return False
             scale[i] = 1 / math.sqrt(P[e, i, i])
             diagonal = 1.0
             for j in range(i):

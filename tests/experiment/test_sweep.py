@@ -17,6 +17,7 @@ from sensor_logs import tables, write
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles import sweeping
+from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.ensembles.swept_values import dim_of
 from lab.experiment.experiment import Experiment
@@ -239,6 +240,38 @@ def test_a_fast_sweep_is_one_with_the_fast_rate() -> None:
     assert experiment.sweep(smoothed, 1, fast=True).dataset.equals(experiment.sweep(smoothed, 1).dataset)
     with pytest.raises(SettingError, match=r"navigator\.filter_rate: is swept; accepted without fast"):
         experiment.sweep({"navigator.filter_rate": [10.0, 20.0]}, 1, fast=True)
+
+
+def test_a_large_sweep_runs_seeds_abreast_where_an_ensemble_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its numbers are those of runs alone; a smoothed run is alone, and a point that is refused says why."""
+    experiment = small()
+    experiment.trajectory.imu_rate = 50
+    values = {"navigator.smoother": [False, True], "navigator.model": ["phi", "nonlinear"]}
+    sweeping.KEPT.clear()
+    alone = experiment.sweep(values, 3)
+    abreast: list[tuple[int, ...]] = []
+    figures = SeedLanes.figures
+
+    def counted(self: SeedLanes, seeds: tuple[int, ...]) -> Iterator[Any]:
+        abreast.append(seeds)
+        return figures(self, seeds)
+
+    monkeypatch.setattr(SeedLanes, "figures", counted)
+    for limit in ("FEW", "MANY"):
+        monkeypatch.setattr(sweeping, limit, 12)
+    sweeping.KEPT.clear()
+    some = experiment.sweep(values, 3)
+    assert abreast == [(4, 5, 6)]
+    assert some.refused == alone.refused
+    for name in alone.dataset.data_vars:
+        np.testing.assert_allclose(some.dataset[name], alone.dataset[name], rtol=1e-7)
+    # What is in the cache is not done again, and the rest does not depend on it.
+    abreast.clear()
+    more = experiment.sweep(values, 5)
+    assert abreast == [(7, 8)]
+    sweeping.KEPT.clear()
+    again = experiment.sweep(values, 5).dataset.isel(smoother=0, model=0)
+    assert again.equals(more.dataset.isel(smoother=0, model=0))
 
 
 def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Path) -> None:
