@@ -145,7 +145,7 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
     independent: list[float] = []
     length = max(span[1] - span[0], 1e-9)
     for one in series:
-        at = np.minimum((one.time - span[0]) / length * len(QUARTERS), len(QUARTERS) - 1).astype(int)
+        at = np.clip((one.time - span[0]) / length * len(QUARTERS), 0, len(QUARTERS) - 1).astype(int)
         count, squares, degrees = (
             np.bincount(at, values, len(QUARTERS)) for values in (None, one.squares, one.degrees)
         )

@@ -56,6 +56,8 @@ NUMBERS = 3 * WIDE + 5
 SHARES, LEAST_SHARE, LARGEST_SHARE = 64, 4, 64
 """Number of shares that the runs of a sweep are cut into for a cluster, and the fewest and most runs in each:
 some 0.2 to 5 s of work."""
+FEWEST_SEEDS = 3
+"""Fewest seeds that are run abreast: eight abreast take as long as one or two alone."""
 REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
 STOPPED = "not done, because the sweep was stopped"
@@ -205,7 +207,9 @@ def blocks_of(
     Runs alone with the same seed follow one another, because they share the stages before the swept setting.
     """
     count = len(points) * len(seeds)
-    abreast = [count >= FEW and len(seeds) > 1 and _can_run_abreast(one, count >= MANY) for one in points]
+    abreast = [
+        count >= FEW and len(seeds) >= FEWEST_SEEDS and _can_run_abreast(one, count >= MANY) for one in points
+    ]
     blocks = [
         Block(index, (seed,), abreast=False)
         for seed in seeds
