@@ -149,13 +149,14 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
         count, squares, degrees = (
             np.bincount(at, values, len(QUARTERS)) for values in (None, one.squares, one.degrees)
         )
-        parts = [("", int(count.sum()), squares.sum(), degrees.sum(), length)]
+        parts = [("", count.sum(), squares.sum(), degrees.sum(), length)]
         if one.quartered:
             lasting = length / len(QUARTERS)
             parts += [(*each, lasting) for each in zip(QUARTERS, count, squares, degrees, strict=True)]
-        for name, number, total, free, lasting in parts:
+        for name, number, total, freedom, lasting in parts:
             figures.append(one.figure._replace(quarter=name))
-            means.append(total / free if free else np.nan)
+            free = float(freedom)
+            means.append(float(total) / free if free else np.nan)
             most = max(1.0, lasting / one.apart) if one.apart else np.inf
             independent.append(min(free, most * free / max(int(number), 1)))
     return RunMeans(tuple(figures), Kept(np.array(means)[None]), Kept(np.array(independent)[None]))
