@@ -293,10 +293,10 @@ def run_on_cluster(
         client,
         cluster.Parcel.of(points),
         run_share,
-        [(share,) for share in shares],
+        [(tuple(share),) for share in shares],
         add,
         tell=done.tell,
-        warming=([blocks[0]],),
+        warming=((blocks[0],),),
         cancelled=cancelled,
     )
     if ended:
