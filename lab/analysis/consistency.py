@@ -7,14 +7,16 @@ Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracki
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
+from lab.navigation.kernels.compilation import entry_kernel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,41 +48,70 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     if not np.isfinite(covariances).all():
         return np.full(vectors.shape[0], np.nan)
     used = uncertain(covariances)
-    # One part even without an epoch.
-    parts = [slice(first, first + AT_ONCE) for first in range(0, max(vectors.shape[0], 1), AT_ONCE)]
-
-    def squares(inverted: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
-        found = []
-        for part in parts:
-            P, v = covariances[part][:, used[:, None], used], vectors[part][:, used]
-            # Scaled to unit diagonal, because mixing metres and rad/s gives a bad condition number.
-            sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-            P /= sigma[:, :, None] * sigma[:, None, :]
-            found.append(inverted(v / sigma, P))
-        return np.concatenate(found)
-
-    try:
-        return squares(_by_root)
-    except np.linalg.LinAlgError:
-        return squares(_by_pseudoinverse)
+    if used.size < vectors.shape[1]:
+        vectors, covariances = vectors[:, used], covariances[:, used[:, None], used]
+    white = whitened(vectors[:, :, None], covariances, SINGULAR)
+    return _by_pseudoinverse(vectors, covariances) if white is None else np.sum(white[:, :, 0] ** 2, axis=1)
 
 
-def _by_root(v: FloatArray, P: FloatArray) -> FloatArray:
-    """Return vᵀ P⁻¹ v of each epoch; raise `LinAlgError` if a P is singular."""
-    root = np.linalg.cholesky(P)
-    if (np.diagonal(root, axis1=1, axis2=2) < SINGULAR).any():
-        raise np.linalg.LinAlgError
-    # Forward substitution in all epochs at once; `np.linalg.solve` does not know that a root is triangular.
-    columns, white = root.T.copy(), v.T.copy()
-    for k in range(white.shape[0]):
-        white[k] /= columns[k, k]
-        white[k + 1 :] -= columns[k, k + 1 :] * white[k]
-    return np.asarray(np.einsum("im,im->m", white, white))
+def whitened(values: FloatArray, covariances: FloatArray, least: float = 0.0) -> FloatArray | None:
+    """Return L⁻¹ v (m, n, k) of values with covariances L Lᵀ; None if one is not positive definite.
+
+    Parameters
+    ----------
+    values : (m, n, k) array
+        Of each epoch, k vectors.
+    covariances : (m, n, n) array
+        Their covariances.
+    least
+        Smallest σ that may remain of a component beside the others, in its own σ.
+    """
+    white = np.array(values, dtype=np.float64, order="C")
+    return white if _whiten(white, of_kernel(covariances), least * least) else None
 
 
-def _by_pseudoinverse(v: FloatArray, P: FloatArray) -> FloatArray:
-    inverse = np.linalg.pinv(P, rcond=SINGULAR**2, hermitian=True)
-    return np.asarray(np.einsum("mi,mij,mj->m", v, inverse, v))
+@entry_kernel
+def _whiten(values: FloatArray, P: FloatArray, least: float) -> bool:
+    """Divide values (m, n, k) by the roots of P (m, n, n); return whether all of these have one.
+
+    Each P is scaled to unit diagonal, because mixing metres and rad/s gives a bad condition number.
+    """
+    n = P.shape[1]
+    root, per, scale = np.empty((n, n)), np.empty(n), np.empty(n)
+    for e in range(P.shape[0]):
+        for i in range(n):
+            if not P[e, i, i] > 0:
+                return False
+            scale[i] = 1 / math.sqrt(P[e, i, i])
+            diagonal = 1.0
+            for j in range(i):
+                entry = P[e, i, j] * scale[i] * scale[j]
+                for m in range(j):
+                    entry -= root[i, m] * root[j, m]
+                root[i, j] = entry * per[j]
+                diagonal -= root[i, j] * root[i, j]
+            if not diagonal > least:
+                return False
+            per[i] = 1 / math.sqrt(diagonal)
+            for c in range(values.shape[2]):
+                rest = values[e, i, c] * scale[i]
+                for m in range(i):
+                    rest -= root[i, m] * values[e, m, c]
+                values[e, i, c] = rest * per[i]
+    return True
+
+
+def _by_pseudoinverse(vectors: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Return vᵀ P⁻¹ v of each epoch, some thousand epochs at a time."""
+    found = []
+    for first in range(0, len(vectors), AT_ONCE):
+        v, P = vectors[first : first + AT_ONCE], covariances[first : first + AT_ONCE]
+        sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        inverse = np.linalg.pinv(
+            P / (sigma[:, :, None] * sigma[:, None, :]), rcond=SINGULAR**2, hermitian=True
+        )
+        found.append(np.einsum("mi,mij,mj->m", v / sigma, inverse, v / sigma))
+    return np.concatenate(found)
 
 
 def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
@@ -88,6 +119,7 @@ def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
 
 
+@functools.lru_cache(maxsize=1024)
 def chi_square_interval(degrees: float, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a χ² variable averaged over runs (5.4.2-5 to 5.4.2-9)."""
     tail = (1 - probability) / 2

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.imu_columns import write_imu_columns
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.solution import Belief, Imu, Solution
 
 CAUSES = 4
@@ -194,11 +195,33 @@ def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
     for first in range(0, fixes.size, FIXES_AT_ONCE):
-        part = first + np.flatnonzero(used[first : first + FIXES_AT_ONCE])
-        P = solution.fix_covariance[fixes[part]]
-        K[part] = P @ H[part].transpose(0, 2, 1) @ np.linalg.inv(R[part])
-        hold_heading(K, part, np.array([0.0, 0.0, 1.0]), solution.fix_held[fixes[part]])
+        part = slice(first, first + FIXES_AT_ONCE)
+        here = first + np.flatnonzero(used[part])
+        own, inverse = R[here], np.zeros((1, 6, 6))
+        if here.size and (own == own[0]).all():  # as of most receivers
+            inverse = np.asarray(np.linalg.inv(own[:1]))
+        elif here.size:
+            inverse = np.zeros((used[part].size, 6, 6))
+            inverse[here - first] = np.linalg.inv(own)
+        P = of_fixes(solution.fix_covariance, fixes)[part]
+        _gain(of_kernel(P), of_kernel(H[part]), of_kernel(inverse), used[part], K[part])
+        hold_heading(K, here, np.array([0.0, 0.0, 1.0]), solution.fix_held[fixes[here]])
     return K
+
+
+@entry_kernel
+def _gain(P: FloatArray, H: FloatArray, inverse: FloatArray, used: NDArray[np.bool_], K: FloatArray) -> None:
+    """Add P Hᵀ R⁻¹ to gains (m, n, 6) of used fixes; there is one inverse of R for all, or one for each."""
+    for k in range(len(K)):
+        at = min(k, len(inverse) - 1)
+        for m in range(P.shape[1]) if used[k] else range(0):
+            for c in range(H.shape[1]):
+                weight = 0.0
+                for d in range(H.shape[1]):
+                    weight += H[k, d, m] * inverse[at, d, c]
+                if weight != 0:
+                    for i in range(P.shape[1]):
+                        K[k, i, c] += P[k, i, m] * weight
 
 
 def hold_heading(K: FloatArray, part: NDArray[np.intp], vertical: FloatArray, held: FloatArray) -> None:
@@ -252,43 +275,44 @@ def response(
     names
         The further blocks of the filter.
     """
-    n, m = solution.states, fixes.size
     dt = np.diff(time[samples], append=time[-1])
     # The first step ends at the first fix; before it, there is no error.
-    transition = itertools.chain([np.eye(n)], _transitions(motion, dt[:-1], n, names))
-    return respond(
-        gains,
-        matrices(solution, belief, fixes)[0],
-        transition,
-        causes,
-        np.zeros((m, n, causes.shape[2])),
+    transitions = _transitions(motion, dt[:-1], solution.states, names)
+    nothing = np.zeros((FIXES_AT_ONCE, solution.states, causes.shape[2]))
+    onwards = (
+        (Phi, nothing[: len(Phi)]) for Phi in itertools.chain([np.eye(solution.states)[None]], transitions)
     )
+    return respond(gains, matrices(solution, belief, fixes)[0], onwards, causes)
 
 
 def _transitions(
     motion: MotionAtFixes, dt: FloatArray, n: int, names: tuple[str, ...]
 ) -> Iterator[FloatArray]:
-    """Iterate over the transitions (n, n) of the error from each fix to the next, `dt` (m,) later [s]."""
+    """Iterate over the transitions (k, n, n) of the error from some fixes to the next, `dt` later [s]."""
     for first in range(0, dt.size, FIXES_AT_ONCE):
         part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
-        here = MotionAtFixes(*(values[part] for values in motion))
-        F = np.zeros((part.stop - first, n, n))
-        F[:, POS, VEL] = np.eye(3)
-        F[:, VEL, ATT] = _skew(here.force_n)
-        F[:, VEL, ACCEL_BIAS] = -here.C_nb
-        F[:, ATT, GYRO_BIAS] = here.C_nb
+        here, T = MotionAtFixes(*(values[part] for values in motion)), dt[part, None, None]
+        step = np.zeros((part.stop - first, n, n))
+        step[:, POS, VEL] = np.eye(3)
+        step[:, VEL, ATT] = _skew(here.force_n)
+        step[:, VEL, ACCEL_BIAS] = -here.C_nb
+        step[:, ATT, GYRO_BIAS] = here.C_nb
         force_b = np.einsum("mji,mj->mi", here.C_nb, here.force_n)
-        write_imu_columns(F, names, here.C_nb, here.rate_b, force_b)
-        step = F * dt[part, None, None]
-        yield from np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
+        write_imu_columns(step, names, here.C_nb, here.rate_b, force_b)
+        step *= T
+        # The exponential has no more terms: velocity changes by attitude, and position by velocity.
+        turning = step[:, VEL, ATT] @ step[:, ATT]
+        faster = step[:, VEL] / 2 + turning / 6
+        step[:, VEL] += turning / 2
+        step[:, POS] += T * faster
+        yield np.eye(n) + step
 
 
 def respond(
     gains: FloatArray,
     H: FloatArray,
-    transition: Iterable[FloatArray],
+    onwards: Iterable[tuple[FloatArray, FloatArray]],
     fixes: FloatArray,
-    forced: Iterable[FloatArray],
 ) -> FloatArray:
     """Return the response of the innovations (m, 6, p) to causes.
 
@@ -296,28 +320,59 @@ def respond(
     ----------
     gains, H : (m, n, 6), (m, 6, n) arrays
         Of the fixes.
-    transition : (m, n, n) array, or m matrices
-        Transition of the error to each fix from the previous one.
+    onwards
+        Of some fixes after the others: transition (k, n, n) of the error to each fix from the previous one,
+        and what the causes add (k, n, p) in between.
     fixes : (m, 6, p) array
         Error of each fix per unit of each cause.
-    forced : (m, n, p) array, or m matrices
-        Error that the causes add between the previous fix and each fix.
     """
-    count, states = fixes.shape[0], gains.shape[1]
-    error, answer = np.zeros((states, fixes.shape[2])), np.empty(fixes.shape)
-    ahead, added = iter(transition), iter(forced)
-    for first in range(0, count, FIXES_AT_ONCE):
-        part = slice(first, min(first + FIXES_AT_ONCE, count))
-        onwards, force = (np.array(list(itertools.islice(one, part.stop - first))) for one in (ahead, added))
-        kept = np.eye(states) - gains[part] @ H[part]
-        # From after one fix to after the next: one product remains in the loop over fixes.
-        closed, source = kept @ onwards, kept @ force + gains[part] @ fixes[part]
-        before = np.empty(force.shape)
-        for k in range(part.stop - first):
-            before[k] = error
-            error = closed[k] @ error + source[k]
-        answer[part] = H[part] @ (onwards @ before + force) - fixes[part]
+    error, answer = np.zeros((gains.shape[1], fixes.shape[2])), np.empty(fixes.shape)
+    first = 0
+    for transition, forced in onwards:
+        part = slice(first, first + len(transition))
+        gain, shown, move = of_kernel(gains[part]), of_kernel(H[part]), of_kernel(transition)
+        _respond(gain, shown, move, of_kernel(fixes[part]), of_kernel(forced), error, answer[part])
+        first = part.stop
     return answer
+
+
+@entry_kernel
+def _respond(
+    gains: FloatArray,
+    H: FloatArray,
+    transition: FloatArray,
+    fixes: FloatArray,
+    forced: FloatArray,
+    error: FloatArray,
+    answer: FloatArray,
+) -> None:
+    """Continue the error (n, p) after one fix to that after the last of some, and write their answers."""
+    before = np.empty(error.shape)
+    for k in range(len(gains)):
+        _copy(forced[k], 1.0, before)
+        _add_product(transition[k], error, 1.0, before)
+        _copy(fixes[k], -1.0, answer[k])
+        _add_product(H[k], before, 1.0, answer[k])
+        _copy(before, 1.0, error)
+        _add_product(gains[k], answer[k], -1.0, error)
+
+
+@kernel
+def _copy(values: FloatArray, factor: float, out: FloatArray) -> None:
+    for i in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            out[i, c] = factor * values[i, c]
+
+
+@kernel
+def _add_product(left: FloatArray, right: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add a product of matrices, of which the left one has many zeros."""
+    for i in range(left.shape[0]):
+        for m in range(left.shape[1]):
+            entry = factor * left[i, m]
+            if entry != 0:
+                for c in range(out.shape[1]):
+                    out[i, c] += entry * right[m, c]
 
 
 def _skew(vectors: FloatArray) -> FloatArray:

@@ -47,6 +47,7 @@ def warm(
             progress(
                 _describe(found[done]) if done < len(found) else "error budget, many seeds", done / len(found)
             )
+        fresh.apply(variants.compile_verdict)
         fresh.apply(variants.compile_budget)
         fresh.apply(variants.compile_lanes)
     print(f"The filter is compiled for {usable} of {len(found)} combinations; the others are not accepted.")

@@ -32,9 +32,10 @@ class Sweep(NotebookCard):
     dataset : xarray.Dataset
         Dimensions: one for each swept setting, named by the end of its path, such as ``noise_density``;
         ``seed``; ``quantity``, whose coordinate ``unit`` has the units. Variables: ``rms`` and ``max`` of the
-        errors over each whole flight, ``sigma``, the root mean square of σ of the filter, ``nees`` and
-        ``nis``, averaged over the fixes, with their expected values ``nees_degrees`` and ``nis_degrees``, and
-        ``horizontal_95``, which 95 % of the horizontal position errors do not exceed.
+        errors along each flight, ten times a second as in an ensemble, ``sigma``, the root mean square of σ
+        of the filter there, ``nees`` and ``nis``, averaged over the fixes, with their expected values
+        ``nees_degrees`` and ``nis_degrees``, and ``horizontal_95``, which 95 % of the horizontal position
+        errors do not exceed.
         What is unknown is NaN.
     refused : tuple of str
         The reasons why runs have no values, each with the number of such runs; their values are NaN.

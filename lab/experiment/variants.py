@@ -77,6 +77,13 @@ def compile_lanes() -> None:
         list(lanes.measure((experiment.seed,)))
 
 
+def compile_verdict() -> None:
+    """Compile what a verdict needs, with the explanation of innovations that are too large, or load it."""
+    experiment = Experiment()
+    experiment.update({"trajectory.imu_rate": IMU_RATE, "navigator.r_scale": 0.3})
+    _ = experiment.run().verdict
+
+
 def compile_budget() -> None:
     """Compile the transition of the error budget, which has one variant, or load it."""
     experiment = Experiment()

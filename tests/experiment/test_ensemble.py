@@ -19,7 +19,8 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
-from lab.experiment.ensembles.seeds import _keep, run_ensemble
+from lab.experiment.ensembles.run_at_fixes import kept_of
+from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
@@ -156,7 +157,7 @@ def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
     short = Experiment(mission="los_angeles")
     gap = Experiment(mission="los_angeles")
     gap.set("sensors.gps.outages", [[9.5, 12.5]])
-    runs = [_keep(short.run()), _keep(gap.run())]
+    runs = [kept_of(short.run()), kept_of(gap.run())]
     for order in (runs, runs[::-1]):  # the epochs of the second run are new, or are not
         collected = Collected()
         for run in order:

@@ -17,7 +17,9 @@ from sensor_logs import tables, write
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles import sweeping
+from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
+from lab.experiment.ensembles.swept_values import dim_of
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import MissionError
@@ -174,7 +176,7 @@ def test_a_sensor_log_is_swept_with_one_run_and_its_errors_may_be_unknown(tmp_pa
 
 def test_two_settings_with_the_same_name_have_dimensions_of_their_own() -> None:
     paths = ["sensors.gyro.bias", "sensors.accelerometer.bias", "sensors.gps.period"]
-    assert [sweeping.dim_of(path, dict.fromkeys(paths)) for path in paths] == [
+    assert [dim_of(path, dict.fromkeys(paths)) for path in paths] == [
         "gyro_bias",
         "accelerometer_bias",
         "period",
@@ -240,6 +242,38 @@ def test_a_fast_sweep_is_one_with_the_fast_rate() -> None:
         experiment.sweep({"navigator.filter_rate": [10.0, 20.0]}, 1, fast=True)
 
 
+def test_a_large_sweep_runs_seeds_abreast_where_an_ensemble_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its numbers are those of runs alone; a smoothed run is alone, and a point that is refused says why."""
+    experiment = small()
+    experiment.trajectory.imu_rate = 50
+    values = {"navigator.smoother": [False, True], "navigator.model": ["phi", "nonlinear"]}
+    sweeping.KEPT.clear()
+    alone = experiment.sweep(values, 3)
+    abreast: list[tuple[int, ...]] = []
+    figures = SeedLanes.figures
+
+    def counted(self: SeedLanes, seeds: tuple[int, ...]) -> Iterator[Any]:
+        abreast.append(seeds)
+        return figures(self, seeds)
+
+    monkeypatch.setattr(SeedLanes, "figures", counted)
+    for limit in ("FEW", "MANY"):
+        monkeypatch.setattr(sweeping, limit, 12)
+    sweeping.KEPT.clear()
+    some = experiment.sweep(values, 3)
+    assert abreast == [(4, 5, 6)]
+    assert some.refused == alone.refused
+    for name in alone.dataset.data_vars:
+        np.testing.assert_allclose(some.dataset[name], alone.dataset[name], rtol=1e-7)
+    # What is in the cache is not done again, and the rest does not depend on it.
+    abreast.clear()
+    more = experiment.sweep(values, 5)
+    assert abreast == [(7, 8)]
+    sweeping.KEPT.clear()
+    again = experiment.sweep(values, 5).dataset.isel(smoother=0, model=0)
+    assert again.equals(more.dataset.isel(smoother=0, model=0))
+
+
 def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Path) -> None:
     sweeping.KEPT.clear()
     done: list[float] = []
@@ -263,6 +297,7 @@ def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Pa
     some.to_csv(tmp_path / "some.csv")
     table = pd.read_csv(tmp_path / "some.csv")
     assert table["nis"].isna().sum() == some.missing
+    sweeping.KEPT.clear()
     with pytest.raises(StoppedError, match="before the first of 12 runs"):
         sweeping.sweep(small(), values, 3, None, 1, cancelled=lambda: True)
 

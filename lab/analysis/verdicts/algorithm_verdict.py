@@ -14,7 +14,7 @@ import numpy as np
 from lab.analysis import consistency
 from lab.analysis.verdicts import limits, verdict
 from lab.analysis.verdicts.agreement import FigureWording, judge_agreement
-from lab.analysis.verdicts.evidence import Evidence, Reference, nees_squares, state_means, usage
+from lab.analysis.verdicts.evidence import Evidence, Reference, state_means, usage
 from lab.analysis.verdicts.finding import (
     NOTHING,
     Verdict,
@@ -70,11 +70,7 @@ def algorithm_evidence(
     if not has_covariance or reference is None:
         return found
     samples = np.maximum(solution.fix_sample[used], 0)
-    return replace(
-        found,
-        nees=nees_squares(solution, used, reference),
-        states=state_means(solution, used, samples, reference),
-    )
+    return replace(found, states=state_means(solution, used, samples, reference))
 
 
 def judge(evidence: Evidence) -> Verdict:

@@ -98,7 +98,6 @@ __all__ = [
     "Squares",
     "Usage",
     "evidence",
-    "nees_squares",
     "usage",
 ]
 
@@ -151,8 +150,6 @@ class Evidence(Sum):
         Errors of gyros and accelerometers; needs the truth.
     start : Squares or None
         Initial error relative to P0, for all states (first) and each of `BLOCKS`.
-    nees : Squares or None
-        Sum of NEES and its degrees of freedom, reduced for its correlation in time.
     states : RunMeans or None
         Mean NEES of all states and of each group of them after the fixes, and of the position on the time
         grid, once a second, and just before the fixes, where outages show; needs the truth.
@@ -169,7 +166,6 @@ class Evidence(Sum):
     fixes: FixErrors | None = None
     sensors: SensorErrors | None = None
     start: Squares | None = None
-    nees: Squares | None = None
     states: RunMeans | None = None
     linearity: Linearity | None = None
     aids: Squares = field(default_factory=lambda: Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES))))
@@ -178,6 +174,11 @@ class Evidence(Sum):
     def means(self) -> RunMeans:
         """Mean NEES, if the truth is known, and mean NIS."""
         return self.innovations.means if self.states is None else self.states.beside(self.innovations.means)
+
+    @property
+    def nees(self) -> Squares | None:
+        """Sum of NEES of all states and its degrees of freedom, reduced for its correlation in time."""
+        return None if self.states is None else self.states.together(0)
 
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
@@ -277,7 +278,6 @@ def evidence(
         sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,
         start=_start(solution, belief, reference),
         states=state_means(shown, used, samples, reference),
-        nees=nees_squares(shown, used, reference),
     )
 
 
@@ -322,23 +322,6 @@ def _inverse(P0: bytes) -> tuple[FloatArray, float]:
     scales = scale[:, None] * scale
     inverse = np.linalg.pinv(P * scales, rcond=consistency.SINGULAR**2, hermitian=True) * scales
     return inverse, float(np.linalg.matrix_rank(P * scales))
-
-
-def nees_squares(
-    solution: Solution, used: NDArray[np.intp], reference: Reference, block: slice = slice(None)
-) -> Squares:
-    """Return NEES of a block of states after the used fixes.
-
-    It changes slowly, so a flight counts as one epoch for each `SETTLING` seconds.
-    """
-    if not used.size:
-        return Squares(np.zeros(()), np.zeros(()))
-    at = solution.fix_sample[used]
-    x = _errors(solution, at, reference)
-    P = of_fixes(solution.fix_covariance, used)[:, block, block]
-    nees = consistency.normalised_squares(x[:, block], P)
-    epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
-    return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
 
 
 def state_means(

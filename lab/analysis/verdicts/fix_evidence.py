@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
-from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import POS, VEL
+from lab.navigation.kernels.compilation import entry_kernel
 from lab.navigation.solution import Belief, Fixes
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
@@ -30,8 +30,6 @@ CAPPED = 10.8
 """Square of a variable of unit variance that one in 1,000 exceeds."""
 NONLINEAR = 0.05
 """Smallest latency for which the fixes are compared with an earlier truth [s]."""
-STRETCH = 200
-"""Number of fixes that are treated as correlated; longer records are cut, so that the work grows linearly."""
 
 
 @dataclass(frozen=True)
@@ -183,15 +181,16 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
     """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
     times = np.clip(fixes.time[used] - late, truth.time[0], truth.time[-1])
-    truth = truth.around(times)
-    longitude = np.unwrap(truth.longitude)
+    after = np.clip(np.searchsorted(truth.time, times, side="right"), 1, truth.time.size - 1)
+    before, then = truth.taken(after - 1), truth.taken(after)
+    part = (times - before.time) / (then.time - before.time)
     there = Truth(
         time=times,
-        latitude=np.interp(times, truth.time, truth.latitude),
-        longitude=wrap(np.interp(times, truth.time, longitude)),
-        height=np.interp(times, truth.time, truth.height),
-        velocity_n=np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
-        q_nb=truth.q_nb[:0],
+        latitude=before.latitude + part * (then.latitude - before.latitude),
+        longitude=wrap(before.longitude + part * wrap(then.longitude - before.longitude)),
+        height=before.height + part * (then.height - before.height),
+        velocity_n=before.velocity_n + part[:, None] * (then.velocity_n - before.velocity_n),
+        q_nb=before.q_nb[:0],
         euler=np.zeros((0, 3)),
     )
     velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
@@ -203,32 +202,56 @@ def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> 
 def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple[Fit, FloatArray]:
     """Return normal equations and log-determinants under each correlation time and variance ratio.
 
-    The covariance of the values at t and t' is δ(t − t') + ratio exp(−|t − t'| / time).
+    The covariance of the values at t and t' is δ(t − t') + ratio exp(−|t − t'| / time): the correlated part
+    is a process of first order, which a scalar Kalman filter follows.
     """
-    shape = (len(TIMES), len(RATIOS))
-    fit = Fit(np.zeros((*shape, CAUSES, CAUSES)), np.zeros((*shape, CAUSES)), np.zeros(shape))
-    log_determinant = np.zeros(shape)
-    ratios = np.array(RATIOS)
-    both, wide = np.concatenate((causes, values[:, :, None]), axis=2), causes.shape[2] + 1
-    for first in range(0, times.size, STRETCH):
-        part = slice(first, first + STRETCH)
-        since = times[part] - times[first]
-        for at, correlation_time in enumerate(TIMES):
-            power, basis = correlation_spectrum(since.tobytes(), correlation_time)
-            weight = 1 / (1 + ratios[:, None] * power)
-            a = (basis.T @ both[part].reshape(since.size, -1)).reshape(since.size, -1, wide)
-            squares = weight @ (a.transpose(0, 2, 1) @ a).reshape(since.size, -1)
-            squares = squares.reshape(-1, wide, wide)
-            fit.matrix[at] += squares[:, :-1, :-1]
-            fit.vector[at] += squares[:, :-1, -1]
-            fit.squares[at] += squares[:, -1, -1]
-            log_determinant[at] -= values.shape[1] * np.sum(np.log(weight), axis=1)
-    return fit, log_determinant
+    both = np.concatenate((causes, values[:, :, None]), axis=2)
+    wide = both.shape[2]
+    squares, log_determinant = (
+        np.zeros((len(TIMES), wide, wide, len(RATIOS))),
+        np.zeros((len(TIMES), len(RATIOS))),
+    )
+    _whiten(of_kernel(times), of_kernel(both), np.array(TIMES), np.array(RATIOS), squares, log_determinant)
+    squares = squares.transpose(0, 3, 1, 2)
+    return Fit(squares[..., :-1, :-1], squares[..., :-1, -1], squares[..., -1, -1]), log_determinant
 
 
-@lru_cache(maxsize=16)
-def correlation_spectrum(times: bytes, correlation_time: float) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (m,) and eigenvectors (m, m) of exp(−|t − t'| / time); runs have the same times."""
-    t = np.frombuffer(times)
-    power, basis = np.linalg.eigh(np.exp(-np.abs(t[:, None] - t) / correlation_time))
-    return np.maximum(power, 0), basis
+@entry_kernel
+def _whiten(
+    times: FloatArray,
+    both: FloatArray,
+    lasting: FloatArray,
+    ratios: FloatArray,
+    squares: FloatArray,
+    log_determinant: FloatArray,
+) -> None:
+    """Add products of whitened columns (m, c, w) to `squares` (times, w, w, ratios)."""
+    m, channels, wide = both.shape
+    every = ratios.size
+    variance, gain, per = np.empty(every), np.empty(every), np.empty(every)
+    expected, rest = np.empty((channels, wide, every)), np.empty((wide, every))
+    for a in range(lasting.size):
+        expected[:] = 0.0
+        variance[:] = ratios
+        for k in range(m):
+            left = math.exp((times[k - 1] - times[k]) / lasting[a]) if k > 0 else 0.0
+            for b in range(every):
+                variance[b] = left * left * variance[b] + (1 - left * left) * ratios[b]
+                per[b] = 1 / (1 + variance[b])
+                gain[b] = variance[b] * per[b]
+                log_determinant[a, b] -= channels * math.log(per[b])
+                variance[b] *= per[b]
+            for c in range(channels):
+                for i in range(wide):
+                    value = both[k, c, i]
+                    for b in range(every):
+                        before = left * expected[c, i, b]
+                        rest[i, b] = value - before
+                        expected[c, i, b] = before + gain[b] * rest[i, b]
+                for i in range(wide):
+                    for j in range(i + 1):
+                        for b in range(every):
+                            squares[a, i, j, b] += rest[i, b] * rest[j, b] * per[b]
+        for i in range(wide):
+            for j in range(i):
+                squares[a, j, i] = squares[a, i, j]

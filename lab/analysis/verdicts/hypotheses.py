@@ -19,10 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.verdicts.hypothesis_bank import Found, Offered, Place, Terms, follow
 from lab.analysis.verdicts.imu_causes import Steps
 from lab.analysis.verdicts.pattern import AXES
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.filters.filter import aligned_zeros
+from lab.navigation.kernels.lane_views import LANES
 
 STARTS = {
     "position": POS,
@@ -185,31 +188,38 @@ def likelihoods(
         for own in (white, ~white)
         if own.any()
     ]
-    own, covariance, gains = np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6))
-    left = np.zeros(m, dtype=np.bool_)
-    onwards = ((Phi, added) for part in steps for Phi, added in zip(part.transition, part.noise, strict=True))
-    for k, (transition, added) in zip(range(m), onwards, strict=True):
+    found = Found(np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6)))
+    left = skipped.copy()
+    first = 0
+    for part in steps:
+        here = slice(first, first + part.transition.shape[0])
+        offered = Offered(
+            of_kernel(part.transition),
+            of_kernel(part.noise),
+            of_kernel(H[here]),
+            of_kernel(R[here]),
+            of_kernel(innovation[here]),
+            of_kernel(correction[here]),
+            left[here],
+        )
         for bank in banks:
-            bank.propagate(transition, added, times[k + 1] - times[k])
-            bank.predict(H[k], R[k], innovation[k], correction[k])
-        own[k], covariance[k] = banks[0].innovation[0], banks[0].S[0]
-        if skipped[k] or (limit < np.inf and _beyond(own[k], covariance[k], limit)):
-            left[k] = True
-            continue
-        for bank in banks:
-            bank.update()
-        gains[k] = banks[0].gain[0, :n]
-    np.linalg.cholesky(covariance)  # raises
+            bank.follow(
+                offered, np.diff(times[first : here.stop + 1]), limit, Found(*(one[here] for one in found))
+            )
+        first = here.stop
+    np.linalg.cholesky(found.covariance)  # raises
     total = np.empty(len(tried))
     total[white] = banks[0].total
     total[~white] = banks[-1].total if (~white).any() else 0.0
     if not np.isfinite(total[0]):
         raise np.linalg.LinAlgError("the likelihood of the innovations is not finite")
-    return Outcome(total - total[0], own, covariance, gains, left)
+    return Outcome(total - total[0], *found, left)
 
 
 class _Bank:
     """Filters under hypotheses, and the differences of their errors from those of the filter that ran.
+
+    Eight lie side by side in a buffer, as the runs of an ensemble do (`lab.navigation.kernels.lane_views`).
 
     Parameters
     ----------
@@ -222,61 +232,51 @@ class _Bank:
     """
 
     def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
-        self._q = np.array([(*one.q, 1.0) for one in tried])  # what is unknown in gaps stays so
-        self._r = np.sqrt(np.array([one.r for one in tried]))
-        self._variance = position * np.array([one.correlated[0] for one in tried])
+        self._count, n = len(tried), P0.shape[0]
+        tried = [*tried, *[tried[-1]] * (-len(tried) % LANES)]
+        variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])
-        n = P0.shape[0]
-        N = n + 3 if self._variance.any() else n
-        self._n, self._slow = n, np.arange(n, N)
-        self._P = _starts(P0, N, tried)
-        self._P[:, self._slow, self._slow] = self._variance[:, None]
-        self._apart = np.zeros((len(tried), N))
-        self._H = np.zeros((6, N))
-        self._H[:3, n:] = -np.eye(3)[:, : N - n]
-        self.total = np.zeros(len(tried))
+        N = n + 3 if variance.any() else n
+        P = _starts(P0, N, tried)
+        slow = np.arange(n, N)
+        P[:, slow, slow] = variance[:, None]
+        self._place = Place.of(N)
+        self._buffer = aligned_zeros(len(tried) * self._place.END)
+        self._numbers = self._buffer.reshape(-1, self._place.END, LANES)
+        for first, values in (
+            (0, P.reshape(len(tried), -1)),
+            (self._place.Q, np.array([(*one.q, 1.0) for one in tried])),  # what is unknown in gaps stays so
+            (self._place.RATIO, np.sqrt(np.array([one.r for one in tried]))),
+            (self._place.VARIANCE, variance[:, None]),
+        ):
+            self._put(self._numbers, first, values)
 
-    def propagate(self, transition: FloatArray, added: FloatArray, dt: float) -> None:
-        """Propagate from one fix to the next, `dt` later [s], with the noise (4, n, n) added by each part."""
-        Phi, noise = transition, np.tensordot(self._q, added, axes=1)
-        if self._slow.size:
-            decay = np.exp(-dt / self._time)[:, None]
-            Phi, noise = np.zeros_like(self._P), _bordered(noise, self._slow.size)
-            Phi[:, : self._n, : self._n] = transition
-            Phi[:, self._slow, self._slow] = decay
-            noise[:, self._slow, self._slow] = self._variance[:, None] * (1 - decay**2)
-        self._P = Phi @ self._P @ Phi.swapaxes(-1, -2) + noise
-        self._apart = (Phi @ self._apart[..., None])[..., 0]
+    @staticmethod
+    def _put(numbers: FloatArray, first: int, values: FloatArray) -> None:
+        """Write values (h, k) of the hypotheses into numbers (groups, k, LANES)."""
+        wide = values.shape[1]
+        numbers[:, first : first + wide] = values.reshape(-1, LANES, wide).transpose(0, 2, 1)
 
-    def predict(self, H: FloatArray, R: FloatArray, innovation: FloatArray, correction: FloatArray) -> None:
-        """Predict a fix, given innovation and correction of the filter that ran."""
-        self._H[:, : self._n] = H
-        self._seen = self._P @ self._H.T
-        self.S = self._H @ self._seen + self._r[:, :, None] * R * self._r[:, None, :]
-        self.innovation = innovation - self._apart @ self._H.T
-        self._apart[:, : self._n] -= correction
+    @property
+    def total(self) -> FloatArray:
+        """Log-likelihood under each."""
+        return self._numbers[:, self._place.TOTAL].reshape(-1)[: self._count]
 
-    def update(self) -> None:
-        """Use the predicted fix."""
-        nu, inverse = self.innovation, np.linalg.inv(self.S)
-        squares, (sign, size) = np.einsum("hi,hij,hj->h", nu, inverse, nu), np.linalg.slogdet(self.S)
-        self.total = np.where((sign > 0) & (squares >= 0), self.total - 0.5 * (squares + size), -np.inf)
-        self.gain = self._seen @ inverse
-        P = self._P - self.gain @ self._seen.transpose(0, 2, 1)
-        self._P = 0.5 * (P + P.transpose(0, 2, 1))
-        self._apart += np.einsum("hij,hj->hi", self.gain, nu)
-
-
-def _bordered(blocks: FloatArray, more: int) -> FloatArray:
-    """Return matrices (h, n, n) with some more rows and columns of zeros."""
-    return np.pad(blocks, ((0, 0), (0, more), (0, more)))
-
-
-def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:
-    """Return whether a position or a velocity innovation exceeds the limit."""
-    return any(
-        float(nu[own] @ np.linalg.solve(S[own, own], nu[own])) > limit for own in (slice(0, 3), slice(3, 6))
-    )
+    def follow(self, offered: Offered, dt: FloatArray, limit: float, found: Found) -> None:
+        """Use some fixes (m,), each `dt` after the one before [s]; write what the first hypothesis says."""
+        groups = self._numbers.shape[0]
+        decays = aligned_zeros(dt.size * self._time.size)
+        decays[:] = np.exp(-dt[:, None] / self._time).reshape(-1)
+        follow(
+            self._buffer,
+            decays,
+            groups,
+            self._place,
+            offered,
+            Terms.of(offered.transition),
+            limit,
+            found,
+        )
 
 
 def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:

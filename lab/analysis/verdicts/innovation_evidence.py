@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lab.analysis import consistency
@@ -367,12 +365,9 @@ def _response_to_all(record: Record, ahead: Iterable[Steps], causes: FloatArray)
     """Return the response of the innovations (m, 6, REGRESSORS) to the causes of fixes and of sensors."""
     by_fixes = np.zeros((*causes.shape[:2], REGRESSORS))
     by_fixes[:, :, :CAUSES] = causes
-    none = np.zeros((record.solution.states, CAUSES))
-    some, same = itertools.tee(ahead)
-    transition = (one for part in some for one in part.transition)
-    by_sensors = (np.concatenate((none, one), axis=1) for part in same for one in part.forced)
-    H = matrices(record.solution, record.belief, record.seen)[0]
-    return respond(record.gains, H, transition, by_fixes, by_sensors)
+    wider = (0, 0), (0, 0), (CAUSES, 0)
+    onwards = ((part.transition, np.pad(part.forced, wider)) for part in ahead)
+    return respond(record.gains, matrices(record.solution, record.belief, record.seen)[0], onwards, by_fixes)
 
 
 def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
@@ -383,10 +378,9 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
     LinAlgError
         If a covariance S is not positive definite, because rounding has spoilt it.
     """
-    sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
-    root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
-    both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
-    white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
+    white = consistency.whitened(np.concatenate((answer, nu[..., None]), axis=2), S)
+    if white is None:
+        raise np.linalg.LinAlgError("a covariance of the innovations is not positive definite")
     return normal_equations(white[..., :-1], white[..., -1])
 
 
@@ -419,7 +413,7 @@ def suspicious(found: Innovations) -> bool:
 def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
     """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
     m = normalised.shape[0]
-    later = sliding_window_view(np.concatenate((normalised, np.zeros((LAGS, MEASUREMENTS)))), m, axis=0)
-    lagged = np.einsum("lcm,mc->lc", later[1:], normalised)
-    squares = Squares(np.sum(normalised**2, axis=0), np.full(MEASUREMENTS, float(m)))
-    return squares, normalised.sum(axis=0), lagged
+    lagged = np.array(
+        [np.einsum("mc,mc->c", normalised[k:], normalised[: max(m - k, 0)]) for k in range(1 + LAGS)]
+    )
+    return Squares(lagged[0], np.full(MEASUREMENTS, float(m))), normalised.sum(axis=0), lagged[1:]

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.verdicts import limits
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
+from lab.navigation.kernels.compilation import entry_kernel
 
 NEIGHBOURS = 10
 """Number of neighbouring fixes with which each fix is compared."""
@@ -46,24 +47,37 @@ def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
         found[new] = True
 
 
-def _middle(values: FloatArray) -> FloatArray:
-    """Return the medians (…) of values (…, n): of few values each, sorting them is fastest."""
-    ordered, n = np.sort(values, axis=-1), values.shape[-1]
-    return np.asarray(0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2]))
-
-
 def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     """Return which errors (m,) stand out from those around them."""
     count = errors.shape[0]
     if count <= NEIGHBOURS:
         return np.zeros(count, dtype=np.bool_)
     half = NEIGHBOURS // 2
-    first = np.clip(np.arange(count) - half, 0, count - NEIGHBOURS - 1)
-    around = first[:, None] + np.arange(NEIGHBOURS)
-    around += around >= np.arange(count)[:, None]
-    apart = errors - _middle(errors.T[:, around]).T
+    apart = errors - _middle(errors, 0, NEIGHBOURS)
     squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
-    usual = _middle(squares.T)
-    for side in (around[:, :half], around[:, half:]):
-        usual = np.maximum(usual, _middle(squares.T[:, side]).T)
+    usual = np.maximum(_middle(squares, 0, half), _middle(squares, half, half))
+    usual = np.maximum(usual, np.median(squares, axis=0))
     return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))
+
+
+def _middle(values: FloatArray, first: int, count: int) -> FloatArray:
+    """Return the medians (m, c) of some of the neighbours of each of m values (m, c)."""
+    middle = np.empty(values.shape)
+    _write_middle(of_kernel(values), first, count, NEIGHBOURS, middle)
+    return middle
+
+
+@entry_kernel
+def _write_middle(values: FloatArray, first: int, count: int, neighbours: int, middle: FloatArray) -> None:
+    ordered = np.empty(count)
+    for k in range(values.shape[0]):
+        start = min(max(k - neighbours // 2, 0), values.shape[0] - neighbours - 1) + first
+        for c in range(values.shape[1]):
+            for i in range(count):
+                row = start + i
+                value, at = values[row + (row >= k), c], i
+                while at > 0 and ordered[at - 1] > value:
+                    ordered[at] = ordered[at - 1]
+                    at -= 1
+                ordered[at] = value
+            middle[k, c] = 0.5 * (ordered[(count - 1) // 2] + ordered[count // 2])

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
@@ -146,15 +145,18 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
     independent: list[float] = []
     length = max(span[1] - span[0], 1e-9)
     for one in series:
-        quarter = np.minimum((one.time - span[0]) / length * len(QUARTERS), len(QUARTERS) - 1).astype(int)
-        every = np.ones(one.time.size, dtype=np.bool_)
-        parts: list[tuple[str, NDArray[np.bool_], float]] = [("", every, length)]
+        at = np.clip((one.time - span[0]) / length * len(QUARTERS), 0, len(QUARTERS) - 1).astype(int)
+        count, squares, degrees = (
+            np.bincount(at, values, len(QUARTERS)) for values in (None, one.squares, one.degrees)
+        )
+        parts = [("", count.sum(), squares.sum(), degrees.sum(), length)]
         if one.quartered:
-            parts += [(name, quarter == at, length / len(QUARTERS)) for at, name in enumerate(QUARTERS)]
-        for name, here, lasting in parts:
+            lasting = length / len(QUARTERS)
+            parts += [(*each, lasting) for each in zip(QUARTERS, count, squares, degrees, strict=True)]
+        for name, number, total, freedom, lasting in parts:
             figures.append(one.figure._replace(quarter=name))
-            degrees = float(one.degrees[here].sum())
-            means.append(float(one.squares[here].sum()) / degrees if degrees else np.nan)
+            free = float(freedom)
+            means.append(float(total) / free if free else np.nan)
             most = max(1.0, lasting / one.apart) if one.apart else np.inf
-            independent.append(min(degrees, most * degrees / max(int(here.sum()), 1)))
+            independent.append(min(free, most * free / max(int(number), 1)))
     return RunMeans(tuple(figures), Kept(np.array(means)[None]), Kept(np.array(independent)[None]))

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import C_nb_from_euler
 from lab.motion.truth.trajectory import Truth
+from lab.navigation.kernels.compilation import entry_kernel
 from lab.navigation.solution import Belief, Imu
 
 AT_ONCE = 2**16
@@ -52,6 +52,8 @@ UNSEEN = 0.01
 """Fraction of the drive that noise would just hide; it replaces a drive of zero."""
 
 
+SHOWN = 1e-12
+"""Smallest square of a combination of causes, each of unit size, that is fitted: rounding leaves 1e-15."""
 SLOW = 1e-6
 """Fraction of the correlation time below which a flight cannot distinguish a first-order process from a
 random walk."""
@@ -233,7 +235,7 @@ def sensor_errors(
         noise, motion = noise[kept], motion[kept]
         matrix[0, axis], vector[0, axis] = motion.T @ motion, motion.T @ noise
         squares[0, axis], number[0, axis] = noise @ noise, noise.size
-        spread = np.linalg.lstsq(motion, noise, rcond=None)[0]
+        spread = _least_squares(matrix[0, axis], vector[0, axis])
         rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
         found = _drift(wide, belief, int(axis), float(matched[axis]), float(hidden[axis]), rest, spread)
         drive[0, axis] = found[0]
@@ -250,6 +252,16 @@ def sensor_errors(
         Kept(determinant),
         Kept(drive),
     )
+
+
+def _least_squares(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return the solution of normal equations (p, p), (p,), without what their causes do not show."""
+    size = np.sqrt(np.diagonal(matrix))
+    per = np.divide(1, size, out=np.zeros_like(size), where=size > 0)
+    values, along = np.linalg.eigh(matrix * per[:, None] * per)
+    shown = values > SHOWN
+    along = along[:, shown]
+    return np.asarray(per * (along @ ((along.T @ (per * vector)) / values[shown])))
 
 
 def exacts(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
@@ -397,20 +409,28 @@ def _lag(moved: Callable[[], FloatArray], added: FloatArray, fall: FloatArray, d
     lag = _fitted(fall, added)
     if lag < SHORT:
         return np.stack((fall, np.zeros(windows)), axis=-1)
-    values = moved()
+    values = of_kernel(moved())
 
     def effect(lag: float) -> FloatArray:
-        forget = float(np.exp(-dt / lag))
-        recursion = np.stack((np.ones(values.size), np.full(values.size, -forget)))
-        driven = np.multiply(values, 1 - forget, dtype=np.float64)
-        driven[0] = values[0]
-        # `scipy.signal.lfilter` does the same, and takes longer to import than a run.
-        slow = solve_banded((1, 0), recursion, driven, check_finite=False)
-        return np.asarray((slow - values).reshape(windows, -1).mean(axis=1) / lag)
+        means = np.empty(windows)
+        _lagged_means(values, float(np.exp(-dt / lag)), means)
+        return means / lag
 
     for _ in range(3):
         lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
     return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
+
+
+@entry_kernel
+def _lagged_means(values: FloatArray, forget: float, means: FloatArray) -> None:
+    """Write by how much values (n,) after a first-order lag exceed those before it, as means over windows."""
+    width, slow = values.size // means.size, values[0]
+    for window in range(means.size):
+        total = 0.0
+        for k in range(window * width, (window + 1) * width):
+            slow = forget * slow + (1 - forget) * values[k]
+            total += slow - values[k]
+        means[window] = total / width
 
 
 def _fitted(effect: FloatArray, added: FloatArray) -> float:
@@ -439,13 +459,11 @@ def _drift(
     drive, decay = float(belief.noise[6 + axis]), float(belief.decay[axis])
     hidden = 3 * density / duration**2
     base = max(drive, UNSEEN * hidden)
-    power, basis = spectrum(seen.noise.size, seen.window, decay)
-    # A sine of the period T is integrated to (T / 2π)² of its variance.
-    slow = power * seen.window >= (period / (2 * np.pi)) ** 2
-    power, basis = power[slow], basis[:, slow]
+    power, basis = spectrum(seen.noise.size, seen.window, decay, period)
     # Saturated windows contain no information about the bias.
     values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
-    values, causes = basis.T @ values, basis.T @ seen.drift
+    both = basis.T @ np.concatenate((seen.drift, values[:, None]), axis=1)
+    causes, values = both[:, :-1], both[:, -1]
     white = density / seen.window
     own = np.array((drive, matched))
     variance = white + np.append(own, base * FACTORS)[:, None] * power
@@ -460,8 +478,8 @@ def _drift(
 
 
 @lru_cache(maxsize=32)
-def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (m,) and eigenvectors (m, m) of the growth of a process of unit drive.
+def spectrum(count: int, window: float, decay: float, period: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues (k,) and eigenvectors (m, k) of the growth of a process of unit drive.
 
     The process is stationary, of first order, and averaged over windows. The covariance of its growth until t
     and until t' is (exp(−λ|t − t'|) + 1 − exp(−λt) − exp(−λt')) / 2λ; for a random walk, it is the smaller of
@@ -473,6 +491,8 @@ def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, Float
         Number and length [s] of the windows.
     decay
         Decay rate λ of the process [1/s].
+    period
+        Shortest period of the eigenvectors that are returned [s].
     """
     t, turns = (np.arange(count) + 0.5) * window, decay * window
     if decay * t[-1] < SLOW:
@@ -484,4 +504,7 @@ def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, Float
         np.fill_diagonal(apart, 2 * (turns + np.expm1(-turns)) / turns**2)
         covariance = (apart + 1 - at_start[:, None] - at_start) / (2 * decay)
     power, basis = np.linalg.eigh(covariance)
-    return np.maximum(power, 0), basis
+    power = np.maximum(power, 0)
+    # A sine of the period T is integrated to (T / 2π)² of its variance.
+    slow = power * window >= (period / (2 * np.pi)) ** 2
+    return power[slow], basis[:, slow]

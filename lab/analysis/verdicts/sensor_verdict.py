@@ -167,20 +167,20 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     determinant = errors.log_determinant.values[:, axes][used]
     drive, matched = errors.drive.values[:, axes][used].mean(axis=0).tolist()
 
-    def likelihood(at: int, columns: tuple[int, ...]) -> float:
-        fit = Fit(matrix[:, at], vector[:, at], np.zeros(()))
-        return gain_of(fit, columns) - 0.5 * float(squares[:, at].sum() + determinant[:, at].sum())
-
-    assumed = likelihood(0, (0,))
-    drives = np.array([likelihood(at + 2, (0,)) for at in range(FACTORS.size)])
+    sizes = -0.5 * (squares + determinant).sum(axis=0)
+    # With a constant bias under each drive.
+    alone, shown = matrix[..., 0, 0], vector[..., 0]
+    gained = np.divide(shown**2, alone, out=np.zeros_like(shown), where=alone > 0)
+    constant = sizes + 0.5 * gained.sum(axis=0)
+    assumed, of_matched, drives = float(constant[0]), float(constant[1]), constant[2:]
     likeliest, *ends, gain = likely_factor(FACTORS, drives - assumed)
     if likeliest < min(drive, matched):
-        gain, likeliest = (likelihood(1, (0,)) - assumed, matched) if matched < drive else (0.0, drive)
+        gain, likeliest = (of_matched - assumed, matched) if matched < drive else (0.0, drive)
         ends = []
     candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
     price = limits.VERDICT.price * matrix.shape[0]
     gains = {
-        name: likelihood(0, columns) - assumed - price
+        name: gain_of(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), columns) + sizes[0] - assumed - price
         for name, columns in candidates.items()
         if matrix[:, 0, columns[1], columns[1]].any()
     }

@@ -10,13 +10,25 @@ import numpy as np
 
 from lab.analysis import feedforward
 from lab.analysis.verdicts.evidence import Evidence
-from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes
+from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, mean_of_known
 from lab.experiment.experiment import Experiment
 from lab.navigation.checks import DivergedError
+
+OF_RUN = np.dtype(
+    [
+        ("rms", np.float64, 9),
+        ("largest", np.float64, 9),
+        ("most", np.float64),
+        ("at_outage_ends", np.float32, (2, 9)),
+        ("mean_nees", np.float64),
+        ("mean_nis", np.float64),
+        ("seconds", np.float64),
+    ]
+)
+"""What is kept of each run: 250 bytes, and 3 MB of 10,000 runs."""
 
 
 class Collected:
@@ -29,7 +41,7 @@ class Collected:
         self._at_fixes, self._between = EpochSums(), EpochSums()
         self._histogram: ErrorHistogram | None = None
         self._innovations: ChannelSums | None = None
-        self._of_runs: list[tuple[FloatArray | float, ...]] = []
+        self._of_runs = bytearray()
         self._evidence: list[Evidence] = []
         self._free: list[feedforward.FreeRun] = []
         self._diverged: dict[int, str] = {}
@@ -69,9 +81,9 @@ class Collected:
         )
         self._histogram.add(run.time, normalised)
         self._between.add(run.grid, {"nees": run.between})
-        of_horizontal = run.most, run.at_outage_ends
-        of_run = run.rms, run.largest, *of_horizontal, _mean(run.nees), _mean(run.nis), run.seconds
-        self._of_runs.append(of_run)
+        means = mean_of_known(run.nees), mean_of_known(run.nis)
+        of_run = run.rms, run.largest, run.most, run.at_outage_ends, *means, run.seconds
+        self._of_runs += np.array(of_run, OF_RUN).tobytes()
         if run.evidence is not None:
             self._evidence.append(run.evidence)
             self._free.append(run.free)
@@ -131,8 +143,7 @@ class Collected:
         if self._histogram is None or self._innovations is None:
             raise DivergedError(next(iter(self._diverged.values())))
         degrees, nis_degrees, between_degrees = self._degrees
-        kept = [np.array(values) for values in zip(*self._of_runs, strict=True)]
-        rms, largest, most, at_outage_ends, nees, nis, seconds = kept
+        of_runs = np.frombuffer(self._of_runs, OF_RUN)
         return Ensemble(
             experiment=experiment.copy(),
             seeds=tuple(self._seeds),
@@ -143,22 +154,10 @@ class Collected:
             degrees=degrees,
             nis_degrees=nis_degrees,
             between_degrees=between_degrees,
-            rms=rms,
-            largest=largest,
-            most=most,
-            at_outage_ends=at_outage_ends,
-            mean_nees=nees,
-            mean_nis=nis,
-            seconds=seconds,
+            **{name: np.ascontiguousarray(of_runs[name]) for name in OF_RUN.names or ()},
             evidence=tuple(self._evidence),
             free=tuple(self._free),
             algorithm=self._algorithm,
             diverged=dict(self._diverged),
             ended=ended,
         )
-
-
-def _mean(values: FloatArray) -> float:
-    """Return the mean of the known values; NaN without any."""
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if known.size else float("nan")

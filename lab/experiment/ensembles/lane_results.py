@@ -19,7 +19,15 @@ from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.base.arrays import FloatArray
-from lab.experiment.ensembles.run_at_fixes import WITHOUT_ENDS, ChannelSums, RunAtFixes, most_of, rms_at_ends
+from lab.experiment.ensembles.run_at_fixes import (
+    WIDE,
+    WITHOUT_ENDS,
+    ChannelSums,
+    RunAtFixes,
+    figures_of,
+    most_of,
+    rms_at_ends,
+)
 from lab.experiment.result import Runnable
 from lab.experiment.sensor_stages import SampledFlight
 from lab.motion.frames.rotation import euler_from_quaternion
@@ -71,6 +79,8 @@ class LaneResults:
         The flight of all runs.
     fix_time : (m,) array
         True times of the fixes [s].
+    along
+        Whether σ of the filter is asked for along the path.
 
     Attributes
     ----------
@@ -84,6 +94,8 @@ class LaneResults:
         model: ErrorModel,
         flight: SampledFlight,
         fix_time: FloatArray,
+        *,
+        along: bool = False,
     ) -> None:
         self._model = model
         sensors: SensorSuite = experiment.sensors
@@ -108,10 +120,18 @@ class LaneResults:
         self._before = np.maximum(seconds - 1, 1)
         ends = np.array([0, min(1, time.size - 1), time.size - 1])
         self._outage_ends = outage_ends(time, sensors.gps.outages)
-        stored = ends, fixed - 1, fixed, seconds, self._before, self._outage_ends
+        self._grid = path_of(time, float(self._sensors.gps.period))
+        stored = (
+            ends,
+            fixed - 1,
+            fixed,
+            seconds,
+            self._before,
+            self._outage_ends,
+            self._grid[: along * time.size],
+        )
         self.stored = np.unique(np.concatenate(stored))
         self._width = fix_causes.window_width(time)
-        self._grid = path_of(time, float(self._sensors.gps.period))
         first = np.maximum(fixed - 1 - self._width, 0)
         self.path = np.unique(np.concatenate((self._grid, self.stored, first)))
         self._of_outage_ends = np.searchsorted(self.stored, self._outage_ends)
@@ -188,17 +208,24 @@ class LaneResults:
             solution, self._of_before, self._true_there, bias, scale, self._further, path, self._true_path
         )
 
+    def figures(self, one: Sensed, navigated: LaneSolution, seconds: float) -> FloatArray | None:
+        """Return the figures of a run that a sweep keeps; None if it must be run alone."""
+        run = self.kept(one, navigated, seconds, None)
+        at = np.searchsorted(self.stored, self._grid)
+        return None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+
     def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
         """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
         at = self._of_outage_ends
         if not at.size:
             return WITHOUT_ENDS
-        q_nb = solution.q_nb[at]
-        error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._true_ends)
-        sigma = sigma_of_quantities(
-            euler_from_quaternion(q_nb), solution.variance[at], solution.covariance[at], self._model.blocks
-        )
-        return rms_at_ends(error, sigma[:, : error.shape[1]])
+        error = errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], self._true_ends)
+        return rms_at_ends(error, self._sigma(solution, at))
+
+    def _sigma(self, solution: Solution, at: NDArray[np.intp]) -> FloatArray:
+        """Return σ (k, 9) of the errors at some of the stored samples."""
+        euler, covariance = euler_from_quaternion(solution.q_nb[at]), solution.covariance[at]
+        return sigma_of_quantities(euler, solution.variance[at], covariance, self._model.blocks)[:, :WIDE]
 
     def _in_stored(self, solution: Solution) -> Solution:
         """Return a solution whose fixes tell their places among the stored samples."""

@@ -8,11 +8,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.feedforward import FreeRun
-from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.budget import believed_sigma
+from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
+from lab.analysis.feedforward import CORRECTED, FreeRun
+from lab.analysis.fix_causes import of_fixes
+from lab.analysis.verdicts.evidence import Evidence, position_nees, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import Innovations, sizes
+from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
 from lab.analysis.verdicts.sums import Squares, Sum
 from lab.base.arrays import FloatArray
+from lab.experiment.result import Result
+from lab.navigation.filters.kalman import MEASUREMENTS
+
+WIDE = 9
+"""Errors of position, velocity and attitude: the `QUANTITIES` of an ensemble."""
 
 
 @dataclass(frozen=True)
@@ -123,3 +133,129 @@ class RunAtFixes(NamedTuple):
     free: FreeRun
     seconds: float
     algorithm: str
+
+
+def figures_of(run: RunAtFixes, sigma: FloatArray) -> FloatArray:
+    """Return the figures of a run that a sweep keeps.
+
+    These are rms, largest size and rms σ of nine errors, NEES and NIS with their degrees of freedom, and the
+    95 % of the horizontal error.
+
+    Parameters
+    ----------
+    run
+        The run.
+    sigma : (l, 9) array
+        σ of the filter along the path.
+    """
+    tests = [
+        number
+        for values, degrees in ((run.nees, run.degrees), (run.nis, run.nis_degrees))
+        for number in (mean_of_known(values), float(degrees) if degrees else np.nan)
+    ]
+    return np.concatenate((run.rms, run.largest, np.sqrt(np.mean(sigma**2, axis=0)), tests, [run.most]))
+
+
+def figures_of_result(result: Result) -> FloatArray:
+    """Return the figures of a run that was done alone; see `figures_of`."""
+    path = path_of(result.time, float(result.experiment.sensors.gps.period))
+    return figures_of(kept_of(result, judged=False), believed_sigma(result, path)[:, :WIDE])
+
+
+def mean_of_known(values: FloatArray) -> float:
+    """Return the mean of the known values; NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def kept_of(result: Result, *, explain: bool = True, judged: bool = True) -> RunAtFixes:
+    """Return the kept values of a result; unknown values of a log are NaN.
+
+    `judged` is true if the evidence is wanted, and `explain` if suspicious innovations are to be explained.
+    """
+    solution = result.solution_arrays
+    used = np.flatnonzero(solution.fix_sample >= 0)
+    at = solution.fix_sample[used]
+
+    grid, apart, apart_degrees = _between(result)
+    error, sigma = _errors(result, at)
+    rms, largest, most, at_outage_ends = _sizes(result)
+    nees, degrees = _nees(result, at, of_fixes(solution.fix_covariance, used))
+    nu = solution.innovation
+    measured = np.isfinite(nu).sum(axis=1)
+    found = evidence_of(result, result.filtered, explain=explain) if judged else None
+    S = solution.innovation_covariance[used]
+    return RunAtFixes(
+        time=result.fixes.time[used],
+        nees=nees,
+        nis=normalised_squares(np.nan_to_num(nu[used]), S),
+        grid=grid,
+        between=apart,
+        between_degrees=apart_degrees,
+        error=error,
+        sigma=sigma,
+        rms=rms,
+        largest=largest,
+        most=most,
+        at_outage_ends=at_outage_ends,
+        degrees=degrees,
+        nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
+        innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
+        span=(float(result.time[0]), float(result.time[-1])),
+        evidence=found,
+        free=result.free_run if judged else CORRECTED,
+        seconds=result.seconds,
+        algorithm=result.algorithm,
+    )
+
+
+def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatArray, int]:
+    """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
+    if result.missing_reason("consistency"):
+        return np.full(at.size, np.nan), 0
+    true = reference_of(result)
+    x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
+    return normalised_squares(x, P), int(uncertain(P).size) if P.size else 0
+
+
+def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
+    """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
+    if result.missing_reason("consistency"):
+        return np.zeros(0), np.zeros(0), 0
+    at = np.maximum(whole_seconds(result.time) - 1, 1)
+    nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
+    return result.time[at], nees, degrees
+
+
+def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Return errors and their σ (m, 9) at samples (m,)."""
+    sigma = believed_sigma(result, at)[:, :WIDE]
+    return np.full((at.size, WIDE), np.nan) if result.missing_reason("errors") else _errors_at(
+        result, at
+    ), sigma
+
+
+def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, NDArray[Any]]:
+    """Return figures of the errors known along the path, and at the ends of outages.
+
+    These are `rms`, `largest`, `most` and `at_outage_ends` of `RunAtFixes`.
+    """
+    gps, time = result.experiment.sensors.gps, result.time
+    at_ends = rms_at_ends(*_errors(result, outage_ends(time, gps.outages, result.epoch)))
+    if result.missing_reason("errors"):
+        return np.full(WIDE, np.nan), np.full(WIDE, np.nan), np.nan, at_ends
+    along = _errors_at(result, path_of(time, float(gps.period)))
+    known = np.isfinite(along)
+    count = known.sum(axis=0)
+    square = np.sum(along**2, axis=0, where=known)
+    rms = np.sqrt(np.divide(square, count, out=np.full(WIDE, np.nan), where=count > 0))
+    largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
+    most = most_of(np.hypot(*along[:, :2].T))
+    return np.asarray(rms), np.where(count > 0, largest, np.nan), most, at_ends
+
+
+def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:
+    """Return the errors (m, 9) at samples (m,)."""
+    solution = result.solution_arrays
+    truth = result.known_truth("errors").taken(at)
+    return errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], truth)

@@ -11,8 +11,9 @@ import copy
 import math
 import threading
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -52,6 +53,8 @@ from lab.sensors import gps, imu
 
 __all__ = ["LANES", "SeedLanes"]
 
+T = TypeVar("T")
+
 LARGEST_TURN = 0.4
 """Largest rotation within a sample for runs abreast [rad]; the series of their rotation holds up to 0.5."""
 
@@ -63,9 +66,15 @@ class SeedLanes:
     ----------
     experiment
         The experiment; its seed has no effect.
+    along
+        Whether σ of the filter is asked for along the path, as `figures` does.
+    room
+        Memory of each thread for the sensors, which other runs may share, one after the other.
     """
 
-    def __init__(self, experiment: Experiment) -> None:
+    def __init__(
+        self, experiment: Experiment, *, along: bool = False, room: threading.local | None = None
+    ) -> None:
         self._stages = SensorStages(experiment.copy(), mission(experiment.mission))
         self._sensors, self._navigator = self._stages.sensors, self._stages.navigator
         flight = self._stages.kept_flight()
@@ -74,15 +83,19 @@ class SeedLanes:
         self._of_bias_states = of_bias_states(self._sensors, self._navigator)
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
-        self._room = threading.local()
+        self._room = threading.local() if room is None else room
         self._withheld: list[tuple[float, float]] = []
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._latency = assumed_latency(self._navigator, self._sensors.gps.latency)
         self._fix_truth, self._seen = self._stages.fix_truth(flight)
-        self._results = LaneResults(self._stages.experiment, self._model, flight, self._fix_truth.time)
+        self._results = LaneResults(
+            self._stages.experiment, self._model, flight, self._fix_truth.time, along=along
+        )
 
     @classmethod
-    def of(cls, experiment: Experiment) -> SeedLanes | None:
+    def of(
+        cls, experiment: Experiment, *, along: bool = False, room: threading.local | None = None
+    ) -> SeedLanes | None:
         """Return the runs of an experiment; None if runs abreast would not be those of its seeds alone."""
         navigator, sensors = experiment.navigator, experiment.sensors
         if (
@@ -96,7 +109,7 @@ class SeedLanes:
             or set(chosen_blocks(navigator, sensors)) - {*SCALES, *CONSIDERED}
         ):
             return None
-        found = cls(experiment)
+        found = cls(experiment, along=along, room=room)
         usable = (
             can_batch(found._model, found._schedule, found._belief)
             and found._truth.time.size <= LONG
@@ -152,6 +165,20 @@ class SeedLanes:
         """
         return self._each(seeds, judged=False)
 
+    def figures(self, seeds: Sequence[int]) -> Iterator[FloatArray | None]:
+        """Return what a sweep keeps of up to eight seeds; None of a run that must be run alone.
+
+        Parameters
+        ----------
+        seeds
+            The seeds.
+        """
+
+        def kept(_index: int, one: Sensed, solution: LaneSolution, seconds: float) -> FloatArray | None:
+            return self._results.figures(one, solution, seconds)
+
+        return self._navigated(seeds, kept)
+
     def navigate(self, seeds: Sequence[int], samples: Samples) -> list[LaneSolution | None]:
         """Navigate up to eight seeds; of each, only the solution at some samples is computed.
 
@@ -181,18 +208,30 @@ class SeedLanes:
 
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
+        whole: list[tuple[FloatArray, FloatArray]] = []
+
+        def kept(index: int, one: Sensed, solution: LaneSolution, seconds: float) -> RunAtFixes | None:
+            if judged and not whole:
+                whole.append(self._results.means(self._sensor_room().increments))
+            means = (whole[0][0][..., index], whole[0][1][..., index]) if judged else None
+            return self._results.kept(one, solution, seconds, means)
+
+        return self._navigated(seeds, kept)
+
+    def _navigated(
+        self, seeds: Sequence[int], kept: Callable[[int, Sensed, LaneSolution, float], T | None]
+    ) -> Iterator[T | None]:
+        """Run up to eight seeds, and return what a function keeps of each that can be abreast."""
         room = self._sensor_room()
-        increments, sensed = room.increments, self._sense(seeds, room)
+        sensed = self._sense(seeds, room)
         usable = self._usable(sensed)
-        found: dict[int, RunAtFixes | None] = {}
+        found: dict[int, T | None] = {}
         if usable:
             began = clock.perf_counter()
-            solutions = self._navigate(sensed, usable, increments)
+            solutions = self._navigate(sensed, usable, room.increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            means = self._results.means(increments) if judged else None
             for index in usable:
-                own = None if means is None else (means[0][..., index], means[1][..., index])
-                found[index] = self._results.kept(sensed[index], solutions[index], seconds, own)
+                found[index] = kept(index, sensed[index], solutions[index], seconds)
         return (found.get(index) for index in range(len(seeds)))
 
     def _sensor_room(self) -> SensorRoom:

@@ -11,35 +11,22 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lab.analysis.budget import believed_sigma
-from lab.analysis.consistency import normalised_squares, uncertain
-from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
-from lab.analysis.feedforward import CORRECTED
-from lab.analysis.fix_causes import of_fixes
-from lab.analysis.verdicts.evidence import position_nees, whole_seconds
-from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
-from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
 from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.collected import Collected
-from lab.experiment.ensembles.ensemble import JUDGED, QUANTITIES, Ensemble
-from lab.experiment.ensembles.run_at_fixes import ChannelSums, RunAtFixes, most_of, rms_at_ends
+from lab.experiment.ensembles.ensemble import JUDGED, Ensemble
+from lab.experiment.ensembles.run_at_fixes import RunAtFixes, kept_of
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
-from lab.experiment.result import Result
 from lab.experiment.sensor_stages import SensorStages
 from lab.missions import LogMission, MissionError, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.belief import fast_rate
 from lab.navigation.checks import DivergedError
-from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.run.memory import at_once
 
 if TYPE_CHECKING:
@@ -352,7 +339,7 @@ class _Runner(NamedTuple):
             result = mine.run(algorithm=self.algorithm)
         except DivergedError as error:
             return error.with_traceback(None)
-        return _keep(result, explain=place < EXPLAINED, judged=place < JUDGED)
+        return kept_of(result, explain=place < EXPLAINED, judged=place < JUDGED)
 
 
 class _Done:
@@ -437,98 +424,3 @@ class _Done:
         if self.ended and not whole.has_evidence:
             raise ValueError(f"{self.ended} No verdict is possible without the first runs.")
         return whole.ensemble(self._experiment, self.ended)
-
-
-def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAtFixes:
-    """Return the kept values of a result; unknown values of a log are NaN.
-
-    `judged` is true if the evidence is wanted, and `explain` if suspicious innovations are to be explained.
-    """
-    solution = result.solution_arrays
-    used = np.flatnonzero(solution.fix_sample >= 0)
-    at = solution.fix_sample[used]
-
-    grid, apart, apart_degrees = _between(result)
-    error, sigma = _errors(result, at)
-    rms, largest, most, at_outage_ends = _sizes(result)
-    nees, degrees = _nees(result, at, of_fixes(solution.fix_covariance, used))
-    nu = solution.innovation
-    measured = np.isfinite(nu).sum(axis=1)
-    found = evidence_of(result, result.filtered, explain=explain) if judged else None
-    S = solution.innovation_covariance[used]
-    return RunAtFixes(
-        time=result.fixes.time[used],
-        nees=nees,
-        nis=normalised_squares(np.nan_to_num(nu[used]), S),
-        grid=grid,
-        between=apart,
-        between_degrees=apart_degrees,
-        error=error,
-        sigma=sigma,
-        rms=rms,
-        largest=largest,
-        most=most,
-        at_outage_ends=at_outage_ends,
-        degrees=degrees,
-        nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
-        innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
-        span=(float(result.time[0]), float(result.time[-1])),
-        evidence=found,
-        free=result.free_run if judged else CORRECTED,
-        seconds=result.seconds,
-        algorithm=result.algorithm,
-    )
-
-
-def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatArray, int]:
-    """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
-    if result.missing_reason("consistency"):
-        return np.full(at.size, np.nan), 0
-    true = reference_of(result)
-    x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
-    return normalised_squares(x, P), int(uncertain(P).size) if P.size else 0
-
-
-def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
-    """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
-    if result.missing_reason("consistency"):
-        return np.zeros(0), np.zeros(0), 0
-    at = np.maximum(whole_seconds(result.time) - 1, 1)
-    nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
-    return result.time[at], nees, degrees
-
-
-def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """Return errors and their σ (m, 9) at samples (m,)."""
-    wide = len(QUANTITIES)
-    sigma = believed_sigma(result, at)[:, :wide]
-    return np.full((at.size, wide), np.nan) if result.missing_reason("errors") else _errors_at(
-        result, at
-    ), sigma
-
-
-def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, NDArray[Any]]:
-    """Return figures of the errors known along the path, and at the ends of outages.
-
-    These are `rms`, `largest`, `most` and `at_outage_ends` of `RunAtFixes`.
-    """
-    wide = len(QUANTITIES)
-    gps, time = result.experiment.sensors.gps, result.time
-    at_ends = rms_at_ends(*_errors(result, outage_ends(time, gps.outages, result.epoch)))
-    if result.missing_reason("errors"):
-        return np.full(wide, np.nan), np.full(wide, np.nan), np.nan, at_ends
-    along = _errors_at(result, path_of(time, float(gps.period)))
-    known = np.isfinite(along)
-    count = known.sum(axis=0)
-    square = np.sum(along**2, axis=0, where=known)
-    rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
-    largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
-    most = most_of(np.hypot(*along[:, :2].T))
-    return np.asarray(rms), np.where(count > 0, largest, np.nan), most, at_ends
-
-
-def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:
-    """Return the errors (m, 9) at samples (m,)."""
-    solution = result.solution_arrays
-    truth = result.known_truth("errors").taken(at)
-    return errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], truth)

@@ -6,12 +6,11 @@ sweep that was ended goes on where it stopped.
 
 from __future__ import annotations
 
-import os
+import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import product
 from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,20 +24,23 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import value_text
 from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.ensemble import HORIZONTAL_95, QUANTITIES, UNITS
+from lab.experiment.ensembles.run_at_fixes import WIDE, figures_of_result
+from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.ensembles.seeds import (
     ASKED_EVERY,
+    FEW,
+    MANY,
     at_fast_rate,
     counted,
     memory_of,
     seed_numbers,
     thread_count,
 )
+from lab.experiment.ensembles.swept_values import CARD, Swept, combinations, names_of, read
 from lab.experiment.experiment import Experiment
-from lab.experiment.result import Result
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.run.memory import at_once
-from lab.sensors.cards import Card, card
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,30 +51,29 @@ if TYPE_CHECKING:
 
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 256 bytes each."""
-WIDE = len(QUANTITIES)
 NUMBERS = 3 * WIDE + 5
-"""How many numbers are kept of a run; see `measure`."""
+"""How many numbers are kept of a run; see `figures_of`."""
 SHARES, LEAST_SHARE, LARGEST_SHARE = 64, 4, 64
 """Number of shares that the runs of a sweep are cut into for a cluster, and the fewest and most runs in each:
 some 0.2 to 5 s of work."""
+FEWEST_SEEDS = 3
+"""Fewest seeds that are run abreast: eight abreast take as long as one or two alone."""
 REPORT_EVERY = 0.1
 """Shortest time between two reports of the progress [s]."""
-CARD = "card"
-"""What is swept like a setting, although it sets many: the card of the sensors."""
 STOPPED = "not done, because the sweep was stopped"
 """Why runs are missing of a sweep that was cancelled."""
 
 
-class Swept(NamedTuple):
-    """A swept setting: its path, the name of its dimension, and its values."""
+class Block(NamedTuple):
+    """Runs of an experiment, given by its number, with some seeds: alone, or up to eight abreast."""
 
-    path: str
-    dim: str
-    values: list[Any]
+    point: int
+    seeds: tuple[int, ...]
+    abreast: bool
 
 
 class Numbers(NamedTuple):
-    """The numbers of one run in the order of `measure`, and why they are NaN; empty if they are not."""
+    """The numbers of one run in the order of `figures_of`, and why they are NaN; empty if they are not."""
 
     values: FloatArray
     refusal: str
@@ -118,35 +119,16 @@ def sweep(
         digest(hashes[point.mission], {**point.to_dict(), "seed": None}, point.hidden) for point in points
     ]
 
-    def one(index: int, seed: int) -> Numbers:
-        return KEPT.get("run", f"{keys[index]} {seed}", lambda: run(points[index], seed))
-
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
-    tasks = [(index, seed) for seed in numbers for index in range(len(points))]
-    found: dict[tuple[int, int], Numbers] = {}
-    if client is not None:
-        keyed = {task: f"{keys[task[0]]} {task[1]}" for task in tasks}
-        found = run_on_cluster(client, workers, points, keyed, progress, cancelled)
+    tasks = {(index, seed): f"{keys[index]} {seed}" for seed in numbers for index in range(len(points))}
+    found = {task: one for task, key in tasks.items() if (one := kept(key)) is not None}
+    blocks = blocks_of(points, tasks.keys() - found, numbers)
+    done = _Done(found, tasks, progress)
     threads = at_once(max(map(memory_of, points)), thread_count(workers))
-    pool = ThreadPoolExecutor(threads, thread_name_prefix="sweep")
-    left, running = deque(tasks if client is None else ()), dict[Future[Numbers], tuple[int, int]]()
-    is_cancelled = cancelled or (lambda: False)
-    began = reported = time.monotonic()
-    try:
-        while (left or running) and not is_cancelled():
-            while left and len(running) < 2 * threads:
-                task = left.popleft()
-                running[pool.submit(one, *task)] = task
-            for future in wait(running, ASKED_EVERY, FIRST_COMPLETED).done:
-                found[running.pop(future)] = future.result()
-            now, is_last = time.monotonic(), not (left or running)
-            if progress is not None and found and (now > reported + REPORT_EVERY or is_last):
-                reported = now
-                progress(counted(len(found), len(tasks), began), len(found) / len(tasks))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    # Of cancelled work: what was begun is done by now.
-    found |= {task: future.result() for future, task in running.items() if not future.cancelled()}
+    if client is None:
+        run_on_threads(threads, points, blocks, done, cancelled or (lambda: False))
+    else:
+        run_on_cluster(client, workers, points, blocks, done, cancelled)
     if not found:
         raise StoppedError(f"stopped before the first of {len(tasks):,} runs was done")
     refusals = Counter(one.refusal for one in found.values() if one.refusal)
@@ -170,61 +152,182 @@ def sweep(
     )
 
 
+class _Done:
+    """The numbers of the runs that are done, and who is told of them.
+
+    Parameters
+    ----------
+    found
+        Those that are known before.
+    tasks
+        Experiment and seed of each run, and its key in the cache.
+    progress
+        As of `sweep`.
+    """
+
+    def __init__(
+        self,
+        found: dict[tuple[int, int], Numbers],
+        tasks: Mapping[tuple[int, int], str],
+        progress: Progress | None,
+    ) -> None:
+        self.found, self._tasks, self._progress = found, tasks, progress
+        self._began = self._reported = time.monotonic()
+        if found:
+            self._report()
+
+    def keep(self, block: Block, numbers: Sequence[Numbers]) -> None:
+        """Keep the numbers of a block in the cache, from any thread: they are there if the sweep ends now."""
+        for seed, one in zip(block.seeds, numbers, strict=True):
+            keep(self._tasks[block.point, seed], one)
+
+    def add(self, block: Block, numbers: Sequence[Numbers]) -> None:
+        """Add the numbers of a block, and tell of it."""
+        self.found |= {(block.point, seed): one for seed, one in zip(block.seeds, numbers, strict=True)}
+        if time.monotonic() > self._reported + REPORT_EVERY or len(self.found) == len(self._tasks):
+            self._report()
+
+    def tell(self, step: str) -> None:
+        """Tell of a step before the first run."""
+        if self._progress is not None:
+            self._progress(step, 0.0)
+
+    def _report(self) -> None:
+        self._reported = time.monotonic()
+        if self._progress is not None:
+            count, wanted = len(self.found), len(self._tasks)
+            self._progress(counted(count, wanted, self._began), count / wanted)
+
+
+def blocks_of(
+    points: Sequence[Experiment], left: Collection[tuple[int, int]], seeds: Sequence[int]
+) -> list[Block]:
+    """Return the runs to do, of some experiments with some seeds: alone, or up to eight seeds abreast.
+
+    Runs alone with the same seed follow one another, because they share the stages before the swept setting.
+    """
+    count = len(points) * len(seeds)
+    abreast = [
+        count >= FEW and len(seeds) >= FEWEST_SEEDS and _can_run_abreast(one, count >= MANY) for one in points
+    ]
+    blocks = [
+        Block(index, (seed,), abreast=False)
+        for seed in seeds
+        for index in range(len(points))
+        if not abreast[index] and (index, seed) in left
+    ]
+    for index in np.flatnonzero(abreast).tolist():
+        own = [seed for seed in seeds if (index, seed) in left]
+        parts = [tuple(own[first : first + LANES]) for first in range(0, len(own), LANES)]
+        blocks += [Block(index, part, abreast=True) for part in parts]
+    return blocks
+
+
+def _can_run_abreast(point: Experiment, many: bool) -> bool:
+    """Return whether runs of an experiment can be abreast; `many` are worth waiting for a compiler."""
+    try:
+        lanes = SeedLanes.of(point)
+    except ValueError:  # refused, as each of its runs is
+        return False
+    return lanes is not None and (many or lanes.is_compiled)
+
+
+def run_on_threads(
+    threads: int,
+    points: Sequence[Experiment],
+    blocks: Sequence[Block],
+    done: _Done,
+    is_cancelled: Callable[[], bool],
+) -> None:
+    """Run blocks on the threads of this computer."""
+    pool, room = ThreadPoolExecutor(threads, thread_name_prefix="sweep"), threading.local()
+    left, running = deque(blocks), dict[Future[list[Numbers]], Block]()
+
+    def work(block: Block) -> list[Numbers]:
+        numbers = run_block(points[block.point], block, room)
+        done.keep(block, numbers)
+        return numbers
+
+    try:
+        while (left or running) and not is_cancelled():
+            while left and len(running) < 2 * threads:
+                block = left.popleft()
+                running[pool.submit(work, block)] = block
+            for future in wait(running, ASKED_EVERY, FIRST_COMPLETED).done:
+                done.add(running.pop(future), future.result())
+    finally:
+        pool.shutdown(cancel_futures=True)
+    for future, block in running.items():  # of cancelled work: what was begun is done by now
+        if not future.cancelled():
+            done.add(block, future.result())
+
+
 def run_on_cluster(
     client: Client,
     workers: int | None,
     points: Sequence[Experiment],
-    keyed: Mapping[tuple[int, int], str],
-    progress: Progress | None,
+    blocks: Sequence[Block],
+    done: _Done,
     cancelled: Callable[[], bool] | None = None,
-) -> dict[tuple[int, int], Numbers]:
-    """Return the numbers of the runs, done on the workers of a cluster unless they are kept.
-
-    Parameters
-    ----------
-    client, workers, progress, cancelled
-        As of `sweep`.
-    points
-        The experiments.
-    keyed
-        Experiment and seed of each run, and its key in the cache.
-    """
+) -> None:
+    """Run blocks on the workers of a cluster; what a lost one has not done has that as its refusal."""
     from lab.experiment.ensembles import cluster  # noqa: PLC0415 - imports Dask, which need not be installed
 
     cluster.check_client(client, workers)
-    found = {task: one for task, key in keyed.items() if (one := kept(key)) is not None}
-    left = [task for task in keyed if task not in found]
-    size = min(max(-(-len(left) // SHARES), LEAST_SHARE), LARGEST_SHARE)
-    shares = [tuple(left[first : first + size]) for first in range(0, len(left), size)]
+    if not blocks:
+        return
+    runs = sum(len(block.seeds) for block in blocks)
+    size = min(max(-(-runs // SHARES), LEAST_SHARE), LARGEST_SHARE)
+    shares: list[list[Block]] = [[]]
+    for block in blocks:
+        if sum(len(one.seeds) for one in shares[-1]) >= size:
+            shares.append([])
+        shares[-1].append(block)
 
-    began = time.monotonic()
+    def add(index: int, numbers: list[list[Numbers]]) -> None:
+        for block, own in zip(shares[index], numbers, strict=True):
+            done.keep(block, own)
+            done.add(block, own)
 
-    def done(index: int, numbers: list[Numbers]) -> None:
-        for task, one in zip(shares[index], numbers, strict=True):
-            found[task] = one
-            keep(keyed[task], one)
-        if progress is not None:
-            progress(counted(len(found), len(keyed), began), len(found) / len(keyed))
-
-    if not shares:
-        return found
     ended = cluster.run_pieces(
         client,
         cluster.Parcel.of(points),
         run_share,
-        [(share,) for share in shares],
-        done,
-        tell=lambda step: None if progress is None else progress(step, 0.0),
-        warming=(((0, 0),),),
+        [(tuple(share),) for share in shares],
+        add,
+        tell=done.tell,
+        warming=((blocks[0],),),
         cancelled=cancelled,
     )
-    lost = {task: Numbers(np.full(NUMBERS, np.nan), ended) for task in keyed} if ended else {}
-    return lost | found
+    if ended:
+        lost = Numbers(np.full(NUMBERS, np.nan), ended)
+        done.found |= {
+            (block.point, seed): lost
+            for block in blocks
+            for seed in block.seeds
+            if (block.point, seed) not in done.found
+        }
 
 
-def run_share(given: Unpacked, share: Sequence[tuple[int, int]]) -> list[Numbers]:
-    """Return the numbers of some runs on a worker; each is given by its experiment and its seed."""
-    return [run(given.experiments[index], seed) for index, seed in share]
+def run_share(given: Unpacked, share: Sequence[Block]) -> list[list[Numbers]]:
+    """Return the numbers of some blocks of runs on a worker."""
+    room = threading.local()
+    return [run_block(given.experiments[block.point], block, room) for block in share]
+
+
+def run_block(point: Experiment, block: Block, room: threading.local) -> list[Numbers]:
+    """Return the numbers of the runs of a block, in memory that other blocks of this thread share."""
+    abreast: Iterable[FloatArray | None] = [None] * len(block.seeds)
+    if block.abreast:
+        try:
+            lanes = SeedLanes.of(point, along=True, room=room)
+            abreast = abreast if lanes is None else lanes.figures(block.seeds)
+        except ValueError as error:
+            return [Numbers(np.full(NUMBERS, np.nan), str(error))] * len(block.seeds)
+    return [
+        run(point, seed) if found is None else Numbers(found, "")
+        for seed, found in zip(block.seeds, abreast, strict=True)
+    ]
 
 
 def keep(key: str, one: Numbers) -> None:
@@ -242,99 +345,6 @@ def kept(key: str) -> Numbers | None:
         return KEPT.get("run", key, missing)
     except LookupError:
         return None
-
-
-def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[Swept]:
-    """Return the swept settings; each value has been accepted by its setting.
-
-    Raises
-    ------
-    SettingError
-        If there is no such setting or card, or a value is not accepted, missing or given twice.
-    MissionError
-        If there is no such mission.
-    """
-    if not isinstance(settings, Mapping) or not settings:
-        raise SettingError(
-            'sweep: no setting named; accepted is, for instance, {"sensors.gyro.noise_density": [0.01, 0.1]}'
-        )
-    values = {path: accepted(experiment, path, given) for path, given in settings.items()}
-    for form in experiment.OTHER_FORMS:
-        if form in values and (other := experiment.derived(form).setting) in values:
-            raise SettingError(f"{form} and {other} are two forms of one setting; accepted is one of them")
-    return [Swept(path, dim_of(path, values), taken) for path, taken in values.items()]
-
-
-def accepted(experiment: Experiment, path: str, given: Sequence[Any]) -> list[Any]:
-    """Return the values of a setting after a check of each, or the named cards; errors as of `read`."""
-    if not isinstance(path, str):
-        raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
-    if path == "seed":
-        raise SettingError("seed: every sweep runs over seeds; give their number or a list as `seeds`")
-    if isinstance(given, str) or not hasattr(given, "__iter__"):
-        raise SettingError(f"{path}: {given!r} is one value; accepted is a list of values")
-    values = [value.tolist() if isinstance(value, np.ndarray | np.generic) else value for value in given]
-    if not values:
-        raise SettingError(f"{path}: there is no value in the list")
-    if path == CARD:
-        values = [_card(value) for value in values]
-    names = _named(values)
-    twice = [name for at, name in enumerate(names) if name in names[:at]]
-    if twice:
-        raise SettingError(f"{path}: {twice[0]!r} is in the list twice")
-    trial = experiment.copy()
-    for value in values:
-        _set(trial, path, value)
-        if path == "mission":
-            mission(value)
-    return values
-
-
-def _card(value: Any) -> Card:
-    if isinstance(value, Card):
-        return value
-    if not isinstance(value, str | os.PathLike):
-        raise SettingError(f"card: {value!r} is no card; accepted is a card, or its name or .toml file")
-    return card(value)
-
-
-def _named(values: list[Any]) -> list[Any]:
-    """Return values with the names of cards in their place."""
-    return [value.name if isinstance(value, Card) else value for value in values]
-
-
-def _set(point: Experiment, path: str, value: Any) -> None:
-    """Give an experiment a value of a setting, or the sensors of a card with a filter that suits them."""
-    if path == CARD:
-        value.load(point)
-    else:
-        point.set(path, value)
-
-
-def dim_of(path: str, paths: Mapping[str, object]) -> str:
-    """Return the name of a setting's dimension: the end of its path that no other swept setting has."""
-    words = path.split(".")
-    ends = (words[-count:] for count in range(1, len(words) + 1))
-    own = next(end for end in ends if sum(other.split(".")[-len(end) :] == end for other in paths) == 1)
-    return "_".join(own)
-
-
-def combinations(
-    experiment: Experiment, swept: list[Swept], fixed: Mapping[str, Any]
-) -> Iterator[Experiment]:
-    """Iterate over the experiments of all combinations of values, the last setting fastest.
-
-    Settings override the card, whatever their order; those that are `fixed` are set at every point.
-    """
-    for values in product(*(one.values for one in swept)):
-        point = experiment.copy()
-        pairs = [(one.path, value) for one, value in zip(swept, values, strict=True)]
-        # A card sets many settings. The other form of a setting depends on further settings.
-        for path, value in sorted(
-            [*fixed.items(), *pairs], key=lambda pair: (pair[0] != CARD, pair[0] in point.OTHER_FORMS)
-        ):
-            _set(point, path, value)
-        yield point
 
 
 def seeds_of(experiment: Experiment, points: list[Experiment], seeds: int | Sequence[int]) -> tuple[int, ...]:
@@ -360,52 +370,9 @@ def run(point: Experiment, seed: int) -> Numbers:
     mine = point.copy()
     mine.set("seed", seed)
     try:
-        return Numbers(measure(mine.run()), "")
+        return Numbers(figures_of_result(mine.run()), "")
     except ValueError as error:
         return Numbers(np.full(NUMBERS, np.nan), str(error))
-
-
-def measure(result: Result) -> FloatArray:
-    """Return rms, maximum and σ of nine errors, NEES and NIS with their degrees, and 95 % of the position."""
-    squares, count, largest = np.zeros(WIDE), np.zeros(WIDE), np.zeros(WIDE)
-    variances, samples, horizontal = np.zeros(WIDE), 0, [np.zeros(0)]
-    for part in result.parts():
-        sigma = nine(part.sigma)
-        variances += np.sum(sigma**2, axis=0)
-        samples += len(sigma)
-        if result.missing_reason("errors"):
-            continue
-        errors = np.abs(nine(part.errors))
-        known = np.isfinite(errors)
-        horizontal.append(np.hypot(errors[:, 0], errors[:, 1])[known[:, :2].all(axis=1)])
-        squares += np.sum(errors**2, axis=0, where=known)
-        count += known.sum(axis=0)
-        largest = np.maximum(largest, np.max(errors, axis=0, where=known, initial=0.0))
-    rms = np.sqrt(np.divide(squares, count, out=np.full(WIDE, np.nan), where=count > 0))
-    largest[count == 0] = np.nan
-    nis = result.innovations["nis"]
-    nees = None if result.missing_reason("consistency") else result.consistency["nees"]
-    tests = [
-        number
-        for test in (nees, nis)
-        for number in (
-            (np.nan, np.nan) if test is None else (average(test.values), float(test.attrs["degrees"]))
-        )
-    ]
-    sizes = np.concatenate(horizontal)
-    most = np.quantile(sizes, 0.95) if sizes.size else np.nan
-    return np.concatenate((rms, largest, np.sqrt(variances / samples), tests, [most]))
-
-
-def nine(group: xr.Dataset) -> FloatArray:
-    """Return position, velocity and attitude of a dataset in one array (n, 9)."""
-    return np.concatenate([group[name].values for name in ("position", "velocity", "attitude")], axis=1)
-
-
-def average(values: FloatArray) -> float:
-    """Return the mean of the known values; NaN without any."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else np.nan
 
 
 def dataset(
@@ -444,7 +411,7 @@ def coordinate(experiment: Experiment, swept: Swept) -> tuple[str, list[Any], di
     """Return the values of a setting as a coordinate: numbers, or texts if any value is no number."""
     if swept.path == CARD:
         about = {"units": "", "long_name": "Card", "setting": CARD}
-        return swept.dim, _named(swept.values), about
+        return swept.dim, names_of(swept.values), about
     declaration = experiment.declaration(swept.path)
     plain = all(isinstance(value, Real) and not isinstance(value, bool) for value in swept.values)
     texts = [value_text(declaration, value) for value in swept.values]
