@@ -176,7 +176,7 @@ def test_a_taxiing_aircraft_does_not_bank():
 @pytest.mark.parametrize(
     ("time", "velocity", "vehicle", "words"),
     [
-        ([0, 1, 2], np.zeros((3, 3)), "rocket", "rocket.*aircraft, car, boat"),
+        ([0, 1, 2], np.zeros((3, 3)), "tram", "tram.*aircraft, car, boat, copter, rocket, pedestrian"),
         ([0, 1, 1], np.zeros((3, 3)), "car", "does not increase"),
         ([0, 1, 2], np.zeros((4, 3)), "car", "do not go together"),
         ([0], np.zeros((1, 3)), "car", "at least two"),

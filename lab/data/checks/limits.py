@@ -1,17 +1,20 @@
-"""Limits: the numbers by which the checks of a log judge, to be seen, varied and tested as one."""
+"""Limits: the numbers by which the checks of flights, logs and streams judge, and what vehicles can do."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.parameters.units import DEGREE
 
 
 @dataclass(frozen=True)
 class CheckLimits:
-    """What the checks of a log take for the same motion, another unit, wrong axes and a wrong clock.
+    """What the checks take for the same motion, another unit, wrong axes and a wrong clock.
 
     Attributes
     ----------
@@ -190,8 +193,8 @@ class CheckLimits:
         Smallest correlation at which an axis agrees with the fixes.
     correlation_lead : float
         By how much the right axis may follow the speed better than the forward one.
-    degree_ratio : tuple of 2 floats
-        Ratio of a factor to 57 (degrees to a radian) at which that unit is named.
+    degree_ratio : float
+        Factor to 57 (degrees to a radian) within which that unit is named.
     refused_lag : float
         Smallest clock offset that refuses a log [s]: receivers are up to 0.3 s late by themselves, which a
         navigator is told or finds.
@@ -247,9 +250,66 @@ class CheckLimits:
         Relative distance of a slope from a unit's factor at which it is named: half of what parts the
         nearest two.
     same_slope : float
-        Relative distance of a slope from 1 within which noise explains it. Over 200 seeds of the walk in
-        `tests/missions/test_flight_import.py`, the slope over r² is at most 9 % from 1; the nearest unit,
-        the knot, 49 %.
+        Relative distance of a slope from 1 within which noise explains it: the nearest unit, the knot, is
+        49 % from it.
+    crab : float
+        Median angle between heading and course that wind explains [rad]: 17 m/s across an airspeed of 30 m/s.
+    heading_left : float
+        Part of that angle that another reading of the heading may leave to be the right one.
+    lean : float
+        Coherence of specific force and lean from which a vehicle accelerates where it leans. Measured: 0.88
+        to 0.97 on the logs of copters in `tests`, with drag and wind.
+    lean_ratio : tuple of 2 floats
+        Specific force over lean that is accepted: a car leans a twentieth of it in its springs.
+    steepest_lean : float
+        Largest pitch and roll that are compared [rad]: beyond, their tangent has no scale.
+    course_of_flight : float
+        Speed from which the attitude of a flight is compared with its course [m/s]: an error of 0.5 m/s
+        across turns the course by 6°, and no vehicle moves backwards so fast by itself (`forward_speed` of
+        `lab.navigation.alignment.limits`).
+    moving_samples : int
+        Fewest samples at such a speed, or airspeed, by which they are compared.
+    banking, climbing : float
+        σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
+        [rad].
+    alike : float
+        Correlation from which a slope means a unit, and below which two series have little in common: with
+        random errors as large as 3/4 of the motion it is 0.8.
+    attitude_correlation : float
+        Correlation of roll and pitch with the path from which their slope is judged: sideslip and changes of
+        the angle of attack leave it above 0.6.
+    same_roll, same_pitch : tuple of 2 floats
+        Slopes of roll against the coordinated bank, and of pitch against the path, that are no wrong unit
+        (57).
+    same_rate : tuple of 2 floats
+        Slopes of attitude against recorded rates that are no wrong unit: the nearest factor is 57. On the
+        shipped flights, an attitude that lags behind with a time constant of 0.5 s has slopes of 0.87 or
+        more, with 1 s 0.73 or more.
+    unlike_rate : float
+        Correlation below which a recorded rate has little to do with the attitude.
+    rate_stride : int
+        Samples over which the increments of attitude and rates are compared: jitter of one sample averages
+        out.
+    increment : float
+        Rms increment of an axis over these from which it is judged [rad]: less is noise of the attitude.
+    airspeed_of_flight : float
+        Airspeed or speed from which their ratio is judged [m/s]: at lower ones, a wind of 6 m/s takes the
+        ratio beyond `same_airspeed`.
+    same_airspeed : tuple of 2 floats
+        Median airspeed over speed that wind and density of the air explain; a knot is 0.51 m/s.
+    gravity_of_flight : tuple of 2 floats
+        Median specific force of a flight [g]: level flight and cruise have 1; a wrong unit is a factor of 2
+        and more.
+    reached : float
+        Quantile of a quantity that is compared with the limits of its vehicle: single samples may be wrong in
+        a good recording.
+    curve_residual, air_residual : float
+        Rms distance of a plausible curve from the positions [m]: of one from velocity or positions, where a
+        receiver is off by a few metres; and of one from air data, where the wind changes.
+    implausible_residual : float
+        Multiple of these from which a flight is implausible. On the shipped flights, velocities in a wrong
+        unit leave 2 to 39 m, and velocities that are 5 s late 8 to 23 m: 200 m is another motion than that of
+        the positions.
     """
 
     reading_gap: float = 3.0
@@ -323,7 +383,7 @@ class CheckLimits:
     lively_speed: float = 0.3
     axis_correlation: float = 0.8
     correlation_lead: float = 0.3
-    degree_ratio: tuple[float, float] = (0.5, 2.0)
+    degree_ratio: float = 2.0
     refused_lag: float = 0.4
     lag_step: float = 0.1
     around_leap: float = 1.5
@@ -347,6 +407,30 @@ class CheckLimits:
     noise_fixes: int = 10
     unit_slope: float = 0.05
     same_slope: float = 0.15
+    crab: float = float(np.radians(35.0))
+    heading_left: float = 1 / 3
+    lean: float = 0.8
+    lean_ratio: tuple[float, float] = (0.5, 2.0)
+    steepest_lean: float = float(np.radians(75.0))
+    course_of_flight: float = 5.0
+    moving_samples: int = 20
+    banking: float = float(np.radians(4.0))
+    climbing: float = float(np.radians(1.5))
+    alike: float = 0.8
+    attitude_correlation: float = 0.6
+    same_roll: tuple[float, float] = (0.5, 2.0)
+    same_pitch: tuple[float, float] = (0.2, 5.0)
+    same_rate: tuple[float, float] = (0.8, 1.25)
+    unlike_rate: float = 0.5
+    rate_stride: int = 5
+    increment: float = float(np.radians(0.2))
+    airspeed_of_flight: float = 15.0
+    same_airspeed: tuple[float, float] = (0.6, 1.6)
+    gravity_of_flight: tuple[float, float] = (0.6, 1.6)
+    reached: float = 0.999
+    curve_residual: float = 10.0
+    air_residual: float = 500.0
+    implausible_residual: float = 20.0
 
     @property
     def tried_lags(self) -> FloatArray:
@@ -356,3 +440,56 @@ class CheckLimits:
 
 LOG = CheckLimits()
 """The limits in use. Each is read when it is needed, so that other limits hold as soon as they stand here."""
+
+
+class Range(NamedTuple):
+    """The usual and the possible maximum of a quantity of a vehicle."""
+
+    usual: float
+    possible: float
+
+
+class VehicleLimits(NamedTuple):
+    """What a vehicle can do.
+
+    Attributes
+    ----------
+    specific_force, body_rate, climb, speed : Range
+        Lengths of the specific force [m/s²] and the body rate [rad/s]; vertical and whole speed [m/s].
+    shows_heading : bool
+        Whether its course is its heading, but for wind.
+    """
+
+    specific_force: Range
+    body_rate: Range
+    climb: Range
+    speed: Range
+    shows_heading: bool = True
+
+
+VEHICLES: Mapping[str, VehicleLimits] = {
+    "aircraft": VehicleLimits(
+        Range(50.0, 120.0), Range(150 * DEGREE, 500 * DEGREE), Range(80.0, 250.0), Range(350.0, 1000.0)
+    ),
+    "car": VehicleLimits(
+        Range(30.0, 100.0), Range(120 * DEGREE, 500 * DEGREE), Range(10.0, 50.0), Range(80.0, 200.0)
+    ),
+    "boat": VehicleLimits(
+        Range(25.0, 100.0), Range(90 * DEGREE, 500 * DEGREE), Range(3.0, 20.0), Range(40.0, 120.0)
+    ),
+    "copter": VehicleLimits(
+        Range(50.0, 200.0), Range(500 * DEGREE, 2500 * DEGREE), Range(25.0, 100.0),
+        Range(50.0, 150.0), False,
+    ),
+    "rocket": VehicleLimits(
+        Range(400.0, 2000.0), Range(1500 * DEGREE, 7200 * DEGREE), Range(800.0, 1000.0),
+        Range(800.0, 1000.0), False,
+    ),
+    "pedestrian": VehicleLimits(
+        Range(40.0, 200.0), Range(400 * DEGREE, 2000 * DEGREE), Range(5.0, 20.0), Range(10.0, 30.0), False
+    ),
+}  # fmt: skip
+"""For each vehicle of a flight. A plain choice: aerobatic aeroplanes, rally cars and racing boats reach what
+is usual, and no crew bears more than what is possible. Racing copters tumble at 1000 °/s and more; model
+rockets burn out at 40 g and may spin several times a second; a sprinter runs at 12 m/s, and a fast lift takes
+him up at 10 m/s."""

@@ -18,20 +18,28 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.data.checks.fix_check import check_fixes
 from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_gyros
-from lab.data.checks.velocity_matching import Match, Window, liveliest, turned
+from lab.data.checks.likeness import UNITS, nearest
+from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
+from lab.data.checks.velocity_matching import Match, Window, liveliest
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
+from lab.motion.kinematics.running_turns import turned
 
 _OR_ANOTHER_VEHICLE = (
     ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
     f'vehicle = "copter" in log.toml; accepted are {", ".join(VEHICLES)}'
 )
+
+_DIRECTIONS = (
+    "swapped columns or reversed signs of vn_m_s, ve_m_s, lat_deg or lon_deg",
+    "column vd_m_s, which is positive down",
+)
+"""Columns of a log by which a direction may be wrong, of the horizontal and of the vertical motion."""
 
 
 class FixMotion(NamedTuple):
@@ -84,7 +92,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
         do not move as their velocities say, or a clock of the receiver that is not the IMU's.
     """
     _check_interval(log)
-    check_fixes(log.name, log.gnss)
+    _check_path(log)
     log = piece(log)
     _check_force(log)
     _check_tumbling(log)
@@ -108,6 +116,23 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
 def is_explained(log: SensorLog) -> bool:
     """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
     return are_explained(matches_of(log))
+
+
+def _check_path(log: SensorLog) -> None:
+    """Compare the positions of the fixes with their velocities; both are of the receiver."""
+    gnss = log.gnss
+    for found in path_faults(gnss.time, gnss.position, gnss.velocity_n):
+        like, what = found.like, f"{log.name}: the {'heights' if found.vertical else 'positions'} of the GPS "
+        if found.kind == UNLIKE:
+            continue
+        if found.kind == UNIT:
+            said = f"change {like.ratio:.3g} times as much as its velocities say"
+        elif found.vertical:
+            said = "rise where its velocities point down"
+        else:
+            said = f"do not move where its velocities point, but {abs(np.degrees(like.angle)):.0f}° beside"
+        columns = "" if found.kind == UNIT else f" ({_DIRECTIONS[found.vertical]})"
+        raise MissionError(f"{what}{said} (coherence {like.coherence:.2f}): {found.cause}{columns}")
 
 
 def _check_leap_seconds(log: SensorLog) -> None:
@@ -243,13 +268,12 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     if not following.size:
         return
     factor = float(following.max())
-    degree = 180 / np.pi
-    for scale, numbers in ((degree, "degrees where radians"), (1 / degree, "radians where degrees")):
-        if limits.LOG.degree_ratio[0] < factor / scale < limits.LOG.degree_ratio[1]:
-            raise MissionError(
-                f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look "
-                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
-            )
+    unit = nearest(factor, UNITS["angle"], limits.LOG.degree_ratio)
+    if unit:
+        raise MissionError(
+            f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look like "
+            f"{unit[0]} where {unit[1]} are declared (columns gx_rad_s, gx_deg_s)"
+        )
 
 
 def _check_turn(log: SensorLog, motion: FixMotion) -> None:

@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
+from lab.motion.kinematics.running_turns import matrices, product, quaternions, running_products, turned
 
-Quaternions = NDArray[np.complex128]
-"""Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 WINDOW = 20.0
@@ -231,51 +229,6 @@ def steps(time: FloatArray, increments: FloatArray, start: float, end: float) ->
     return np.diff([np.interp(ends, time, column) for column in _total(increments).T]).T
 
 
-def turned(dtheta: FloatArray) -> Rotation:
-    """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
-    a, b = _attitudes(_quaternions(dtheta))
-    return Rotation.from_quat(np.stack((a.imag, b.real, b.imag, a.real), axis=-1))
-
-
-def _quaternions(rotation: FloatArray) -> Quaternions:
-    """Return the quaternions (2, k) of rotation vectors (k, 3) [rad]."""
-    half = 0.5 * np.sqrt((rotation * rotation).sum(axis=1))
-    x, y, z = rotation.T * (0.5 * np.sinc(half / np.pi))
-    made = np.empty((2, half.size), complex)
-    made.real = np.cos(half), y
-    made.imag = x, z
-    return made
-
-
-def _attitudes(increments: Quaternions) -> Quaternions:
-    """Return the products (2, k + 1) of all increments (2, k) until each, from that of none on."""
-    total = np.concatenate(([[1.0], [0.0]], increments), axis=1)
-    reach = 1
-    while reach < total.shape[1]:  # each pass doubles how many increments are in each product
-        total[:, reach:] = _product(total[:, :-reach], total[:, reach:])
-        reach *= 2
-    return total
-
-
-def _product(one: Quaternions, other: Quaternions) -> Quaternions:
-    """Return the products of quaternions (2, k): those of `Rotation` take thirty times as long."""
-    (a, b), (c, d) = one, other
-    made = np.empty_like(other)
-    made[0] = a * c - b * d.conj()
-    made[1] = a * d + b * c.conj()
-    return made
-
-
-def _matrices(quaternions: Quaternions) -> FloatArray:
-    """Return the rotation matrices (k, 3, 3) of unit quaternions (2, k)."""
-    (w, y), (x, z) = quaternions.real, quaternions.imag
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = 2.0 * np.stack(
-        (x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z)
-    )
-    rows = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
-    return np.stack(rows, axis=-1).reshape(-1, 3, 3)
-
-
 def _total(values: FloatArray) -> FloatArray:
     """Return the sums (k + 1, ...) of values (k, ...) until each, from that of none on."""
     made = np.zeros((len(values) + 1, *values.shape[1:]))
@@ -357,9 +310,9 @@ def _model(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
     dt = np.diff(window.time)[:, None]
-    half = _quaternions(0.5 * (window.dtheta - bias[:3] * dt))
-    middle = _product(_attitudes(_product(half, half))[:, :-1], half)
-    C = C_nb.as_matrix() @ _matrices(middle)
+    half = quaternions(0.5 * (window.dtheta - bias[:3] * dt))
+    middle = product(running_products(product(half, half))[:, :-1], half)
+    C = C_nb.as_matrix() @ matrices(middle)
     force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
     cross = _cross(force)
     C_dt = C * dt[:, :, None]
