@@ -25,9 +25,15 @@ class ImuAxes(NamedTuple):
     @property
     def words(self) -> str:
         """What has to be changed."""
-        if not np.array_equal(self.forces, SAME):
+        if np.array_equal(self.forces, SAME):
+            return f"gyros about {_describe(self.gyros)}"
+        if np.array_equal(self.gyros, SAME):
             return f"accelerometers along {_describe(self.forces)}"
-        return f"gyros about {_describe(self.gyros)}"
+        return f"left-handed axes, which are {_describe(self.forces)}"
+
+    def seen_in(self, C: FloatArray) -> ImuAxes:
+        """Return the same change in other axes, of which C (3, 3) times a vector is that in these."""
+        return ImuAxes(C.T @ self.gyros @ C, C.T @ self.forces @ C)
 
     @property
     def remedy(self) -> str:
@@ -39,15 +45,21 @@ AS_IT_IS = ImuAxes(SAME, SAME)
 """No change of any axis."""
 GYROS_REVERSED = ImuAxes(np.diag([1.0, 1.0, -1.0]), SAME)
 """The gyro about down has the other sign."""
+LEFT_HANDED = ImuAxes(np.diag([1.0, -1.0, 1.0]), np.diag([1.0, -1.0, 1.0]))
+"""Axes of a mirrored IMU: other left-handed ones are these, turned with the IMU."""
 
 
 def others() -> Iterator[ImuAxes]:
-    """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
+    """Yield all other axes and signs of the gyros, those of the level accelerometers, and left-handed ones.
+
+    Gravity shows the vertical accelerometer.
+    """
     for matrix in signed(range(3)):
         if not np.array_equal(matrix, SAME):
             yield ImuAxes(matrix, SAME)
     for matrix in level():
         yield ImuAxes(SAME, matrix)
+    yield LEFT_HANDED
 
 
 def level() -> Iterator[FloatArray]:

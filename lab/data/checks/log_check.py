@@ -18,7 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_gyros
+from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_course, check_velocities
 from lab.data.checks.likeness import UNITS, nearest
 from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
 from lab.data.checks.velocity_matching import Match, Window, liveliest
@@ -101,6 +101,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
     if vehicle.follows_nose:
         _check_leap_seconds(log)
         _check_gyro_unit(log, motion_of(log))
+    check_velocities(log.name, matches)  # before the course, because it tells all axes
     if vehicle.follows_nose and not _axes_are_right(matches, vehicle):
         motion = motion_of(log)
         try:
@@ -109,7 +110,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
             _check_forward(log, motion)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
-    check_gyros(log, matches)
+    check_course(log, matches)
     _check_clock(log, matches)
 
 

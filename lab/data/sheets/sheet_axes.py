@@ -168,7 +168,7 @@ def _tried(
         try:
             check_log(log, partial(shared.of, axes_matrix(axes)))
         except GyroError as error:
-            refused.append(error)
+            refused.append(error.seen_in(axes_matrix(axes)))
             break  # it holds whichever way the IMU points
         except MissionError as error:
             refused.append(error)
