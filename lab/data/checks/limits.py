@@ -294,6 +294,9 @@ class CheckLimits:
     rate_stride : int
         Samples over which the increments of attitude and rates are compared: jitter of one sample averages
         out.
+    rate_turn : float
+        Largest turn over these samples [rad]: they are fewer in a tumble, since a turn is known up to half a
+        turn.
     increment : float
         Rms increment of an axis over these from which it is judged [rad]: less is noise of the attitude.
     airspeed_of_flight : float
@@ -429,6 +432,7 @@ class CheckLimits:
     same_rate: tuple[float, float] = (0.8, 1.25)
     unlike_rate: float = 0.5
     rate_stride: int = 5
+    rate_turn: float = float(np.radians(90.0))
     increment: float = float(np.radians(0.2))
     airspeed_of_flight: float = 15.0
     same_airspeed: tuple[float, float] = (0.6, 1.6)
@@ -485,7 +489,7 @@ VEHICLES: Mapping[str, VehicleLimits] = {
     ),
     "copter": VehicleLimits(
         Range(50.0, 200.0), Range(500 * DEGREE, 2500 * DEGREE), Range(25.0, 100.0),
-        Range(50.0, 150.0), False,
+        Range(100.0, 150.0), False,
     ),
     "rocket": VehicleLimits(
         Range(400.0, 2000.0), Range(1500 * DEGREE, 7200 * DEGREE), Range(800.0, 1000.0),
@@ -496,6 +500,6 @@ VEHICLES: Mapping[str, VehicleLimits] = {
     ),
 }  # fmt: skip
 """For each vehicle of a flight. A plain choice: aerobatic aeroplanes, rally cars and racing boats reach what
-is usual, and no crew bears more than what is possible. Racing copters tumble at 1000 °/s and more; model
-rockets burn out at 40 g and may spin several times a second; a sprinter runs at 12 m/s, and a fast lift takes
-him up at 10 m/s."""
+is usual, and no crew bears more than what is possible. Helicopters are as fast as small aeroplanes, and
+racing copters tumble at 1000 °/s and more; model rockets burn out at 40 g and may spin several times a
+second; a sprinter runs at 12 m/s, and a fast lift takes him up at 10 m/s."""

@@ -94,10 +94,11 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
     _check_interval(log)
     _check_path(log)
     log = piece(log)
-    _check_force(log)
-    _check_tumbling(log)
-    matches = matches_of(log)
     vehicle = vehicle_of(log.auxiliary.vehicle)
+    if vehicle.stays_level:
+        _check_force(log)
+        _check_tumbling(log)
+    matches = matches_of(log)
     if vehicle.follows_nose:
         _check_leap_seconds(log)
         _check_gyro_unit(log, motion_of(log))
@@ -110,7 +111,8 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
             _check_forward(log, motion)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
-    check_course(log, matches)
+    if vehicle.stays_level:
+        check_course(log, matches)
     _check_clock(log, matches)
 
 

@@ -255,7 +255,8 @@ def _resets(resets: Sequence[Reset]) -> str:
     where = "; ".join(f"{reset.change} at {_stamp(reset.time)} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
-        "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
+        "the solution jumps, as an estimator does that is reset. This is no motion, so the recording is cut "
+        "there: "
         f"{where}{more}"
     )
 
@@ -443,7 +444,7 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
             f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
-            f"{' It is cut where the estimator of the autopilot was reset.' if flight.raw.resets else ''}",
+            f"{' It is cut where the recorded solution jumps.' if flight.raw.resets else ''}",
         )
 
 

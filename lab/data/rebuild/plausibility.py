@@ -124,6 +124,8 @@ def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Lik
     raw, stride = flight.raw, limits.LOG.rate_stride
     if raw.body_rate is None or raw.euler is None or len(raw.time) <= 2 * stride:
         return None
+    fastest = float(np.abs(raw.body_rate).max()) * float(np.median(np.diff(raw.time)))
+    stride = int(np.clip(limits.LOG.rate_turn // max(fastest, 1e-9), 1, stride))
     euler = euler_at(rebuilt.recording, raw.time)
     derived = body_rates(raw.time, euler, stride) * (raw.time[stride:] - raw.time[:-stride])[:, None]
     steps = np.diff(raw.time)[:, None] * (raw.body_rate[1:] + raw.body_rate[:-1]) / 2

@@ -28,6 +28,7 @@ from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
@@ -253,7 +254,15 @@ def _oriented_log(
 
     along = along_track(gnss, pace)
     shown = None if along is None else with_fixes(along)
-    return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
+    return oriented(
+        imu.samples,
+        with_fixes(gnss),
+        axes,
+        _is_phone(imu),
+        _is_signed(imu),
+        shown,
+        vehicle_of(vehicle).stays_level,
+    )
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:

@@ -81,6 +81,7 @@ def oriented(
     phone: bool = False,
     signed: bool = True,
     shown: Callable[[FloatArray], SensorLog] | None = None,
+    level: bool = True,
 ) -> Oriented:
     """Return a log in forward, right, down, with the axes that point there.
 
@@ -98,6 +99,8 @@ def oriented(
         Whether it is known that the accelerations are specific force, and not the negative of it.
     shown
         As `build`, with velocities by which the axes are judged in place of those that the filter gets.
+    level
+        Whether the vehicle is level on average; a rocket stands on its tail.
 
     Raises
     ------
@@ -111,15 +114,17 @@ def oriented(
             _reported(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
         )
     judged = shown or build
-    passed, refused = _tried(samples, judged, phone)
+    passed, refused = _tried(samples, judged, phone, level)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
-        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone)[0][:1])
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone, level)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
     why = (
-        "gravity and the motion show them"
+        "gravity on the ground shows where the nose points; the roll is assumed"
+        if not level
+        else "gravity and the motion show them"
         if len(passed) == 1
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
@@ -157,13 +162,13 @@ class _SharedMatches:
 
 
 def _tried(
-    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool
 ) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
     """Return the axes with which a log passes, each with the log, and why it does not with the others."""
     passed: list[tuple[Axes, SensorLog]] = []
     refused: list[MissionError] = []
     shared = _SharedMatches()
-    for axes in _candidates(samples, phone):
+    for axes in _candidates(samples, phone, level):
         log = build(_turned(samples, axes))
         try:
             check_log(log, partial(shared.of, axes_matrix(axes)))
@@ -186,12 +191,16 @@ def _gravity(samples: FloatArray) -> FloatArray:
     return np.asarray(np.nanmedian(samples[:, 3:], axis=0))
 
 
-def _candidates(samples: FloatArray, phone: bool) -> Iterator[Axes]:
-    """Yield the axes that fit gravity, the usual ones first."""
+def _candidates(samples: FloatArray, phone: bool, level: bool) -> Iterator[Axes]:
+    """Yield the axes that fit gravity, the usual ones first; the first alone if only the roll is unknown."""
     up = _gravity(samples)
     vertical = int(np.argmax(np.abs(up)))
     down = np.zeros(3)
     down[vertical] = -np.sign(up[vertical])
+    if not level:
+        right = np.roll(np.abs(down), 1)
+        yield _name(-down), _name(right), _name(np.cross(-down, right))
+        return
     # A phone lies with its top forward, or stands with its screen, z, to the rear.
     first = (("y", "x") if phone else ("x", "y")) if vertical == NAMES.index("z") else ("-z",)
     order = [*first, *(name for name in ("x", "y", "z", "-x", "-y", "-z") if name not in first)]

@@ -110,7 +110,7 @@ def test_swapped_gyros(tmp_path):
     source = tables(30, 200), "", (*POSITION, *VELOCITY)
     imu = source[0].imu.copy()
     imu[:, 1:4] = imu[:, [3, 2, 1]]
-    recognised(corrupted(tmp_path, source, imu), "swapped axes of the gyros")
+    recognised(corrupted(tmp_path, source, imu), "with gyros about down, right, forward")
 
 
 @pytest.mark.parametrize("name", ["vn310_static", "rtkx_walk"])
