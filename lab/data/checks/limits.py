@@ -183,6 +183,9 @@ class CheckLimits:
     tumbling : float
         Largest mean rate about a horizontal axis [rad/s]: five σ of the bias of consumer gyros; a rate of
         0.5 °/s, its numbers read as radians, is 29 °/s.
+    rate_step : float
+        Median step from sample to sample up to which such a mean is a bias [rad/s]: those of an MPU-6000 are
+        up to 20 °/s. Degrees read as radians make 0.02 °/s of noise larger than this.
     pitch_of_turn : float
         Pitch rate of banked turns over their yaw rate, from which axes are judged by it: the sine of a bank
         of 9°. The tests, on real logs too, pass at half and at twice it.
@@ -387,6 +390,7 @@ class CheckLimits:
     course_speed: float = 2.0
     course_step: float = np.pi / 2
     tumbling: float = float(np.radians(25.0))
+    rate_step: float = float(np.radians(1.0))
     pitch_of_turn: float = 0.15
     lively_turn: float = float(np.radians(2.0))
     lively_speed: float = 0.3

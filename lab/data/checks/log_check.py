@@ -240,7 +240,8 @@ def _check_force(log: SensorLog) -> None:
 def _check_tumbling(log: SensorLog) -> None:
     """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
     mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
-    if mean > limits.LOG.tumbling:
+    steps = np.median(np.abs(np.diff(log.rates[0][:, :2], axis=0)), axis=0)
+    if mean > limits.LOG.tumbling and steps.max() > limits.LOG.rate_step:
         raise MissionError(
             f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on average, "
             "which would overturn the vehicle, but the direction of gravity is constant: the numbers look "
