@@ -34,6 +34,8 @@ _OR_REVERSED = (
     "them along gravity, as some do on iPhones, {}: the motion does not show which. Then state it: --column "
     "HEADING=-force_x[m/s²], and y and z alike."
 )
+_FIRST = 20
+"""Fewest samples at the start, or a hundredth of them, in which a rocket stands upright or is launched."""
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -122,7 +124,7 @@ def oriented(
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
     why = (
-        "gravity on the ground shows where the nose points; the roll is assumed"
+        "the force at the start shows where the nose points; the roll is assumed"
         if not level
         else "gravity and the motion show them"
         if len(passed) == 1
@@ -193,7 +195,7 @@ def _gravity(samples: FloatArray) -> FloatArray:
 
 def _candidates(samples: FloatArray, phone: bool, level: bool) -> Iterator[Axes]:
     """Yield the axes that fit gravity, the usual ones first; the first alone if only the roll is unknown."""
-    up = _gravity(samples)
+    up = _gravity(samples if level else samples[: max(_FIRST, len(samples) // 100)])
     vertical = int(np.argmax(np.abs(up)))
     down = np.zeros(3)
     down[vertical] = -np.sign(up[vertical])
