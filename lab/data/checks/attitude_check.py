@@ -127,7 +127,10 @@ def bank_fault(bank: FloatArray, roll: FloatArray, pitch: FloatArray) -> tuple[s
     if np.std(bank) < limits.LOG.banking:
         return "", 1.0
     like = likeness(bank, wrap(roll))
-    if like.correlation < limits.LOG.alike and likeness(bank, pitch).correlation > limits.LOG.same_motion:
+    if (
+        like.correlation < limits.LOG.axis_correlation
+        and likeness(bank, pitch).correlation > limits.LOG.coherent
+    ):
         return "exchanged", like.slope
     low, high = limits.LOG.same_roll
     unlike = abs(like.correlation) > limits.LOG.attitude_correlation and not low < like.slope < high
@@ -159,7 +162,7 @@ def rates_agree(likes: tuple[Likeness, ...] | None) -> bool:
     low, high = limits.LOG.same_rate
     turning = [one for one in likes or () if one.strength > limits.LOG.increment]
     return bool(turning) and all(
-        one.correlation > limits.LOG.alike and low < one.slope < high for one in turning
+        one.correlation > limits.LOG.axis_correlation and low < one.slope < high for one in turning
     )
 
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
 from lab.data.checks.likeness import likeness, near_units
 from lab.data.log.auxiliary_data import Headings, Series
@@ -64,7 +63,7 @@ def _check_heights(log: SensorLog, heights_of: Series, column: str, words: str) 
     ):
         return
     like = likeness(heights, readings)
-    if like.coherence < limits.LOG.same_motion:
+    if like.coherence < limits.LOG.coherent:
         return
     factor = float(np.copysign(like.ratio, like.correlation))
     cause = _height_cause(factor)
@@ -201,28 +200,22 @@ def _residual(turn: FloatArray, change: FloatArray) -> float:
 def _goes_forward(log: SensorLog) -> bool:
     """Return whether the forward accelerometer shows that the nose points along the course.
 
-    A car may drive backwards for long. The specific force along the path is the change of the speed plus
-    gravity times the sine of the climb.
+    A car may drive backwards for long.
     """
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.name and not vehicle.follows_nose:
         return False
-    time, speed = log.gnss.time - log.gnss.latency, _speeds(log)
-    inside = np.flatnonzero(
-        (time >= log.time[0]) & (time <= log.time[-1]) & (speed > limits.LOG.compared_speed)
+    from lab.data.checks.log_check import (  # noqa: PLC0415 - imports scipy, which takes a while
+        largest_correlation,
+        motion_of,
     )
-    if inside.size < limits.LOG.compared_fixes:
+
+    motion = motion_of(log)
+    along = motion.speed + motion.climb
+    if along.size < limits.LOG.compared_fixes or np.std(along) < limits.LOG.lively_speed:
         return False
-    at = inside[:: max(1, round(1.0 / float(np.median(np.diff(time)))))]
-    gained = np.interp(time[at], log.time, np.append(0.0, np.cumsum(log.dvelocity[:, 0])))
-    rise = -np.nan_to_num(log.gnss.velocity_n[at, 2]) / speed[at]
-    dt = np.diff(time[at])
-    seen = np.diff(speed[at]) / dt + 0.5 * STANDARD_GRAVITY * (rise[1:] + rise[:-1])
-    usual = dt < limits.LOG.reading_gap
-    if usual.sum() < limits.LOG.compared_fixes or np.std(seen[usual]) < limits.LOG.nose_force:
-        return False
-    like = likeness(seen[usual], (np.diff(gained) / dt)[usual])
-    return like.correlation > limits.LOG.nose_correlation
+    correlation, _, _ = largest_correlation(log, log.dvelocity[:, 0], motion, along)
+    return correlation > limits.LOG.axis_correlation
 
 
 def _speeds(log: SensorLog) -> FloatArray:

@@ -111,7 +111,9 @@ def check_course(log: SensorLog, matches: WindowMatches) -> None:
 def _stretches(log: SensorLog) -> Iterator[_Stretch]:
     gnss = log.gnss
     time = gnss.time - gnss.latency
-    velocity = _level_velocity(gnss)
+    velocity = gnss.velocity_n[:, :2]
+    if not np.isfinite(velocity).all(axis=1).any() and time.size > 1:
+        velocity = velocity_of_positions(gnss)
     speed = np.linalg.norm(velocity, axis=1)
     sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
     sigma = np.where(np.isfinite(sigma), sigma, VELOCITY_SIGMA)
@@ -134,18 +136,11 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
                 yield _Stretch(time[piece], course[piece])
 
 
-def _level_velocity(gnss: GnssLog) -> FloatArray:
-    """Return the horizontal velocity (m, 2); that of the positions where the receiver has none."""
-    velocity = gnss.velocity_n[:, :2]
-    if np.isfinite(velocity).all(axis=1).any() or gnss.time.size < 2:
-        return velocity
+def velocity_of_positions(gnss: GnssLog) -> FloatArray:
+    """Return the horizontal velocity (m, 2) of fixes by their positions [m/s]."""
     north, east = metres_per_radian(gnss.position[:, 0], 0.0)
-    return np.column_stack(
-        (
-            np.gradient(gnss.position[:, 0], gnss.time) * north,
-            np.gradient(np.unwrap(gnss.position[:, 1]), gnss.time) * east,
-        )
-    )
+    steps = (gnss.position[:, 0], north), (np.unwrap(gnss.position[:, 1]), east)
+    return np.stack([np.gradient(angle, gnss.time) * scale for angle, scale in steps], axis=-1)
 
 
 def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:

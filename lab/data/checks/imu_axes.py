@@ -3,17 +3,49 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
 
 NAMES = ("forward", "right", "down")
 """The axes of the body."""
 SAME = np.eye(3)
 """No change of any axis."""
+
+
+XYZ = ("x", "y", "z")
+"""The axes of an IMU, each also with a minus before it."""
+
+
+def axes_matrix(axes: Sequence[str], where: str = "") -> FloatArray:
+    """Return the matrix (3, 3) that takes vectors in the axes of the IMU to forward, right, down.
+
+    Parameters
+    ----------
+    axes
+        The axes of the IMU that point there, such as y, x, -z.
+    where
+        What the message begins with.
+
+    Raises
+    ------
+    MissionError
+        If the axes are not three different ones that make a right-handed set.
+    """
+    C = np.zeros((3, 3))
+    if len(axes) == len(XYZ) and all(axis.removeprefix("-") in XYZ for axis in axes):
+        for row, axis in enumerate(axes):
+            C[row, XYZ.index(axis[-1])] = -1 if axis.startswith("-") else 1
+    if round(np.linalg.det(C)) != 1:
+        raise MissionError(
+            f"{where}axes {','.join(axes)} are not a right-handed set; accepted are the axes of the IMU that "
+            "point forward, right and down, such as y,x,-z for an IMU with x right, y forward, z up"
+        )
+    return C
 
 
 class ImuAxes(NamedTuple):

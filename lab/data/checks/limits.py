@@ -36,9 +36,6 @@ class CheckLimits:
         change heights by tens of metres.
     height_percentiles : tuple of 2 floats
         Percentiles of the GPS heights between which their range counts: single wild fixes lie outside.
-    same_motion : float
-        Smallest correlation at which two columns show the same motion: ratios of their sizes are then good
-        to 5 %.
     compared_speed : float
         Speed from which an odometer is compared [m/s]: noise of the velocities, 0.1 to 0.3 m/s, is a tenth
         of it.
@@ -75,11 +72,7 @@ class CheckLimits:
         constant airspeed above that of the wind makes at most π/2 (1.57), and one below it does not go to
         all sides. The smallest and the largest unit are 1.94 and 3.6; an airspeed sensor has 10 % of scale
         error.
-    nose_force : float
-        σ of the force along the path from which it shows where the nose points [m/s²], as in
-        `lab.data.checks.log_check`.
-    nose_correlation : float
-        Correlation of that with the forward accelerometer from which the nose points along the course.
+
     fix_leg : float
         Shortest length of a leg [s]: a walker goes 7 m, ten σ of a consumer receiver's noise.
     fix_leg_intervals : int
@@ -89,8 +82,8 @@ class CheckLimits:
     fix_legs : int
         Fewest legs that are judged.
     coherent : float
-        Coherence from which displacements and velocities count as the same motion. Measured: 0.99 and more
-        on real logs of cars and copters.
+        Coherence or correlation from which two columns show the same motion: ratios of their sizes are then
+        good to 5 %. Measured: 0.99 and more for displacements and velocities of cars and copters.
     incoherent : float
         Coherence below which they are different motions. The tests pass at 0.6 and at 0.9.
     displacement_ratio : tuple of 2 floats
@@ -197,7 +190,8 @@ class CheckLimits:
         σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is
         0.1. The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed.
     axis_correlation : float
-        Smallest correlation at which an axis agrees with the fixes.
+        Smallest correlation at which an axis agrees with the fixes, and a slope means a unit: with random
+        errors as large as 3/4 of the motion it is 0.8.
     correlation_lead : float
         By how much the right axis may follow the speed better than the forward one.
     degree_ratio : float
@@ -274,14 +268,9 @@ class CheckLimits:
         Speed from which the attitude of a flight is compared with its course [m/s]: an error of 0.5 m/s
         across turns the course by 6°, and no vehicle moves backwards so fast by itself (`forward_speed` of
         `lab.navigation.alignment.limits`).
-    moving_samples : int
-        Fewest samples at such a speed, or airspeed, by which they are compared.
     banking, climbing : float
         σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
         [rad].
-    alike : float
-        Correlation from which a slope means a unit, and below which two series have little in common: with
-        random errors as large as 3/4 of the motion it is 0.8.
     attitude_correlation : float
         Correlation of roll and pitch with the path from which their slope is judged: sideslip and changes of
         the angle of attack leave it above 0.6.
@@ -329,7 +318,6 @@ class CheckLimits:
     climb: float = 30.0
     height_piece: float = 600.0
     height_percentiles: tuple[float, float] = (5.0, 95.0)
-    same_motion: float = 0.95
     compared_speed: float = 3.0
     agreeing_ratios: float = 0.8
     heading_leg: float = 4.0
@@ -344,8 +332,6 @@ class CheckLimits:
     octants: int = 8
     ground_speed: float = 15.0
     airspeed_ratio: tuple[float, float] = (1.7, 4.2)
-    nose_force: float = 0.3
-    nose_correlation: float = 0.8
     fix_leg: float = 5.0
     fix_leg_intervals: int = 10
     fix_gap: float = 2.5
@@ -426,10 +412,8 @@ class CheckLimits:
     lean_ratio: tuple[float, float] = (0.5, 2.0)
     steepest_lean: float = float(np.radians(75.0))
     course_of_flight: float = 5.0
-    moving_samples: int = 20
     banking: float = float(np.radians(4.0))
     climbing: float = float(np.radians(1.5))
-    alike: float = 0.8
     attitude_correlation: float = 0.6
     same_roll: tuple[float, float] = (0.5, 2.0)
     same_pitch: tuple[float, float] = (0.2, 5.0)

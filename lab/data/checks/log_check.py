@@ -18,7 +18,13 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_course, check_velocities
+from lab.data.checks.gyro_check import (
+    VELOCITY_SIGMA,
+    are_explained,
+    check_course,
+    check_velocities,
+    velocity_of_positions,
+)
 from lab.data.checks.likeness import UNITS, nearest
 from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
 from lab.data.checks.velocity_matching import Match, Window, liveliest
@@ -26,7 +32,6 @@ from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
-from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 from lab.motion.kinematics.running_turns import turned
 
@@ -53,12 +58,15 @@ class FixMotion(NamedTuple):
         Mean rate of the course, positive to the right [rad/s]; NaN where the vehicle hardly moves.
     speed : (k,) array
         Mean change of the speed [m/s²].
+    climb : (k,) array
+        Mean gravity along the path, which a vehicle on wheels feels, too [m/s²].
     """
 
     start: FloatArray
     end: FloatArray
     turn: FloatArray
     speed: FloatArray
+    climb: FloatArray
 
 
 def windows_of(log: SensorLog) -> list[Window]:
@@ -106,7 +114,6 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
     if vehicle.follows_nose and not _axes_are_right(matches, vehicle):
         motion = motion_of(log)
         try:
-            _check_turn(log, motion)
             _check_bank(log, motion)
             _check_forward(log, motion)
         except MissionError as error:
@@ -151,7 +158,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
     )
     at_zero, at_leap = (
         max(
-            (_largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
+            (largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
             key=lambda one: abs(one[0]),
         )
         for lags in (limits.LOG.tried_lags, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
@@ -175,23 +182,24 @@ def motion_of(log: SensorLog) -> FixMotion:
     )
     if inside.size < 2:
         empty = np.empty(0)
-        return FixMotion(empty, empty, empty, empty)
+        return FixMotion(empty, empty, empty, empty, empty)
     step = max(1, round(limits.LOG.leg / float(np.median(np.diff(time)))))
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
     if np.isnan(velocity).any():
-        per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
-        north = np.gradient(gnss.position[:, 0], time) * per_latitude
-        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
-        velocity = np.stack((north, east), axis=-1)
+        velocity = velocity_of_positions(gnss)
     velocity, time = velocity[at], time[at]
     speed = np.linalg.norm(velocity, axis=1)
+    rise = -np.nan_to_num(gnss.velocity_n[at, 2]) / np.maximum(speed, limits.LOG.course_speed)
+    pull = 0.5 * STANDARD_GRAVITY * (rise[1:] + rise[:-1])
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     dt = np.diff(time)
     turn = np.where(np.minimum(speed[1:], speed[:-1]) > limits.LOG.course_speed, np.diff(course) / dt, np.nan)
     turn[np.abs(np.diff(course)) > limits.LOG.course_step] = np.nan
     short = dt < limits.LOG.longest_leg * limits.LOG.leg
-    return FixMotion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+    return FixMotion(
+        time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short], pull[short]
+    )
 
 
 def _check_interval(log: SensorLog) -> None:
@@ -254,9 +262,7 @@ def _likeness(log: SensorLog, motion: FixMotion) -> FloatArray | None:
     rows = np.isfinite(motion.turn)
     if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return None
-    return np.array(
-        [_largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)]
-    )
+    return np.array([largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
 
 
 def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
@@ -280,30 +286,6 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
         )
 
 
-def _check_turn(log: SensorLog, motion: FixMotion) -> None:
-    """Compare the course's rate with the gyros, each axis at its best time."""
-    likeness = _likeness(log, motion)
-    if likeness is None:
-        return
-    best = int(np.argmax(np.abs(likeness[:, 0])))
-    correlation = likeness[2, 0]
-    if (
-        abs(correlation) < limits.LOG.axis_correlation
-        and best != 2
-        and abs(likeness[best, 0]) > limits.LOG.axis_correlation
-    ):
-        raise MissionError(
-            f"{log.name}: the turns that the GPS shows are about the axis called "
-            f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
-            f"{correlation:.2f}): swapped axes of the gyros are likely"
-        )
-    if correlation < -limits.LOG.axis_correlation:
-        raise MissionError(
-            f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
-            "swapped axes or signs of the gyros are likely"
-        )
-
-
 def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     """Check the pitch rate of banked turns, which is nose up in turns to either side.
 
@@ -314,7 +296,7 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return
     for axis, wrong_sign in ((0, 0), (1, -1)):
-        correlation, factor, _ = _largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
+        correlation, factor, _ = largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
         wrong = (
             correlation < -limits.LOG.axis_correlation
             if wrong_sign
@@ -333,7 +315,7 @@ def _check_forward(log: SensorLog, motion: FixMotion) -> None:
     if motion.speed.size < limits.LOG.legs or np.std(motion.speed) < limits.LOG.lively_speed:
         return
     forward, right = (
-        _largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
+        largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
     )
     backward = forward < -limits.LOG.axis_correlation
     if backward or (
@@ -410,7 +392,7 @@ def _shows_lag(found: Match) -> bool:
     return found.lag_sigma < limits.LOG.lag_sigma and found.misfit < limits.LOG.misfit
 
 
-def _largest_correlation(
+def largest_correlation(
     log: SensorLog,
     increments: FloatArray,
     motion: FixMotion,
@@ -419,7 +401,16 @@ def _largest_correlation(
 ) -> tuple[float, float, float]:
     """Return correlation, factor and lag at the largest correlation, of either sign.
 
-    It is that of an IMU axis, later by the lag, with the motion by the fixes; by default, at `tried_lags`.
+    Parameters
+    ----------
+    log
+        The log.
+    increments : (n,) array
+        Those of an axis of the IMU.
+    motion, seen : FixMotion and (k,) array
+        The motion by the fixes, and the column of it with which the axis is compared, later by the lag.
+    lags
+        Lags that are tried [s]; by default `tried_lags`.
     """
     lags = limits.LOG.tried_lags if lags is None else lags
     total = np.concatenate(([0.0], np.cumsum(increments)))

@@ -414,10 +414,10 @@ def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotio
     like = moves.leaning
     if like is not None and like.strength > limits.LOG.lively_speed:
         text = (
-            f"horizontal specific force {like.ratio:.2f} times that of pitch and roll, "
+            f"horizontal specific force {like.ratio:.2f} times what they lean for, "
             f"{abs(np.degrees(like.angle)):.0f}° beside it, coherence {like.coherence:.2f}"
         )
-        rows.append(ReportRow("Motion", "Against pitch and roll", text))
+        rows.append(ReportRow("Motion", "Pitch and roll", text))
     agreements = rate_agreement(flight, rebuilt)
     if agreements is not None:
         text = "; ".join(

@@ -241,7 +241,7 @@ def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> lis
         return _lean(leaning)
     velocity, euler = rebuilt.recording.velocity_n, rebuilt.recording.euler
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.LOG.course_of_flight
-    if moving.sum() < limits.LOG.moving_samples or not limits.VEHICLES[rebuilt.vehicle].shows_heading:
+    if moving.sum() < limits.LOG.compared_fixes or not limits.VEHICLES[rebuilt.vehicle].shows_heading:
         return []
     off = heading_fault(velocity[moving], euler[moving, 2])
     if off is None and rebuilt.vehicle == "aircraft":
@@ -292,7 +292,7 @@ def _rates(agreements: tuple[Likeness, ...] | None) -> list[FlightFinding]:
     for axis, like in zip(("roll", "pitch", "yaw"), agreements or (), strict=False):
         if like.strength < limits.LOG.increment:
             continue
-        if abs(like.correlation) > limits.LOG.alike and not low < like.slope < high:
+        if abs(like.correlation) > limits.LOG.axis_correlation and not low < like.slope < high:
             found.append(
                 FlightFinding(
                     QUESTIONABLE,
@@ -317,7 +317,7 @@ def _airspeed(rebuilt: Reconstruction) -> list[FlightFinding]:
         return []
     speed = np.linalg.norm(recording.velocity_n, axis=1)
     flying = np.maximum(speed, np.abs(airspeed)) > limits.LOG.airspeed_of_flight
-    if flying.sum() < limits.LOG.moving_samples:
+    if flying.sum() < limits.LOG.compared_fixes:
         return []
     ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], _SLOW)))
     low, high = limits.LOG.same_airspeed

@@ -17,13 +17,13 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.gyro_check import GyroError
+from lab.data.checks.imu_axes import XYZ, axes_matrix
 from lab.data.checks.log_check import check_log, is_explained, matches_of
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
 
 Axes = tuple[str, str, str]
 
-NAMES = ("x", "y", "z")
 _IF_REVERSED = (
     ". With the signs of all accelerations reversed the log agrees: some phones, such as iPhones, report "
     "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], "
@@ -53,27 +53,6 @@ class Oriented(NamedTuple):
 
     log: SensorLog
     axes: Axes
-
-
-def axes_matrix(axes: Sequence[str]) -> FloatArray:
-    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down.
-
-    Raises
-    ------
-    MissionError
-        If the axes are not three different ones that make a right-handed set.
-    """
-    C = np.zeros((3, 3))
-    known = {sign + name for sign in ("", "-") for name in NAMES}
-    if len(axes) == len(NAMES) and all(axis in known for axis in axes):
-        for row, axis in enumerate(axes):
-            C[row, NAMES.index(axis[-1])] = -1 if axis.startswith("-") else 1
-    if round(np.linalg.det(C)) != 1:
-        raise MissionError(
-            f"axes {','.join(axes)}: accepted are the axes of the IMU that point forward, right and down, of "
-            "a right-handed set, such as y,x,-z"
-        )
-    return C
 
 
 def oriented(
@@ -204,18 +183,18 @@ def _candidates(samples: FloatArray, phone: bool, level: bool) -> Iterator[Axes]
         yield _name(-down), _name(right), _name(np.cross(-down, right))
         return
     # A phone lies with its top forward, or stands with its screen, z, to the rear.
-    first = (("y", "x") if phone else ("x", "y")) if vertical == NAMES.index("z") else ("-z",)
+    first = (("y", "x") if phone else ("x", "y")) if vertical == XYZ.index("z") else ("-z",)
     order = [*first, *(name for name in ("x", "y", "z", "-x", "-y", "-z") if name not in first)]
     for name in order:
         forward = np.zeros(3)
-        forward[NAMES.index(name[-1])] = -1 if name.startswith("-") else 1
+        forward[XYZ.index(name[-1])] = -1 if name.startswith("-") else 1
         if forward[vertical] == 0:
             yield _name(forward), _name(np.cross(down, forward)), _name(down)
 
 
 def _name(axis: FloatArray) -> str:
     place = int(np.argmax(np.abs(axis)))
-    return f"{'-' if axis[place] < 0 else ''}{NAMES[place]}"
+    return f"{'-' if axis[place] < 0 else ''}{XYZ[place]}"
 
 
 def _describe(axes: Sequence[str]) -> str:

@@ -155,7 +155,7 @@ FIXES = {
     "feet": (3, 1 / 0.3048, "heights look like feet"),
     "up": (6, -1.0, "positive up"),
     "west": (5, -1.0, "reversed signs"),
-    "reversed": (slice(4, 6), -1.0, "180° beside the direction"),
+    "reversed": (slice(4, 6), -1.0, "but 180° beside"),
 }
 
 
