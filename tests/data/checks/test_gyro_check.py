@@ -9,6 +9,7 @@ import pytest
 from copter_logs import copter
 from sensor_logs import IMU, described, tables, write, write_csv
 
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.gyro_check import GyroError
 from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.sheets.sensor_csv import read_logs
@@ -148,3 +149,21 @@ def test_positions_alone_show_the_sign_of_the_vertical_gyro(recordings, tmp_path
     write_csv(folder / "imu.csv", IMU, imu)
     with pytest.raises(GyroError, match="wrong sign"):
         read_sensor_log(folder)
+
+
+def test_a_rocket_stands_on_its_tail_and_comes_down_on_its_nose(tmp_path):
+    """Most of its log it hangs under its parachute, with gravity the other way round."""
+    rng = np.random.default_rng(4)
+    time = np.arange(0.0, 60.0, 0.02)
+    imu = np.column_stack((time, rng.normal(0, 1e-3, (time.size, 3)), rng.normal(0, 0.02, (time.size, 3))))
+    imu[:, 6] += np.where(time < 10.0, STANDARD_GRAVITY, -STANDARD_GRAVITY)
+    fixes = np.arange(0.0, 60.0, 0.5)
+    place = np.tile((47.0, 8.0, 300.0), (fixes.size, 1)) + rng.normal(0, 1e-6, (fixes.size, 3))
+    paths = [tmp_path / "imu.csv", tmp_path / "gps.csv"]
+    write_csv(paths[0], ("time", "rx", "ry", "rz", "fx", "fy", "fz"), imu)
+    write_csv(paths[1], ("time", "lat", "lon", "alt"), np.column_stack((fixes, place)))
+    named = {f"r{axis}": f"rate_{axis}[rad/s]" for axis in "xyz"}
+    named |= {f"f{axis}": f"force_{axis}[m/s²]" for axis in "xyz"}
+    log = read_logs(paths, named, vehicle="rocket")
+    assert log.rates[1][:100, 0].mean() == pytest.approx(STANDARD_GRAVITY, abs=0.01)
+    assert any("the force at the start shows where the nose points" in one for one in log.repairs)
