@@ -116,10 +116,9 @@ def jumps(time: FloatArray, position: FloatArray) -> IntArray:
         Latitude, longitude [rad] and height [m].
     """
     steps = _moved(position)
-    moving = steps[steps > 0]
-    if not moving.size:
+    if not ((steps > JUMP.seen) & (steps > JUMP.fastest * np.diff(time))).any():
         return np.empty(0, np.int64)
-    usual = float(np.quantile(moving, _USUAL))
+    usual = float(np.quantile(steps[steps > 0], _USUAL))
     found = resets(JUMP, time, position, None)
     return found[steps[found - 1] > _MIN_OUTSTANDING * usual]
 
