@@ -33,9 +33,9 @@ Examples:
   ins-lab import flight.ulg --as log
   ins-lab import Accelerometer.csv Gyroscope.csv Location.csv --as log --vehicle car
   ins-lab import xsens_capture.bin --as log --axes x,-y,-z
-The format is detected from the content. --set takes curve, time_stamps, longest_gap, smoothing,
-smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
-rate; the message about a refused value lists the accepted ones."""
+The format is detected from the content. --set takes curve, positions, time_stamps, longest_gap,
+smoothing, smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude,
+start_height and rate; the message about a refused value lists the accepted ones."""
 
 
 class Kind(StrEnum):
@@ -174,7 +174,8 @@ def _add_log(
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
-    repairs = piece(log).repairs  # with the gaps between which the log is navigated
+    # With the gaps between which the log is navigated.
+    repairs = (*piece(log).repairs, *_range_remarks(log))
     facts = {
         "added": added,
         "duration_s": log.duration,
@@ -227,6 +228,14 @@ def _save_profile(name: str | None, files: Sequence[Path], units: dict[str, str]
     from lab.data.sheets.profile_check import save_profile  # noqa: PLC0415 - beside what it goes with
 
     print(f"Profile: {save_profile(name, files, units)}", file=sys.stderr)
+
+
+def _range_remarks(log: SensorLog) -> list[str]:
+    import numpy as np  # noqa: PLC0415 - beside what it goes with
+
+    from lab.data.checks.full_scale import range_remarks  # noqa: PLC0415 - beside what it goes with
+
+    return range_remarks(np.concatenate(log.rates, axis=1))
 
 
 def _log_in(

@@ -11,7 +11,7 @@ import numpy as np
 from lab.base.aid_table import AIDS
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
-from lab.data.checks.full_scale import full_scales
+from lab.data.checks.full_scale import range_remarks
 from lab.data.log.log_remarks import clock_text
 from lab.data.log.log_section import piece
 from lab.data.log.vehicle import vehicle_of
@@ -199,7 +199,7 @@ def _result(
         *made.remarks,
         *clock_remarks(log, experiment.sensors.gps.outages),
         *coasting_remarks(log, made.imu.time, fix_times, solution),
-        *range_remarks(log),
+        *range_remarks(np.concatenate(log.rates, axis=1)),
         *_vehicle_remarks(experiment, log, made),
         *(comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons),
         _reference_remark(log, truth),
@@ -305,16 +305,6 @@ def coasting_remarks(log: SensorLog, time: FloatArray, fixes: FloatArray, soluti
     return [
         f"The log has no fix for up to {end - start:.3g} s, from {clock_text(log.epoch + start)} s "
         f"to {clock_text(log.epoch + end)} s in the clock of the file: the navigator coasts.{grew}"
-    ]
-
-
-def range_remarks(log: SensorLog) -> list[str]:
-    """Return a remark about each axis of the IMU that stands at an end of its range."""
-    kinds = ("gyros", "accelerometers")
-    return [
-        f"The {kinds[one.axis // 3]} are at the end of their range: {one.words}; the filter does not model "
-        "this."
-        for one in full_scales(np.concatenate(log.rates, axis=1))
     ]
 
 

@@ -2,8 +2,11 @@
 
 No side force acts on an aircraft in a coordinated turn: its lift, the part of the specific force across the
 path, lies in its plane of symmetry. That gives the bank; the nose is taken to point along the path (angle of
-attack and sideslip 0, no wind). A car follows the slope and does not lean, a boat stays level. The result
-is a reconstruction and must be labelled so wherever it is shown.
+attack and sideslip 0, no wind). A car follows the slope and does not lean; a boat and a pedestrian stay
+level. A copter leans so that its thrust is the specific force: without wind and drag, it accelerates where it
+leans. Its nose could point anywhere, and is taken to point along the course. A rocket points along its path
+(no wind, no angle of attack) and does not roll. The result is a reconstruction and must be labelled so
+wherever it is shown.
 
 In slow motion the noise of the velocity dominates its direction. Where that would turn the heading faster
 than a vehicle turns, the heading is held; the pitch follows the path only at speed.
@@ -25,12 +28,14 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.motion.frames.rotation import wrap
+from lab.motion.frames.rotation import euler_from_quaternion, wrap
+from lab.motion.kinematics.running_turns import turned
 
-Vehicle = Literal["aircraft", "car", "boat"]
+Vehicle = Literal["aircraft", "car", "boat", "copter", "rocket", "pedestrian"]
 
 VEHICLES = get_args(Vehicle)
 STANDSTILL = 0.5
@@ -57,6 +62,17 @@ direction of noise does, from sample to sample."""
 _SLOW = 8.0
 """Speed below which the direction of motion may be noise [m/s]. In simulated noise of 0.5 m/s at 5 Hz, 8 % of
 the steps are faster than `_MAX_TURN_RATE` at 4 m/s, and 0.03 % at 8 m/s."""
+_MIN_THRUST_UP = 0.2 * STANDARD_GRAVITY
+"""Upward part of the thrust below which the lean of a copter is held down [m/s²]: in free fall it has no
+direction."""
+_LEAVING = 5.0
+"""Speed from which the path shows where a rocket points [m/s]: noise of a receiver of 0.5 m/s turns it by 6°
+there."""
+_MAX_NOSE_RATE = np.radians(180.0)
+"""Fastest turn of the path of a rocket that its nose follows [rad/s]. Where the path turns faster, as at the
+apogee of a vertical flight, the nose turns from the direction before to the one after."""
+_OPPOSITE = 1e-9
+"""Sine of the angle between two directions below which they are parallel or opposite."""
 _REACHES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Times around such a turn during which the heading is held [s]; each is tried if the previous one is too
 short."""
@@ -76,7 +92,8 @@ def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircr
     velocity_n : (n, 3) array
         Velocity over the Earth, north, east, down, smooth enough to differentiate [m/s].
     vehicle
-        "aircraft" banks into its turns, "car" follows the slope, "boat" stays level.
+        "aircraft" banks into its turns, "car" follows the slope, "boat" and "pedestrian" stay level, "copter"
+        leans where it accelerates, "rocket" points along its path.
 
     Returns
     -------
@@ -92,11 +109,15 @@ def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircr
     time, velocity = np.asarray(time, dtype=np.float64), np.asarray(velocity_n, dtype=np.float64)
     _check(time, velocity, vehicle)
     north, east, down = velocity.T
+    if vehicle == "rocket":
+        return _along_path(time, velocity)
     speed = np.hypot(north, east)
     yaw = _believable_heading(time, speed, np.arctan2(east, north))
     euler = np.zeros_like(velocity)
     euler[:, 2] = wrap(yaw)
-    if vehicle != "boat":
+    if vehicle == "copter":
+        euler[:, :2] = _lean(time, velocity, yaw)
+    if vehicle in ("aircraft", "car"):
         slowest, full = (TAXIING, FLYING) if vehicle == "aircraft" else (STANDSTILL, ROLLING)
         follows = _smooth_step((np.linalg.norm(velocity, axis=1) - slowest) / (full - slowest))
         euler[:, 1] = follows * np.arctan2(-down, _at_least(speed, STANDSTILL))
@@ -157,14 +178,72 @@ def _heading(time: FloatArray, moves: NDArray[np.bool_], course: FloatArray) -> 
 
 def _bank(time: FloatArray, velocity: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return the bank [rad] at which the specific force has no part along the wings."""
-    force = CubicSpline(time, velocity)(time, 1)
-    force[:, 2] -= STANDARD_GRAVITY
-    sp, cp, sy, cy = np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw)
-    right = cy * force[:, 1] - sy * force[:, 0]
-    up = -(sp * (cy * force[:, 0] + sy * force[:, 1]) + cp * force[:, 2])
+    ahead, right, down = _beside_nose(_force(time, velocity), yaw).T
+    up = -(np.sin(pitch) * ahead + np.cos(pitch) * down)
     bank = np.arctan2(right, _at_least(up, _MIN_LIFT))
     airborne = (np.linalg.norm(velocity, axis=1) - TAXIING) / (FLYING - TAXIING)
     return np.asarray(bank * _smooth_step(airborne))
+
+
+def _lean(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> FloatArray:
+    """Return roll and pitch (n, 2) [rad] with which the thrust, upwards in b, is the specific force."""
+    ahead, right, down = _beside_nose(_force(time, velocity), yaw).T
+    up = _at_least(-down, _MIN_THRUST_UP)
+    return np.stack((np.arctan2(right, np.hypot(ahead, up)), np.arctan2(-ahead, up)), axis=-1)
+
+
+def _along_path(time: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return roll, pitch, yaw (n, 3) [rad] of a nose along the path that turns without rolling.
+
+    Near the vertical, yaw and roll alone mean nothing: attitudes follow each other by the shortest turns.
+    Before it moves, a rocket points where it will go, and it keeps its direction when it stands again.
+    """
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = np.flatnonzero(speed > _LEAVING)
+    if not moving.size:
+        return np.tile((0.0, np.pi / 2, 0.0), (time.size, 1))
+    nose = velocity[moving] / speed[moving, None]
+    while moving.size > 2:  # each round halves at least what turns too fast, or ends
+        turn = np.arccos(np.clip(np.sum(nose[1:] * nose[:-1], axis=1), -1.0, 1.0))
+        fast = np.flatnonzero(turn > _MAX_NOSE_RATE * np.diff(time[moving]))
+        left_out = np.setdiff1d(np.union1d(fast, fast + 1), (0, moving.size - 1))
+        if not left_out.size:
+            break
+        moving, nose = np.delete(moving, left_out), np.delete(nose, left_out, axis=0)
+    return _without_roll(time, time[moving], nose)
+
+
+def _without_roll(time: FloatArray, at: FloatArray, nose: FloatArray) -> FloatArray:
+    """Return roll, pitch, yaw (n, 3) at times (n,), from directions (k, 3) of the nose at other times."""
+    axis = np.cross(nose[:-1], nose[1:])
+    sine, cosine = np.linalg.norm(axis, axis=1), np.sum(nose[1:] * nose[:-1], axis=1)
+    # Any axis across the nose turns it over.
+    across = np.cross(nose[:-1], np.eye(3)[np.argmin(np.abs(nose[:-1]), axis=1)])
+    axis = np.where(sine[:, None] > _OPPOSITE, axis, across)
+    turns = axis * (np.arctan2(sine, cosine) / np.linalg.norm(axis, axis=1))[:, None]
+    level = np.hypot(nose[0, 0], nose[0, 1])
+    heading = np.arctan2(nose[0, 1], nose[0, 0]) if level > _OPPOSITE else 0.0
+    C_nb = turned(-turns).inv() * Rotation.from_euler("ZY", (heading, np.arctan2(-nose[0, 2], level)))
+    last = np.clip(np.searchsorted(at, time, side="right") - 1, 0, max(at.size - 2, 0))
+    if at.size > 1:
+        part = _smooth_step((time - at[last]) / np.diff(at)[last])
+        C_nb = Rotation.from_rotvec(part[:, None] * turns[last]) * C_nb[last]
+    q_nb = np.broadcast_to(np.atleast_2d(C_nb.as_quat(scalar_first=True)), (time.size, 4))
+    return euler_from_quaternion(q_nb)
+
+
+def _beside_nose(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) in n along the heading, to its right and down."""
+    s, c = np.sin(yaw), np.cos(yaw)
+    north, east, down = vectors.T
+    return np.stack((c * north + s * east, c * east - s * north, down), axis=-1)
+
+
+def _force(time: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the specific force (n, 3) in n [m/s²]."""
+    force = CubicSpline(time, velocity)(time, 1)
+    force[:, 2] -= STANDARD_GRAVITY
+    return np.asarray(force)
 
 
 def _at_least(values: FloatArray, floor: float) -> FloatArray:

@@ -21,7 +21,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.flying.coordinated_turn import VEHICLES, Vehicle, attitude
+from lab.flying.coordinated_turn import Vehicle, attitude
 from lab.flying.dead_reckoning import integral
 from lab.flying.geodesic import geodesic
 from lab.flying.manoeuvres import MAX_DURATION
@@ -79,7 +79,7 @@ class WaypointPlan:
 
     waypoints: tuple[Waypoint, ...]
     vehicle: str = choice(
-        "Vehicle", VEHICLES, "An aircraft banks, a car does not, a boat stays level.", default="car"
+        "Vehicle", tuple(_DEFAULTS), "An aircraft banks, a car does not, a boat stays level.", default="car"
     )
     acceleration_m_s2: float | None = number(
         "Acceleration",

@@ -115,8 +115,12 @@ SAME = np.eye(3)
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 FAULTS = {
     "none": LogFault(("Consistent",), lambda log, _: log),
-    "forward accelerometer reversed": LogFault(("forward accelerometer",), columns(SAME, signs(-1, 1, 1))),
-    "right accelerometer reversed": LogFault(("right accelerometer",), columns(SAME, signs(1, -1, 1))),
+    "forward accelerometer reversed": LogFault(
+        ("forward accelerometer", "along minus forward"), columns(SAME, signs(-1, 1, 1))
+    ),
+    "right accelerometer reversed": LogFault(
+        ("right accelerometer", "along forward, minus right"), columns(SAME, signs(1, -1, 1))
+    ),
     "forward gyro reversed": LogFault(("forward gyro", "gyros"), columns(signs(-1, 1, 1), SAME)),
     "right gyro reversed": LogFault(("right gyro", "gyros"), columns(signs(1, -1, 1), SAME)),
     "down gyro reversed": LogFault(("down gyro", "gyro"), columns(signs(1, 1, -1), SAME)),

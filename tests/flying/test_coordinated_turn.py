@@ -7,11 +7,12 @@ import pytest
 from flights import circle
 from hypothesis import example, given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.flying.coordinated_turn import FLYING, ROLLING, STANDSTILL, TAXIING, attitude
 from lab.missions import Recording, mission
-from lab.motion.frames.rotation import wrap
+from lab.motion.frames.rotation import C_nb_from_euler, wrap
 from lab.motion.truth.trajectory import Trajectory
 
 
@@ -84,6 +85,34 @@ def test_a_car_follows_the_slope_and_a_boat_stays_level():
     np.testing.assert_array_equal(car[:, 2], boat[:, 2])
 
 
+def test_a_copter_leans_so_that_its_thrust_is_the_specific_force():
+    time = np.arange(0.0, 60.0, 0.05)
+    velocity = np.stack((3 * np.sin(0.7 * time), 2 * np.cos(0.5 * time), 0.5 * np.sin(0.9 * time)), axis=-1)
+    waves = (2.1 * np.cos(0.7 * time), -np.sin(0.5 * time), 0.45 * np.cos(0.9 * time) - STANDARD_GRAVITY)
+    euler = attitude(time, velocity, "copter")
+    force = np.einsum("nji,nj->ni", C_nb_from_euler(euler), np.stack(waves, axis=-1))
+    assert np.abs(force[3:-3, :2]).max() < 1e-3
+    assert (force[:, 2] < 0).all()
+    np.testing.assert_array_equal(attitude(time, velocity, "pedestrian")[:, :2], 0.0)
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-3, 5.0])
+def test_a_rocket_points_along_its_path_up_over_and_down_without_rolling(drift):
+    time = np.arange(0.0, 30.0, 0.02)
+    up = np.where(time < 3.0, 0.0, np.where(time < 5.0, 60.0 * (time - 3.0), 120.0 - 9.8 * (time - 5.0)))
+    aside = drift * np.clip((time - 3.0) / 2.0, 0.0, 1.0)
+    velocity = np.stack((aside * np.sin(0.2 * time), aside * np.cos(0.2 * time), -up), axis=-1)
+    C = C_nb_from_euler(attitude(time, velocity, "rocket"))
+    speed = np.linalg.norm(velocity, axis=1)
+    fast = speed > 20.0
+    along = np.einsum("ni,ni->n", C[fast, :, 0], velocity[fast]) / speed[fast]
+    assert along.min() > np.cos(np.radians(0.1))
+    assert C[0, 2, 0] < -0.99  # upright before it is launched
+    turn = Rotation.from_matrix(np.einsum("nji,njk->nik", C[:-1], C[1:])).as_rotvec() / 0.02
+    assert np.abs(turn[:, 0]).max() < np.radians(2.0)
+    assert np.linalg.norm(turn, axis=1).max() < np.radians(600.0)
+
+
 def test_a_standstill_keeps_the_heading_and_turns_before_leaving():
     time = np.arange(0.0, 60.0, 0.1)
     speed = np.clip(np.abs(time - 30.0) - 10.0, 0.0, 8.0)
@@ -97,7 +126,7 @@ def test_a_standstill_keeps_the_heading_and_turns_before_leaving():
     assert np.abs(np.diff(yaw)).max() < np.radians(7.0)
 
 
-@pytest.mark.parametrize("vehicle", ["aircraft", "car", "boat"])
+@pytest.mark.parametrize("vehicle", ["aircraft", "car", "boat", "pedestrian"])
 @pytest.mark.parametrize("noise", [0.1, 0.5, 1.0])
 def test_the_noise_of_a_standing_receiver_turns_nothing(vehicle, noise):
     rng = np.random.default_rng(8)
@@ -176,7 +205,7 @@ def test_a_taxiing_aircraft_does_not_bank():
 @pytest.mark.parametrize(
     ("time", "velocity", "vehicle", "words"),
     [
-        ([0, 1, 2], np.zeros((3, 3)), "rocket", "rocket.*aircraft, car, boat"),
+        ([0, 1, 2], np.zeros((3, 3)), "tram", "tram.*aircraft, car, boat, copter, rocket, pedestrian"),
         ([0, 1, 1], np.zeros((3, 3)), "car", "does not increase"),
         ([0, 1, 2], np.zeros((4, 3)), "car", "do not go together"),
         ([0], np.zeros((1, 3)), "car", "at least two"),

@@ -11,12 +11,13 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, Tables, tables, write
 
-from lab.data.checks.velocity_matching import match, turned, window_of
+from lab.data.checks.velocity_matching import match, window_of
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.missions import read_sensor_log
 from lab.motion.frames import earth
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
+from lab.motion.kinematics.running_turns import turned
 from lab.navigation.alignment.initial_heading import Found, Hints, surest
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings

@@ -17,31 +17,15 @@ from numpy.typing import NDArray
 from lab.base.aid_table import AIDS, SERIES
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR, STANDARD_GRAVITY
 from lab.data.checks import limits
+from lab.data.checks.likeness import likeness, near_units
 from lab.data.log.auxiliary_data import Headings, Series
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import vehicle_of
 from lab.motion.frames.rotation import wrap
 
-_HEIGHT_CAUSES = {
-    1 / FOOT: "the heights look like feet where m are declared",
-    100.0: "the heights look like cm where m are declared",
-    1000.0: "the heights look like mm where m are declared",
-    -1.0: "the heights look like depths, positive down, where heights are declared",
-    -1 / FOOT: "the heights look like depths in feet where heights in m are declared",
-    -0.12: "the numbers look like pressures in hPa where heights in m are declared",
-}
-"""Likely cause by the ratio of the barometer's heights to those of the GPS. Air at sea level loses 0.12 hPa
-per metre."""
-_SPEED_CAUSES = {
-    1 / KILOMETRE_PER_HOUR: "km/h",
-    1 / MILE_PER_HOUR: "mph",
-    1 / KNOT: "knots",
-    1 / FOOT: "feet per second",
-    100.0: "cm/s",
-}
-"""The unit that numbers are in, by the ratio of an odometer's speeds to those of the GPS."""
+_PRESSURE = -0.12
+"""Change of the pressure of air at sea level with the height [hPa/m]."""
 _ANYWAY = "check_sensors = false in log.toml uses them as they are"
 
 
@@ -78,16 +62,29 @@ def _check_heights(log: SensorLog, heights_of: Series, column: str, words: str) 
         or np.ptp(np.percentile(heights, limits.LOG.height_percentiles)) < limits.LOG.climb
     ):
         return
-    correlation = _correlation(readings, heights)
-    if abs(correlation) < limits.LOG.same_motion:
+    like = likeness(heights, readings)
+    if like.coherence < limits.LOG.coherent:
         return
-    factor = float(np.sign(correlation) * np.std(readings) / np.std(heights))
-    cause = _near(factor, _HEIGHT_CAUSES)
+    factor = float(np.copysign(like.ratio, like.correlation))
+    cause = _height_cause(factor)
     if cause:
         raise MissionError(
             f"{column}: the heights of the {words} change {factor:.3g} times as much as those of the GPS "
-            f"(correlation {correlation:.2f}): {cause}; accepted are heights in m, positive up. {_ANYWAY}"
+            f"(correlation {like.correlation:.2f}): {cause}; accepted are heights in m, positive up. "
+            f"{_ANYWAY}"
         )
+
+
+def _height_cause(factor: float) -> str:
+    """Return the likely cause of heights that change by another factor than 1; empty if none is near."""
+    unit = near_units(factor, "height")
+    if factor > 0:
+        return f"the heights look like {unit} where m are declared" if unit else ""
+    if abs(np.log(factor / _PRESSURE)) < np.log(limits.LOG.unit_ratio):
+        return "the numbers look like pressures in hPa where heights in m are declared"
+    if not unit and abs(np.log(-factor)) > np.log(limits.LOG.unit_ratio):
+        return ""
+    return f"the heights look like depths{f' in {unit}' if unit else ''}, positive down"
 
 
 def _check_speeds(log: SensorLog, odometer: Series, column: str, words: str) -> None:
@@ -107,7 +104,7 @@ def _check_speeds(log: SensorLog, odometer: Series, column: str, words: str) -> 
         return
     what = f"{column}: the speeds of the {words} are {factor:.3g} times those of the GPS (median): they look "
     accepted = f"; accepted are speeds in m/s, positive forward. {_ANYWAY}"
-    unit = _near(abs(factor), _SPEED_CAUSES)
+    unit = near_units(factor, "speed")
     if unit:
         raise MissionError(f"{what}like {unit} where m/s are declared{accepted}")
     if 1 / limits.LOG.unit_ratio < -factor < limits.LOG.unit_ratio and _goes_forward(log):
@@ -203,27 +200,22 @@ def _residual(turn: FloatArray, change: FloatArray) -> float:
 def _goes_forward(log: SensorLog) -> bool:
     """Return whether the forward accelerometer shows that the nose points along the course.
 
-    A car may drive backwards for long. The specific force along the path is the change of the speed plus
-    gravity times the sine of the climb.
+    A car may drive backwards for long.
     """
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.name and not vehicle.follows_nose:
         return False
-    time, speed = log.gnss.time - log.gnss.latency, _speeds(log)
-    inside = np.flatnonzero(
-        (time >= log.time[0]) & (time <= log.time[-1]) & (speed > limits.LOG.compared_speed)
+    from lab.data.checks.log_check import (  # noqa: PLC0415 - imports scipy, which takes a while
+        largest_correlation,
+        motion_of,
     )
-    if inside.size < limits.LOG.compared_fixes:
+
+    motion = motion_of(log)
+    along = motion.speed + motion.climb
+    if along.size < limits.LOG.compared_fixes or np.std(along) < limits.LOG.lively_speed:
         return False
-    at = inside[:: max(1, round(1.0 / float(np.median(np.diff(time)))))]
-    gained = np.interp(time[at], log.time, np.append(0.0, np.cumsum(log.dvelocity[:, 0])))
-    rise = -np.nan_to_num(log.gnss.velocity_n[at, 2]) / speed[at]
-    dt = np.diff(time[at])
-    seen = np.diff(speed[at]) / dt + 0.5 * STANDARD_GRAVITY * (rise[1:] + rise[:-1])
-    usual = dt < limits.LOG.reading_gap
-    if usual.sum() < limits.LOG.compared_fixes or np.std(seen[usual]) < limits.LOG.nose_force:
-        return False
-    return _correlation(seen[usual], (np.diff(gained) / dt)[usual]) > limits.LOG.nose_correlation
+    correlation, _, _ = largest_correlation(log, log.dvelocity[:, 0], motion, along)
+    return correlation > limits.LOG.axis_correlation
 
 
 def _speeds(log: SensorLog) -> FloatArray:
@@ -249,20 +241,3 @@ def _without_means(time: FloatArray, values: FloatArray) -> FloatArray:
     piece = np.floor((time - time[:1]) / limits.LOG.height_piece).astype(np.intp)
     count = np.maximum(np.bincount(piece), 1)
     return np.asarray(values - (np.bincount(piece, values) / count)[piece])
-
-
-def _correlation(one: FloatArray, other: FloatArray) -> float:
-    """Return the correlation of two columns; 0 if one is constant."""
-    a, b = one - one.mean(), other - other.mean()
-    power = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / power if power > 0 else 0.0
-
-
-def _near(factor: float, causes: Mapping[float, str]) -> str:
-    """Return the causes that explain a factor: one that is close, otherwise all near; empty without any."""
-    apart = {cause: abs(np.log(factor / one)) for one, cause in causes.items() if one * factor > 0}
-    for limit in (limits.LOG.sure_unit_ratio, limits.LOG.unit_ratio):
-        found = [cause for cause, distance in apart.items() if distance < np.log(limit)]
-        if found:
-            return " or ".join(found)
-    return ""

@@ -44,6 +44,16 @@ class FullScale(NamedTuple):
         )
 
 
+def range_remarks(rates: FloatArray) -> list[str]:
+    """Return a remark about each axis that stands at an end of its range, as `full_scales`."""
+    kinds = ("gyros", "accelerometers")
+    return [
+        f"The {kinds[one.axis // 3]} are at the end of their range: {one.words}; the filter does not model "
+        "this."
+        for one in full_scales(rates)
+    ]
+
+
 def full_scales(rates: FloatArray) -> list[FullScale]:
     """Return the axes at an end of their range, the upper and the lower end apart.
 

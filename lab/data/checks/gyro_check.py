@@ -17,7 +17,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
-from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, ImuAxes, about_down, others, remedy
+from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, SAME, ImuAxes, about_down, others
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.motion.frames.displacement import metres_per_radian
@@ -27,7 +27,23 @@ VELOCITY_SIGMA = 0.1
 
 
 class GyroError(MissionError):
-    """Gyros contradict the course or the accelerometers; turning the whole IMU does not help."""
+    """Gyros contradict the course or the accelerometers; turning the whole IMU does not help.
+
+    Parameters
+    ----------
+    said
+        What contradicts what.
+    axes
+        What makes it right.
+    """
+
+    def __init__(self, said: str, axes: ImuAxes) -> None:
+        super().__init__(f"{said}. {axes.remedy}")
+        self.said, self.axes = said, axes
+
+    def seen_in(self, C: FloatArray) -> GyroError:
+        """Return the same error with the columns of an IMU whose axes times C (3, 3) are those judged."""
+        return GyroError(self.said, self.axes.seen_in(C))
 
 
 class _Stretch(NamedTuple):
@@ -37,8 +53,13 @@ class _Stretch(NamedTuple):
     course: FloatArray
 
 
-def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
-    """Raise if other axes or signs of the gyros explain the motion, and those of the log do not.
+def are_explained(matches: WindowMatches) -> bool:
+    """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
+    return not matches.windows or float(_misfits(matches).mean()) < limits.LOG.gyro_misfit
+
+
+def check_course(log: SensorLog, matches: WindowMatches) -> None:
+    """Compare the course with the gyros about the vertical and about each axis, of either sign.
 
     Parameters
     ----------
@@ -50,19 +71,8 @@ def check_gyros(log: SensorLog, matches: WindowMatches) -> None:
     Raises
     ------
     GyroError
-        Naming the axes.
+        If the course changes as a gyro of another axis or sign turns.
     """
-    _check_velocities(log.name, matches)  # first, because it tells all three axes
-    _check_course(log, matches)
-
-
-def are_explained(matches: WindowMatches) -> bool:
-    """Return whether the IMU as it is explains the velocities in the windows, if there are any."""
-    return not matches.windows or float(_misfits(matches).mean()) < limits.LOG.gyro_misfit
-
-
-def _check_course(log: SensorLog, matches: WindowMatches) -> None:
-    """Compare the course with the gyros about the vertical and about each axis, of either sign."""
     stretches = list(_stretches(log))
     if not stretches:
         return
@@ -82,7 +92,8 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
             f"this is left, and {100 * right:.0f} % as it is): the gyro called down has the wrong sign, or "
-            f"the gyros have swapped axes. {GYROS_REVERSED.remedy}"
+            "the gyros have swapped axes",
+            GYROS_REVERSED,
         )
     if min(right, reversed_) < limits.LOG.unexplained_axis:
         return
@@ -92,15 +103,17 @@ def _check_course(log: SensorLog, matches: WindowMatches) -> None:
             raise GyroError(
                 f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{NAMES[axis]}, not "
                 f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
-                f"the gyros are likely. {remedy(('rate', 'rad/s', about_down(axis, sign)))} The other two "
-                "columns are then wrong as well."
+                "the gyros are likely, and the other two columns are then wrong as well",
+                ImuAxes(about_down(axis, sign), SAME),
             )
 
 
 def _stretches(log: SensorLog) -> Iterator[_Stretch]:
     gnss = log.gnss
     time = gnss.time - gnss.latency
-    velocity = _level_velocity(gnss)
+    velocity = gnss.velocity_n[:, :2]
+    if not np.isfinite(velocity).all(axis=1).any() and time.size > 1:
+        velocity = velocity_of_positions(gnss)
     speed = np.linalg.norm(velocity, axis=1)
     sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
     sigma = np.where(np.isfinite(sigma), sigma, VELOCITY_SIGMA)
@@ -123,18 +136,11 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
                 yield _Stretch(time[piece], course[piece])
 
 
-def _level_velocity(gnss: GnssLog) -> FloatArray:
-    """Return the horizontal velocity (m, 2); that of the positions where the receiver has none."""
-    velocity = gnss.velocity_n[:, :2]
-    if np.isfinite(velocity).all(axis=1).any() or gnss.time.size < 2:
-        return velocity
+def velocity_of_positions(gnss: GnssLog) -> FloatArray:
+    """Return the horizontal velocity (m, 2) of fixes by their positions [m/s]."""
     north, east = metres_per_radian(gnss.position[:, 0], 0.0)
-    return np.column_stack(
-        (
-            np.gradient(gnss.position[:, 0], gnss.time) * north,
-            np.gradient(np.unwrap(gnss.position[:, 1]), gnss.time) * east,
-        )
-    )
+    steps = (gnss.position[:, 0], north), (np.unwrap(gnss.position[:, 1]), east)
+    return np.stack([np.gradient(angle, gnss.time) * scale for angle, scale in steps], axis=-1)
 
 
 def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
@@ -161,16 +167,35 @@ def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:
     return np.array([matches.misfit(number, *axes) for number in range(len(matches.windows))])
 
 
-def _check_velocities(name: str, matches: WindowMatches) -> None:
-    """Compare the velocities with the accelerometers, resolved by gyros of all axes and signs."""
+def check_velocities(name: str, matches: WindowMatches) -> None:
+    """Compare the velocities with the accelerometers, resolved by gyros, in all axes and signs of both.
+
+    Parameters
+    ----------
+    name
+        Of the log, for messages.
+    matches
+        Of the windows in which the velocity changes most.
+
+    Raises
+    ------
+    GyroError
+        If other axes explain the velocities, and those of the log do not.
+    """
     misfits = _misfits(matches)
     if misfits.size < limits.LOG.gyro_windows or misfits.mean() < limits.LOG.gyro_misfit:
         return
-    best = min(others(), key=lambda axes: matches.misfit(0, *axes))
-    left = _misfits(matches, best)
-    if left.mean() < limits.LOG.much_better * misfits.mean() and (left < limits.LOG.better * misfits).all():
-        raise GyroError(
-            f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean "
-            f"square residual {misfits.mean():.2g} σ², and {left.mean():.2g} σ² with {best.words}): "
-            f"swapped axes or signs are likely. {best.remedy}"
-        )
+    worst = int(np.argmax(misfits))
+    tried = sorted(others(), key=lambda axes: matches.misfit(worst, *axes))[: limits.LOG.axes_compared]
+    left = {axes.words: (float(_misfits(matches, axes).mean()), axes) for axes in tried}
+    (words, (mean, best)), *more = sorted(left.items(), key=lambda one: one[1][0])
+    explained = _misfits(matches, best) < np.maximum(limits.LOG.better * misfits, limits.LOG.gyro_misfit)
+    if not (mean < limits.LOG.much_better * misfits.mean() and explained.all()):
+        return
+    alike = [other for other, (one, _) in more if one < limits.LOG.alike_misfit * mean]
+    raise GyroError(
+        f"{name}: gyros, accelerometers and the velocities of the GPS do not belong together (mean square "
+        f"residual {misfits.mean():.2g} σ², and {mean:.2g} σ² with {' or '.join((words, *alike))}): swapped "
+        "axes or signs are likely",
+        best,
+    )

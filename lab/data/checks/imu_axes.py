@@ -3,17 +3,49 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
 
 NAMES = ("forward", "right", "down")
 """The axes of the body."""
 SAME = np.eye(3)
 """No change of any axis."""
+
+
+XYZ = ("x", "y", "z")
+"""The axes of an IMU, each also with a minus before it."""
+
+
+def axes_matrix(axes: Sequence[str], where: str = "") -> FloatArray:
+    """Return the matrix (3, 3) that takes vectors in the axes of the IMU to forward, right, down.
+
+    Parameters
+    ----------
+    axes
+        The axes of the IMU that point there, such as y, x, -z.
+    where
+        What the message begins with.
+
+    Raises
+    ------
+    MissionError
+        If the axes are not three different ones that make a right-handed set.
+    """
+    C = np.zeros((3, 3))
+    if len(axes) == len(XYZ) and all(axis.removeprefix("-") in XYZ for axis in axes):
+        for row, axis in enumerate(axes):
+            C[row, XYZ.index(axis[-1])] = -1 if axis.startswith("-") else 1
+    if round(np.linalg.det(C)) != 1:
+        raise MissionError(
+            f"{where}axes {','.join(axes)} are not a right-handed set; accepted are the axes of the IMU that "
+            "point forward, right and down, such as y,x,-z for an IMU with x right, y forward, z up"
+        )
+    return C
 
 
 class ImuAxes(NamedTuple):
@@ -25,9 +57,15 @@ class ImuAxes(NamedTuple):
     @property
     def words(self) -> str:
         """What has to be changed."""
-        if not np.array_equal(self.forces, SAME):
+        if np.array_equal(self.forces, SAME):
+            return f"gyros about {_describe(self.gyros)}"
+        if np.array_equal(self.gyros, SAME):
             return f"accelerometers along {_describe(self.forces)}"
-        return f"gyros about {_describe(self.gyros)}"
+        return f"left-handed axes, which are {_describe(self.forces)}"
+
+    def seen_in(self, C: FloatArray) -> ImuAxes:
+        """Return the same change in other axes, of which C (3, 3) times a vector is that in these."""
+        return ImuAxes(C.T @ self.gyros @ C, C.T @ self.forces @ C)
 
     @property
     def remedy(self) -> str:
@@ -39,15 +77,21 @@ AS_IT_IS = ImuAxes(SAME, SAME)
 """No change of any axis."""
 GYROS_REVERSED = ImuAxes(np.diag([1.0, 1.0, -1.0]), SAME)
 """The gyro about down has the other sign."""
+LEFT_HANDED = ImuAxes(np.diag([1.0, -1.0, 1.0]), np.diag([1.0, -1.0, 1.0]))
+"""Axes of a mirrored IMU: other left-handed ones are these, turned with the IMU."""
 
 
 def others() -> Iterator[ImuAxes]:
-    """Yield all other axes and signs of the gyros, and those of the horizontal accelerometers."""
+    """Yield all other axes and signs of the gyros, those of the level accelerometers, and left-handed ones.
+
+    Gravity shows the vertical accelerometer.
+    """
     for matrix in signed(range(3)):
         if not np.array_equal(matrix, SAME):
             yield ImuAxes(matrix, SAME)
     for matrix in level():
         yield ImuAxes(SAME, matrix)
+    yield LEFT_HANDED
 
 
 def level() -> Iterator[FloatArray]:

@@ -1,17 +1,20 @@
-"""Limits: the numbers by which the checks of a log judge, to be seen, varied and tested as one."""
+"""Limits: the numbers by which the checks of flights, logs and streams judge, and what vehicles can do."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.base.parameters.units import DEGREE
 
 
 @dataclass(frozen=True)
 class CheckLimits:
-    """What the checks of a log take for the same motion, another unit, wrong axes and a wrong clock.
+    """What the checks take for the same motion, another unit, wrong axes and a wrong clock.
 
     Attributes
     ----------
@@ -33,9 +36,6 @@ class CheckLimits:
         change heights by tens of metres.
     height_percentiles : tuple of 2 floats
         Percentiles of the GPS heights between which their range counts: single wild fixes lie outside.
-    same_motion : float
-        Smallest correlation at which two columns show the same motion: ratios of their sizes are then good
-        to 5 %.
     compared_speed : float
         Speed from which an odometer is compared [m/s]: noise of the velocities, 0.1 to 0.3 m/s, is a tenth
         of it.
@@ -72,11 +72,7 @@ class CheckLimits:
         constant airspeed above that of the wind makes at most π/2 (1.57), and one below it does not go to
         all sides. The smallest and the largest unit are 1.94 and 3.6; an airspeed sensor has 10 % of scale
         error.
-    nose_force : float
-        σ of the force along the path from which it shows where the nose points [m/s²], as in
-        `lab.data.checks.log_check`.
-    nose_correlation : float
-        Correlation of that with the forward accelerometer from which the nose points along the course.
+
     fix_leg : float
         Shortest length of a leg [s]: a walker goes 7 m, ten σ of a consumer receiver's noise.
     fix_leg_intervals : int
@@ -86,8 +82,8 @@ class CheckLimits:
     fix_legs : int
         Fewest legs that are judged.
     coherent : float
-        Coherence from which displacements and velocities count as the same motion. Measured: 0.99 and more
-        on real logs of cars and copters.
+        Coherence or correlation from which two columns show the same motion: ratios of their sizes are then
+        good to 5 %. Measured: 0.99 and more for displacements and velocities of cars and copters.
     incoherent : float
         Coherence below which they are different motions. The tests pass at 0.6 and at 0.9.
     displacement_ratio : tuple of 2 floats
@@ -152,6 +148,10 @@ class CheckLimits:
         Part of the misfit as it is that other axes may leave to be the right ones.
     better : float
         The same in each window.
+    axes_compared : int
+        Axes that explain one window best and are compared in all.
+    alike_misfit : float
+        Misfit of other axes over that of the best ones up to which they are named, too.
     gyro_windows : int
         Fewest windows that have to agree.
     largest_lag : float
@@ -176,6 +176,9 @@ class CheckLimits:
     tumbling : float
         Largest mean rate about a horizontal axis [rad/s]: five σ of the bias of consumer gyros; a rate of
         0.5 °/s, its numbers read as radians, is 29 °/s.
+    rate_step : float
+        Median step from sample to sample up to which such a mean is a bias [rad/s]: those of an MPU-6000 are
+        up to 20 °/s. Degrees read as radians make 0.02 °/s of noise larger than this.
     pitch_of_turn : float
         Pitch rate of banked turns over their yaw rate, from which axes are judged by it: the sine of a bank
         of 9°. The tests, on real logs too, pass at half and at twice it.
@@ -187,11 +190,12 @@ class CheckLimits:
         σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is
         0.1. The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed.
     axis_correlation : float
-        Smallest correlation at which an axis agrees with the fixes.
+        Smallest correlation at which an axis agrees with the fixes, and a slope means a unit: with random
+        errors as large as 3/4 of the motion it is 0.8.
     correlation_lead : float
         By how much the right axis may follow the speed better than the forward one.
-    degree_ratio : tuple of 2 floats
-        Ratio of a factor to 57 (degrees to a radian) at which that unit is named.
+    degree_ratio : float
+        Factor to 57 (degrees to a radian) within which that unit is named.
     refused_lag : float
         Smallest clock offset that refuses a log [s]: receivers are up to 0.3 s late by themselves, which a
         navigator is told or finds.
@@ -247,9 +251,64 @@ class CheckLimits:
         Relative distance of a slope from a unit's factor at which it is named: half of what parts the
         nearest two.
     same_slope : float
-        Relative distance of a slope from 1 within which noise explains it. Over 200 seeds of the walk in
-        `tests/missions/test_flight_import.py`, the slope over r² is at most 9 % from 1; the nearest unit,
-        the knot, 49 %.
+        Relative distance of a slope from 1 within which noise explains it: the nearest unit, the knot, is
+        49 % from it.
+    crab : float
+        Median angle between heading and course that wind explains [rad]: 17 m/s across an airspeed of 30 m/s.
+    heading_left : float
+        Part of that angle that another reading of the heading may leave to be the right one.
+    lean : float
+        Coherence of specific force and lean from which a vehicle accelerates where it leans. Measured: 0.93
+        to 0.99 on the shipped flights, 0.88 and 0.98 on logs of copters in motion, 0.2 of hovering ones.
+    lean_ratio : tuple of 2 floats
+        Specific force over lean that is accepted: a car leans a twentieth of it in its springs.
+    steepest_lean : float
+        Largest pitch and roll that are compared [rad]: beyond, their tangent has no scale.
+    course_of_flight : float
+        Speed from which the attitude of a flight is compared with its course [m/s]: an error of 0.5 m/s
+        across turns the course by 6°, and no vehicle moves backwards so fast by itself (`forward_speed` of
+        `lab.navigation.alignment.limits`).
+    banking, climbing : float
+        σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
+        [rad].
+    attitude_correlation : float
+        Correlation of roll and pitch with the path from which their slope is judged: sideslip and changes of
+        the angle of attack leave it above 0.6.
+    same_roll, same_pitch : tuple of 2 floats
+        Slopes of roll against the coordinated bank, and of pitch against the path, that are no wrong unit
+        (57).
+    same_rate : tuple of 2 floats
+        Slopes of attitude against recorded rates that are no wrong unit: the nearest factor is 57. On the
+        shipped flights, an attitude that lags behind with a time constant of 0.5 s has slopes of 0.87 or
+        more, with 1 s 0.73 or more.
+    unlike_rate : float
+        Correlation below which a recorded rate has little to do with the attitude.
+    rate_stride : int
+        Samples over which the increments of attitude and rates are compared: jitter of one sample averages
+        out.
+    rate_turn : float
+        Largest turn over these samples [rad]: they are fewer in a tumble, since a turn is known up to half a
+        turn.
+    increment : float
+        Rms increment of an axis over these from which it is judged [rad]: less is noise of the attitude.
+    airspeed_of_flight : float
+        Airspeed or speed from which their ratio is judged [m/s]: at lower ones, a wind of 6 m/s takes the
+        ratio beyond `same_airspeed`.
+    same_airspeed : tuple of 2 floats
+        Median airspeed over speed that wind and density of the air explain; a knot is 0.51 m/s.
+    gravity_of_flight : tuple of 2 floats
+        Median specific force of a flight [g]: level flight and cruise have 1; a wrong unit is a factor of 2
+        and more.
+    reached : float
+        Quantile of a quantity that is compared with the limits of its vehicle: single samples may be wrong in
+        a good recording.
+    curve_residual, air_residual : float
+        Rms distance of a plausible curve from the positions [m]: of one from velocity or positions, where a
+        receiver is off by a few metres; and of one from air data, where the wind changes.
+    implausible_residual : float
+        Multiple of these from which a flight is implausible. On the shipped flights, velocities in a wrong
+        unit leave 2 to 39 m, and velocities that are 5 s late 8 to 23 m: 200 m is another motion than that of
+        the positions.
     """
 
     reading_gap: float = 3.0
@@ -259,7 +318,6 @@ class CheckLimits:
     climb: float = 30.0
     height_piece: float = 600.0
     height_percentiles: tuple[float, float] = (5.0, 95.0)
-    same_motion: float = 0.95
     compared_speed: float = 3.0
     agreeing_ratios: float = 0.8
     heading_leg: float = 4.0
@@ -274,8 +332,6 @@ class CheckLimits:
     octants: int = 8
     ground_speed: float = 15.0
     airspeed_ratio: tuple[float, float] = (1.7, 4.2)
-    nose_force: float = 0.3
-    nose_correlation: float = 0.8
     fix_leg: float = 5.0
     fix_leg_intervals: int = 10
     fix_gap: float = 2.5
@@ -308,6 +364,8 @@ class CheckLimits:
     gyro_misfit: float = 0.8
     much_better: float = 0.2
     better: float = 0.5
+    axes_compared: int = 6
+    alike_misfit: float = 1.1
     gyro_windows: int = 2
     largest_lag: float = 3.0
     imu_interval: float = 0.5
@@ -318,12 +376,13 @@ class CheckLimits:
     course_speed: float = 2.0
     course_step: float = np.pi / 2
     tumbling: float = float(np.radians(25.0))
+    rate_step: float = float(np.radians(1.0))
     pitch_of_turn: float = 0.15
     lively_turn: float = float(np.radians(2.0))
     lively_speed: float = 0.3
     axis_correlation: float = 0.8
     correlation_lead: float = 0.3
-    degree_ratio: tuple[float, float] = (0.5, 2.0)
+    degree_ratio: float = 2.0
     refused_lag: float = 0.4
     lag_step: float = 0.1
     around_leap: float = 1.5
@@ -347,6 +406,29 @@ class CheckLimits:
     noise_fixes: int = 10
     unit_slope: float = 0.05
     same_slope: float = 0.15
+    crab: float = float(np.radians(35.0))
+    heading_left: float = 1 / 3
+    lean: float = 0.8
+    lean_ratio: tuple[float, float] = (0.5, 2.0)
+    steepest_lean: float = float(np.radians(75.0))
+    course_of_flight: float = 5.0
+    banking: float = float(np.radians(4.0))
+    climbing: float = float(np.radians(1.5))
+    attitude_correlation: float = 0.6
+    same_roll: tuple[float, float] = (0.5, 2.0)
+    same_pitch: tuple[float, float] = (0.2, 5.0)
+    same_rate: tuple[float, float] = (0.8, 1.25)
+    unlike_rate: float = 0.5
+    rate_stride: int = 5
+    rate_turn: float = float(np.radians(90.0))
+    increment: float = float(np.radians(0.2))
+    airspeed_of_flight: float = 15.0
+    same_airspeed: tuple[float, float] = (0.6, 1.6)
+    gravity_of_flight: tuple[float, float] = (0.6, 1.6)
+    reached: float = 0.999
+    curve_residual: float = 10.0
+    air_residual: float = 500.0
+    implausible_residual: float = 20.0
 
     @property
     def tried_lags(self) -> FloatArray:
@@ -356,3 +438,56 @@ class CheckLimits:
 
 LOG = CheckLimits()
 """The limits in use. Each is read when it is needed, so that other limits hold as soon as they stand here."""
+
+
+class Range(NamedTuple):
+    """The usual and the possible maximum of a quantity of a vehicle."""
+
+    usual: float
+    possible: float
+
+
+class VehicleLimits(NamedTuple):
+    """What a vehicle can do.
+
+    Attributes
+    ----------
+    specific_force, body_rate, climb, speed : Range
+        Lengths of the specific force [m/s²] and the body rate [rad/s]; vertical and whole speed [m/s].
+    shows_heading : bool
+        Whether its course is its heading, but for wind.
+    """
+
+    specific_force: Range
+    body_rate: Range
+    climb: Range
+    speed: Range
+    shows_heading: bool = True
+
+
+VEHICLES: Mapping[str, VehicleLimits] = {
+    "aircraft": VehicleLimits(
+        Range(50.0, 120.0), Range(150 * DEGREE, 500 * DEGREE), Range(80.0, 250.0), Range(350.0, 1000.0)
+    ),
+    "car": VehicleLimits(
+        Range(30.0, 100.0), Range(120 * DEGREE, 500 * DEGREE), Range(10.0, 50.0), Range(80.0, 200.0)
+    ),
+    "boat": VehicleLimits(
+        Range(25.0, 100.0), Range(90 * DEGREE, 500 * DEGREE), Range(3.0, 20.0), Range(40.0, 120.0)
+    ),
+    "copter": VehicleLimits(
+        Range(50.0, 200.0), Range(500 * DEGREE, 2500 * DEGREE), Range(25.0, 100.0),
+        Range(100.0, 150.0), False,
+    ),
+    "rocket": VehicleLimits(
+        Range(400.0, 2000.0), Range(1500 * DEGREE, 7200 * DEGREE), Range(800.0, 1000.0),
+        Range(800.0, 1000.0), False,
+    ),
+    "pedestrian": VehicleLimits(
+        Range(40.0, 200.0), Range(400 * DEGREE, 2000 * DEGREE), Range(5.0, 20.0), Range(10.0, 30.0), False
+    ),
+}  # fmt: skip
+"""For each vehicle of a flight. A plain choice: aerobatic aeroplanes, rally cars and racing boats reach what
+is usual, and no crew bears more than what is possible. Helicopters are as fast as small aeroplanes, and
+racing copters tumble at 1000 °/s and more; model rockets burn out at 40 g and may spin several times a
+second; a sprinter runs at 12 m/s, and a fast lift takes him up at 10 m/s."""

@@ -18,20 +18,33 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.data.checks.fix_check import check_fixes
-from lab.data.checks.gyro_check import VELOCITY_SIGMA, are_explained, check_gyros
-from lab.data.checks.velocity_matching import Match, Window, liveliest, turned
+from lab.data.checks.gyro_check import (
+    VELOCITY_SIGMA,
+    are_explained,
+    check_course,
+    check_velocities,
+    velocity_of_positions,
+)
+from lab.data.checks.likeness import UNITS, nearest
+from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
+from lab.data.checks.velocity_matching import Match, Window, liveliest
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
-from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
+from lab.motion.kinematics.running_turns import turned
 
 _OR_ANOTHER_VEHICLE = (
     ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
     f'vehicle = "copter" in log.toml; accepted are {", ".join(VEHICLES)}'
 )
+
+_DIRECTIONS = (
+    "swapped columns or reversed signs of vn_m_s, ve_m_s, lat_deg or lon_deg",
+    "column vd_m_s, which is positive down",
+)
+"""Columns of a log by which a direction may be wrong, of the horizontal and of the vertical motion."""
 
 
 class FixMotion(NamedTuple):
@@ -45,12 +58,15 @@ class FixMotion(NamedTuple):
         Mean rate of the course, positive to the right [rad/s]; NaN where the vehicle hardly moves.
     speed : (k,) array
         Mean change of the speed [m/s²].
+    climb : (k,) array
+        Mean gravity along the path, which a vehicle on wheels feels, too [m/s²].
     """
 
     start: FloatArray
     end: FloatArray
     turn: FloatArray
     speed: FloatArray
+    climb: FloatArray
 
 
 def windows_of(log: SensorLog) -> list[Window]:
@@ -84,30 +100,49 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
         do not move as their velocities say, or a clock of the receiver that is not the IMU's.
     """
     _check_interval(log)
-    check_fixes(log.name, log.gnss)
+    _check_path(log)
     log = piece(log)
-    _check_force(log)
-    _check_tumbling(log)
-    matches = matches_of(log)
     vehicle = vehicle_of(log.auxiliary.vehicle)
+    if vehicle.stays_level:
+        _check_force(log)
+        _check_tumbling(log)
+    matches = matches_of(log)
     if vehicle.follows_nose:
         _check_leap_seconds(log)
         _check_gyro_unit(log, motion_of(log))
+    check_velocities(log.name, matches)  # before the course, because it tells all axes
     if vehicle.follows_nose and not _axes_are_right(matches, vehicle):
         motion = motion_of(log)
         try:
-            _check_turn(log, motion)
             _check_bank(log, motion)
             _check_forward(log, motion)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
-    check_gyros(log, matches)
+    if vehicle.stays_level:
+        check_course(log, matches)
     _check_clock(log, matches)
 
 
 def is_explained(log: SensorLog) -> bool:
     """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
     return are_explained(matches_of(log))
+
+
+def _check_path(log: SensorLog) -> None:
+    """Compare the positions of the fixes with their velocities; both are of the receiver."""
+    gnss = log.gnss
+    for found in path_faults(gnss.time, gnss.position, gnss.velocity_n):
+        like, what = found.like, f"{log.name}: the {'heights' if found.vertical else 'positions'} of the GPS "
+        if found.kind == UNLIKE:
+            continue
+        if found.kind == UNIT:
+            said = f"change {like.ratio:.3g} times as much as its velocities say"
+        elif found.vertical:
+            said = "rise where its velocities point down"
+        else:
+            said = f"do not move where its velocities point, but {abs(np.degrees(like.angle)):.0f}° beside"
+        columns = "" if found.kind == UNIT else f" ({_DIRECTIONS[found.vertical]})"
+        raise MissionError(f"{what}{said} (coherence {like.coherence:.2f}): {found.cause}{columns}")
 
 
 def _check_leap_seconds(log: SensorLog) -> None:
@@ -123,7 +158,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
     )
     at_zero, at_leap = (
         max(
-            (_largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
+            (largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
             key=lambda one: abs(one[0]),
         )
         for lags in (limits.LOG.tried_lags, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
@@ -147,23 +182,24 @@ def motion_of(log: SensorLog) -> FixMotion:
     )
     if inside.size < 2:
         empty = np.empty(0)
-        return FixMotion(empty, empty, empty, empty)
+        return FixMotion(empty, empty, empty, empty, empty)
     step = max(1, round(limits.LOG.leg / float(np.median(np.diff(time)))))
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
     if np.isnan(velocity).any():
-        per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
-        north = np.gradient(gnss.position[:, 0], time) * per_latitude
-        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
-        velocity = np.stack((north, east), axis=-1)
+        velocity = velocity_of_positions(gnss)
     velocity, time = velocity[at], time[at]
     speed = np.linalg.norm(velocity, axis=1)
+    rise = -np.nan_to_num(gnss.velocity_n[at, 2]) / np.maximum(speed, limits.LOG.course_speed)
+    pull = 0.5 * STANDARD_GRAVITY * (rise[1:] + rise[:-1])
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     dt = np.diff(time)
     turn = np.where(np.minimum(speed[1:], speed[:-1]) > limits.LOG.course_speed, np.diff(course) / dt, np.nan)
     turn[np.abs(np.diff(course)) > limits.LOG.course_step] = np.nan
     short = dt < limits.LOG.longest_leg * limits.LOG.leg
-    return FixMotion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+    return FixMotion(
+        time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short], pull[short]
+    )
 
 
 def _check_interval(log: SensorLog) -> None:
@@ -212,7 +248,8 @@ def _check_force(log: SensorLog) -> None:
 def _check_tumbling(log: SensorLog) -> None:
     """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
     mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
-    if mean > limits.LOG.tumbling:
+    steps = np.median(np.abs(np.diff(log.rates[0][:, :2], axis=0)), axis=0)
+    if mean > limits.LOG.tumbling and steps.max() > limits.LOG.rate_step:
         raise MissionError(
             f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on average, "
             "which would overturn the vehicle, but the direction of gravity is constant: the numbers look "
@@ -225,9 +262,7 @@ def _likeness(log: SensorLog, motion: FixMotion) -> FloatArray | None:
     rows = np.isfinite(motion.turn)
     if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return None
-    return np.array(
-        [_largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)]
-    )
+    return np.array([largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
 
 
 def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
@@ -243,36 +278,11 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     if not following.size:
         return
     factor = float(following.max())
-    degree = 180 / np.pi
-    for scale, numbers in ((degree, "degrees where radians"), (1 / degree, "radians where degrees")):
-        if limits.LOG.degree_ratio[0] < factor / scale < limits.LOG.degree_ratio[1]:
-            raise MissionError(
-                f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look "
-                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
-            )
-
-
-def _check_turn(log: SensorLog, motion: FixMotion) -> None:
-    """Compare the course's rate with the gyros, each axis at its best time."""
-    likeness = _likeness(log, motion)
-    if likeness is None:
-        return
-    best = int(np.argmax(np.abs(likeness[:, 0])))
-    correlation = likeness[2, 0]
-    if (
-        abs(correlation) < limits.LOG.axis_correlation
-        and best != 2
-        and abs(likeness[best, 0]) > limits.LOG.axis_correlation
-    ):
+    unit = nearest(factor, UNITS["angle"], limits.LOG.degree_ratio)
+    if unit:
         raise MissionError(
-            f"{log.name}: the turns that the GPS shows are about the axis called "
-            f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
-            f"{correlation:.2f}): swapped axes of the gyros are likely"
-        )
-    if correlation < -limits.LOG.axis_correlation:
-        raise MissionError(
-            f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
-            "swapped axes or signs of the gyros are likely"
+            f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look like "
+            f"{unit[0]} where {unit[1]} are declared (columns gx_rad_s, gx_deg_s)"
         )
 
 
@@ -286,7 +296,7 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return
     for axis, wrong_sign in ((0, 0), (1, -1)):
-        correlation, factor, _ = _largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
+        correlation, factor, _ = largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
         wrong = (
             correlation < -limits.LOG.axis_correlation
             if wrong_sign
@@ -305,7 +315,7 @@ def _check_forward(log: SensorLog, motion: FixMotion) -> None:
     if motion.speed.size < limits.LOG.legs or np.std(motion.speed) < limits.LOG.lively_speed:
         return
     forward, right = (
-        _largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
+        largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
     )
     backward = forward < -limits.LOG.axis_correlation
     if backward or (
@@ -382,7 +392,7 @@ def _shows_lag(found: Match) -> bool:
     return found.lag_sigma < limits.LOG.lag_sigma and found.misfit < limits.LOG.misfit
 
 
-def _largest_correlation(
+def largest_correlation(
     log: SensorLog,
     increments: FloatArray,
     motion: FixMotion,
@@ -391,7 +401,16 @@ def _largest_correlation(
 ) -> tuple[float, float, float]:
     """Return correlation, factor and lag at the largest correlation, of either sign.
 
-    It is that of an IMU axis, later by the lag, with the motion by the fixes; by default, at `tried_lags`.
+    Parameters
+    ----------
+    log
+        The log.
+    increments : (n,) array
+        Those of an axis of the IMU.
+    motion, seen : FixMotion and (k,) array
+        The motion by the fixes, and the column of it with which the axis is compared, later by the lag.
+    lags
+        Lags that are tried [s]; by default `tried_lags`.
     """
     lags = limits.LOG.tried_lags if lags is None else lags
     total = np.concatenate(([0.0], np.cumsum(increments)))

@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
+from lab.motion.kinematics.running_turns import matrices, product, quaternions, running_products, turned
 
-Quaternions = NDArray[np.complex128]
-"""Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 WINDOW = 20.0
@@ -38,7 +36,8 @@ _FORCE_BIAS_SIGMA = 0.3
 _MODEL_SIGMA = 0.1
 """σ of unmodelled errors: scale factors, coning between steps, vibration [m/s]."""
 _HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
-"""Headings from which the fit starts [rad]: it converges from within 45°."""
+"""Headings from which the fit starts [rad]: it converges from within 45°. Where the velocity changes faster
+than by gravity, they are turns about the mean force."""
 _ROUGH, _FINE = 3, 8
 """Most rounds of the fit from each start, and from the best of them. A plain choice."""
 _VELOCITY = slice(9, 12)
@@ -46,6 +45,8 @@ _VELOCITY = slice(9, 12)
 _SETTLED = 1e-8
 """Sum of squares by which a round moves the residuals, in σ, below which it is the last: no unknown has then
 moved by more than 1e-4 of its σ."""
+_MAX_TURN = 0.5
+"""σ of the rotation of one round [rad]: without it, a fit that begins far from the truth diverges."""
 _MAX_CHANGE = 1e4
 """Largest change of an unknown in a round: numbers of no physics stay numbers."""
 _MAX_FITTED_LAG = 4.0
@@ -209,12 +210,9 @@ def match(
     bias = np.zeros(3) if gyro_bias is None else gyro_bias
     prior = np.concatenate((bias, np.zeros(3)))
     prior_sigma = np.concatenate((np.broadcast_to(gyro_bias_sigma, 3), np.full(3, _FORCE_BIAS_SIGMA)))
-    level = _levelled(window, bias)
     starts = [
-        _fitted(
-            window, Rotation.from_euler("z", heading) * level, prior, prior_sigma, lag, _ROUGH, bool(lags)
-        )
-        for heading in _HEADINGS
+        _fitted(window, C_nb, prior, prior_sigma, lag, _ROUGH, bool(lags))
+        for C_nb in _starts(window, bias)
         for lag in (lags or (0.0,))
     ]
     best = min(starts, key=lambda one: one[0])
@@ -231,51 +229,6 @@ def steps(time: FloatArray, increments: FloatArray, start: float, end: float) ->
     return np.diff([np.interp(ends, time, column) for column in _total(increments).T]).T
 
 
-def turned(dtheta: FloatArray) -> Rotation:
-    """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
-    a, b = _attitudes(_quaternions(dtheta))
-    return Rotation.from_quat(np.stack((a.imag, b.real, b.imag, a.real), axis=-1))
-
-
-def _quaternions(rotation: FloatArray) -> Quaternions:
-    """Return the quaternions (2, k) of rotation vectors (k, 3) [rad]."""
-    half = 0.5 * np.sqrt((rotation * rotation).sum(axis=1))
-    x, y, z = rotation.T * (0.5 * np.sinc(half / np.pi))
-    made = np.empty((2, half.size), complex)
-    made.real = np.cos(half), y
-    made.imag = x, z
-    return made
-
-
-def _attitudes(increments: Quaternions) -> Quaternions:
-    """Return the products (2, k + 1) of all increments (2, k) until each, from that of none on."""
-    total = np.concatenate(([[1.0], [0.0]], increments), axis=1)
-    reach = 1
-    while reach < total.shape[1]:  # each pass doubles how many increments are in each product
-        total[:, reach:] = _product(total[:, :-reach], total[:, reach:])
-        reach *= 2
-    return total
-
-
-def _product(one: Quaternions, other: Quaternions) -> Quaternions:
-    """Return the products of quaternions (2, k): those of `Rotation` take thirty times as long."""
-    (a, b), (c, d) = one, other
-    made = np.empty_like(other)
-    made[0] = a * c - b * d.conj()
-    made[1] = a * d + b * c.conj()
-    return made
-
-
-def _matrices(quaternions: Quaternions) -> FloatArray:
-    """Return the rotation matrices (k, 3, 3) of unit quaternions (2, k)."""
-    (w, y), (x, z) = quaternions.real, quaternions.imag
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = 2.0 * np.stack(
-        (x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z)
-    )
-    rows = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
-    return np.stack(rows, axis=-1).reshape(-1, 3, 3)
-
-
 def _total(values: FloatArray) -> FloatArray:
     """Return the sums (k + 1, ...) of values (k, ...) until each, from that of none on."""
     made = np.zeros((len(values) + 1, *values.shape[1:]))
@@ -283,14 +236,21 @@ def _total(values: FloatArray) -> FloatArray:
     return made
 
 
-def _levelled(window: Window, bias: FloatArray) -> Rotation:
-    """Return a rotation that takes the mean force over the window upwards; its heading is arbitrary."""
+def _starts(window: Window, bias: FloatArray) -> list[Rotation]:
+    """Return rotations that take the sum of the forces to the change of velocity, less gravity.
+
+    The rotation about that vector is arbitrary. It is nearly vertical but for fast, strong manoeuvres.
+    """
+    first, last = window.at[0], window.at[-1]
+    rows = (window.time[:-1] >= first) & (window.time[1:] <= last)
     steps = np.diff(window.time)[:, None]
-    mean = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity).sum(axis=0)
-    size = float(np.linalg.norm(mean))
-    if not size > 0:
-        return Rotation.identity()
-    return Rotation.align_vectors([[0.0, 0.0, -1.0]], [mean / size])[0]
+    total = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity)[rows].sum(axis=0)
+    gained = np.nan_to_num(window.velocity_n[-1] - window.velocity_n[0]) - _G * (last - first)
+    if not (np.linalg.norm(total) > 0 and np.isfinite(total).all()):
+        return [Rotation.from_euler("z", heading) for heading in _HEADINGS]
+    axis = gained / np.linalg.norm(gained)
+    C = Rotation.align_vectors([axis], [total / np.linalg.norm(total)])[0]
+    return [Rotation.from_rotvec(-heading * axis) * C for heading in _HEADINGS]
 
 
 def _fitted(
@@ -310,8 +270,9 @@ def _fitted(
     found = prior.copy() if found is None else found
     known = np.isfinite(window.velocity_n)
     weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _MODEL_SIGMA**2)
-    seen = np.where(known, window.velocity_n, 0.0)
+    seen, count = np.where(known, window.velocity_n, 0.0), int(known.sum())
     loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
+    damped = np.diag(np.concatenate((np.full(3, 1 / _MAX_TURN), 1 / loose[3:])))
     for _ in range(rounds + 1):
         gained, by_rotation, by_gyro, by_force, by_lag = _model(window, C_nb, found, lag)
         design = np.concatenate(
@@ -326,10 +287,9 @@ def _fitted(
         )
         design = (design * weight[:, :, None])[known]
         residual = ((seen - gained) * weight)[known]
-        rows = np.diag(1 / loose)
         off = np.concatenate((np.zeros(3), prior - found, np.zeros(3), [-lag]))
-        design = np.concatenate((design, rows))
-        residual = np.concatenate((residual, rows @ off))
+        design = np.concatenate((design, damped))
+        residual = np.concatenate((residual, damped @ off))
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return np.inf, C_nb, prior, 0.0, np.eye(13) * _UNKNOWN_VARIANCE, np.inf
         # Impossible numbers of a damaged file may lead anywhere, but must stay finite.
@@ -342,9 +302,9 @@ def _fitted(
         moved = design @ change
         if moved @ moved < _SETTLED:
             break
-    count = int(known.sum())
     # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
     scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
+    design[count:] = np.diag(1 / loose)
     scaled = design * scale
     ridge = np.eye(13) * _RIDGE
     covariance = np.linalg.inv(scaled.T @ scaled + ridge) * np.outer(scale, scale)
@@ -357,9 +317,9 @@ def _model(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
     dt = np.diff(window.time)[:, None]
-    half = _quaternions(0.5 * (window.dtheta - bias[:3] * dt))
-    middle = _product(_attitudes(_product(half, half))[:, :-1], half)
-    C = C_nb.as_matrix() @ _matrices(middle)
+    half = quaternions(0.5 * (window.dtheta - bias[:3] * dt))
+    middle = product(running_products(product(half, half))[:, :-1], half)
+    C = C_nb.as_matrix() @ matrices(middle)
     force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
     cross = _cross(force)
     C_dt = C * dt[:, :, None]

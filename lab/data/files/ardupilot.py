@@ -55,7 +55,8 @@ NAME = "ArduPilot DataFlash"
 _FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA", "PARM")
 _SENSORS = ("IMU", "GPS", "GPA", "PARM", "MAG", "MSG")
 _VEHICLES = {
-    "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
+    "ArduPlane": "fixed wing", "APM:Plane": "fixed wing", "ArduCopter": "rotary wing",
+    "APM:Copter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
     "Rover": "rover", "Blimp": "blimp", "ArduSub": "submarine",
 }  # fmt: skip
 _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}

@@ -73,7 +73,7 @@ def inertial_attitude(
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only this needs it
     from scipy.spatial.transform import Slerp  # noqa: PLC0415
 
-    from lab.data.checks.velocity_matching import turned  # noqa: PLC0415 - likewise
+    from lab.motion.kinematics.running_turns import turned  # noqa: PLC0415 - likewise
 
     if time[-1] - time[0] < _MIN_INTERVALS * _INTERVAL:
         return None

@@ -59,6 +59,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES, MAX_HEADER_LINE, Column, read_columns, read_duration
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.auxiliary_check import check_auxiliary
+from lab.data.checks.imu_axes import axes_matrix
 from lab.data.files.log_columns import (
     ATTITUDE,
     ESSENTIAL,
@@ -301,7 +302,9 @@ class LogFiles:
 
     def _axes(self) -> FloatArray:
         """Return the matrix that takes vectors in the axes of the IMU to b."""
-        return np.asarray(C_nb_from_euler(np.radians(self.mounting)) @ _axes_matrix(self.path, self.axes))
+        return np.asarray(
+            C_nb_from_euler(np.radians(self.mounting)) @ axes_matrix(self.axes, f"{self.path}: ")
+        )
 
 
 def log_files(path: str | os.PathLike[str]) -> LogFiles:
@@ -450,16 +453,3 @@ def _read_series(path: Path, name: str, repairs: list[str]) -> Series:
     if (np.diff(time) < 0).any():
         raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
     return Series(time, table[column.name][known])
-
-
-def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:
-    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down."""
-    C = np.zeros((3, 3))
-    for row, axis in enumerate(axes):
-        C[row, "xyz".index(axis[-1])] = -1 if axis.startswith("-") else 1
-    if round(np.linalg.det(C)) != 1:
-        raise MissionError(
-            f"{path}: axes = {list(axes)} are not a right-handed set; accepted are three different axes such "
-            'as ["y", "x", "-z"] for an IMU with x right, y forward, z up'
-        )
-    return C

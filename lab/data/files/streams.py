@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import LATITUDES, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
-from lab.data.files import estimator_resets
+from lab.data.checks import estimator_resets
 from lab.data.log.sensor_log import MAX_LEVER_ARM
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
 from lab.motion.frames.rotation import euler_from_quaternion

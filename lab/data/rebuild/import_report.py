@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
+from lab.data.checks import limits
 from lab.data.rebuild.derived_motion import body_rates, euler_at, roughness
 from lab.data.rebuild.plausibility import (
     IMPLAUSIBLE,
@@ -37,6 +38,19 @@ _REPAIRS = {
     "even": "rounded or jittering stamps put on an even spacing",
     "by motion": "estimated from the displacements between the samples",
 }
+_ATTITUDES = {
+    "aircraft": "that of coordinated turns, the nose along the path",
+    "car": "the nose along the course and the slope, without roll",
+    "boat": "level, the nose along the course",
+    "pedestrian": "level, the nose along the course",
+    "copter": "its thrust is the specific force, without wind and drag; the nose is taken to be along the "
+    "course",
+    "rocket": "the nose along the path, without roll",
+}
+"""How the attitude of each vehicle was reconstructed."""
+_VEHICLES = {name: f"{'an' if name == 'aircraft' else 'a'} {name}" for name in _ATTITUDES}
+_MAX_NAME = 60
+"""Longest name of a vehicle that is shown [characters]: files may have any text."""
 _MAX_LOST = 0.2
 """Part of the rows that may be left out of a plausible flight. A plain choice: less calls recordings with
 some damaged rows questionable, more passes flights of which a large part is missing."""
@@ -153,6 +167,7 @@ def report(
         *_time(flight),
         *_resolution(flight),
         *_curve(rebuilt),
+        ReportRow("Curve", "Vehicle", _vehicle(raw, rebuilt)),
         *_noise(flight, force, rate, sensor),
         *_motion(seen, in_fewer, moves),
         *_units(raw.units),
@@ -240,7 +255,8 @@ def _resets(resets: Sequence[Reset]) -> str:
     where = "; ".join(f"{reset.change} at {_stamp(reset.time)} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
-        "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
+        "the solution jumps, as an estimator does that is reset. This is no motion, so the recording is cut "
+        "there: "
         f"{where}{more}"
     )
 
@@ -285,15 +301,17 @@ def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
             ReportRow("Curve", "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
         )
     if rebuilt.attitude_reconstructed:
-        text = f"reconstructed from the velocity, as for {_article(rebuilt.vehicle)}: the file has none"
+        text = f"reconstructed from the velocity: {_ATTITUDES[rebuilt.vehicle]}; the file has none"
         rows.append(ReportRow("Curve", "Attitude", text))
     if rebuilt.wind is not None:
         rows.append(ReportRow("Curve", "Wind", _wind(rebuilt.wind)))
     return rows
 
 
-def _article(vehicle: str) -> str:
-    return "an aircraft in coordinated turns" if vehicle == "aircraft" else f"a {vehicle}"
+def _vehicle(raw: RawFlight, rebuilt: Reconstruction) -> str:
+    """Return the vehicle whose limits hold, and how it is known."""
+    stated = f" (the file: {raw.vehicle[:_MAX_NAME]})" if raw.vehicle else ""
+    return f"judged as {_VEHICLES[rebuilt.vehicle]}{stated}; --set vehicle=NAME states another one"
 
 
 def _ned(values: FloatArray) -> str:
@@ -393,6 +411,13 @@ def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotio
             "Motion", "Speed", f"usually {np.median(moves.speed):.3g}, at most {moves.speed.max():.3g} m/s"
         ),
     ]
+    like = moves.leaning
+    if like is not None and like.strength > limits.LOG.lively_speed:
+        text = (
+            f"horizontal specific force {like.ratio:.2f} times what they lean for, "
+            f"{abs(np.degrees(like.angle)):.0f}° beside it, coherence {like.coherence:.2f}"
+        )
+        rows.append(ReportRow("Motion", "Pitch and roll", text))
     agreements = rate_agreement(flight, rebuilt)
     if agreements is not None:
         text = "; ".join(
@@ -419,7 +444,7 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
             f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
-            f"{' It is cut where the estimator of the autopilot was reset.' if flight.raw.resets else ''}",
+            f"{' It is cut where the recorded solution jumps.' if flight.raw.resets else ''}",
         )
 
 

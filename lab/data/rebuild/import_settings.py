@@ -100,9 +100,10 @@ class ImportSettings(Settings):
         default=AUTO,
         objects=[AUTO, *VEHICLES],
         label="Vehicle",
-        doc="Kind of vehicle: determines the limits of plausibility, and the attitude if none is recorded "
-        "(an aircraft banks into its turns, a car follows the slope, a boat stays level). auto: as "
-        "stated in the file, otherwise an aircraft.",
+        doc="Kind of vehicle: determines what is plausible, and the attitude if none is recorded. An "
+        "aircraft banks into its turns, a car follows the slope, a boat and a pedestrian stay level, a "
+        "copter leans where it accelerates, a rocket points along its path. Copters, rockets and "
+        "pedestrians may move in any direction. auto: as stated in the file, otherwise an aircraft.",
     )
     start_latitude = Quantity(
         0.0,

@@ -6,89 +6,37 @@ violates their agreement by a known factor, which names the likely cause.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.checks.wrong_units import Agreement, agreement, cause
+from lab.data.checks import limits
+from lab.data.checks.attitude_check import (
+    bank_fault,
+    heading_fault,
+    lean,
+    lean_fault,
+    leans_right,
+    pitch_fault,
+    rates_agree,
+)
+from lab.data.checks.likeness import Likeness, cause, likeness
+from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
 from lab.data.rebuild.derived_motion import body_rates, euler_at, specific_force
 from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY
 from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import RepairedFlight
 from lab.flying import coordinated_turn
-from lab.motion.frames import ecef, rotation
+from lab.motion.frames import ecef
+from lab.motion.recordings.recording import Recording
 
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 
-_REACHED_QUANTILE = 0.999
-"""Quantile of a quantity that is compared with `LIMITS`: single samples may be wrong in a good recording."""
-_GRAVITY_RATIO = (0.6, 1.6)
-"""Median specific force of a flight [g]: level flight and cruise have 1; a wrong unit is a factor of 2 and
-more."""
-_MAX_LEGS, _MIN_LEGS = 200, 20
-"""Legs in which the path by position is compared with the path by velocity."""
-_MIN_LEG = 2.0
-"""Shortest of these legs [s]: in shorter ones the noise of a receiver is as large as the displacement."""
-_MIN_EXTENT = 30.0
-"""Extent of the positions below which a receiver counts as standing, because of its noise [m]."""
-_MIN_PATH = 100.0
-"""Shortest path, along an axis, from which it is compared [m]: far beyond the noise of a receiver."""
-_MIN_CORRELATION = 0.8
-"""Correlation from which a slope means a unit, and below which two series have little in common: with random
-errors as large as 3/4 of the motion it is 0.8."""
-_CERTAIN_CORRELATION = 0.95
-"""Smallest correlation for which another axis, or the opposite sign, is reported as the right one."""
-_SAME_VELOCITY = (0.9, 1.1)
-"""Slopes of velocity against positions that no wrong unit explains: the nearest factor is 0.51."""
-_RADIANS_AS_DEGREES = (20, 65)
-"""Slopes of velocity against positions in radians: 57 along the meridian, less where the parallels grow."""
-_STRIDE = 5
-"""Samples over which the increments of attitude and rates are compared: jitter of one sample averages out."""
-_SAME_RATE = (0.8, 1.25)
-"""Slopes of attitude against recorded rates that are no wrong unit: the nearest factor is 57. On the shipped
-flights, an attitude that lags behind with a time constant of 0.5 s has slopes of 0.87 or more, with 1 s 0.73
-or more."""
-_MIN_RATE_CORRELATION = 0.5
-"""Correlation below which a recorded rate has little to do with the attitude."""
-_MIN_TURN = np.radians(0.2)
-"""Rms increment of an axis from which it is judged [rad]: less is noise of the attitude."""
-_MIN_COURSE_SPEED = 5.0
-"""Speed from which attitude is compared with the course [m/s]: an error of 0.5 m/s across turns the course by
-6°, and no vehicle moves backwards so fast (`forward_speed` of `lab.navigation.alignment.limits`)."""
-_MIN_MOVING_SAMPLES = 20
-"""Fewest samples at such a speed, or airspeed, by which they are compared."""
-_MAX_CRAB = np.radians(35.0)
-"""Median angle between heading and course that wind explains [rad]: 17 m/s across an airspeed of 30 m/s."""
-_CLEARLY_BETTER = 1 / 3
-"""Largest remaining fraction of that angle with another reading of the heading for which that reading is
-reported."""
-_MIN_BANKING, _MIN_CLIMBING = np.radians(4.0), np.radians(1.5)
-"""σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
-[rad]."""
-_MIN_ATTITUDE_CORRELATION = 0.6
-"""Correlation of roll and pitch with the path from which their slope is judged: sideslip and changes of
-the angle of attack leave it above 0.6."""
-_SAME_ROLL, _SAME_PITCH = (0.5, 2.0), (0.2, 5.0)
-"""Slopes of roll against the coordinated bank, and of pitch against the path, that are no wrong unit (57)."""
-_MIN_AIRSPEED = 15.0
-"""Airspeed or speed from which their ratio is judged [m/s]: at lower ones, a wind of 6 m/s takes the ratio
-beyond `_SAME_AIRSPEED`."""
-_SAME_AIRSPEED = (0.6, 1.6)
-"""Median airspeed over speed that wind and density of the air explain; a knot is 0.51 m/s."""
 _SLOW = 0.1
 """Least speed by which the airspeed is divided [m/s]."""
-_MAX_RESIDUAL, _MAX_AIR_RESIDUAL = 10.0, 500.0
-"""Rms distance of a plausible curve from the positions [m]: of one from velocity or positions, where a
-receiver is off by a few metres; and of one from air data, where the wind changes."""
-_IMPLAUSIBLE_RESIDUAL = 20
-"""Multiple of these from which the flight is implausible. On the shipped flights, velocities in a wrong unit
-leave 2 to 39 m, and velocities that are 5 s late 8 to 23 m: 200 m is another motion than that of the
-positions."""
 
 
 @dataclass(frozen=True)
@@ -106,38 +54,6 @@ class FlightFinding:
     level: str
     sentence: str
 
-
-@dataclass(frozen=True)
-class Range:
-    """The usual and the possible maximum of a quantity of a vehicle."""
-
-    usual: float
-    possible: float
-
-
-LIMITS: Mapping[str, Mapping[str, Range]] = {
-    "aircraft": {
-        "specific force": Range(50.0, 120.0),
-        "body rate": Range(np.radians(150), np.radians(500)),
-        "climb": Range(80.0, 250.0),
-        "speed": Range(350.0, 1000.0),
-    },
-    "car": {
-        "specific force": Range(30.0, 100.0),
-        "body rate": Range(np.radians(120), np.radians(500)),
-        "climb": Range(10.0, 50.0),
-        "speed": Range(80.0, 200.0),
-    },
-    "boat": {
-        "specific force": Range(25.0, 100.0),
-        "body rate": Range(np.radians(90), np.radians(500)),
-        "climb": Range(3.0, 20.0),
-        "speed": Range(40.0, 120.0),
-    },
-}
-"""For each vehicle: specific force [m/s²], body rate [rad/s], vertical and whole speed [m/s]. A plain
-choice: aerobatic aeroplanes, rally cars and racing boats reach what is usual; no crew bears more than what
-is possible."""
 
 _UNITS = {  # unit shown, and its factor from SI
     "specific force": ("m/s²", 1.0),
@@ -164,6 +80,8 @@ class RebuiltMotion:
         speed [m/s].
     acceleration : float
         Median length of the acceleration over the Earth [m/s²].
+    leaning : Likeness or None
+        How its horizontal specific force follows pitch and roll; None if they are not recorded.
     """
 
     specific_force: FloatArray
@@ -171,15 +89,14 @@ class RebuiltMotion:
     climb: FloatArray
     speed: FloatArray
     acceleration: float
+    leaning: Likeness | None
 
 
 def motion(rebuilt: Reconstruction) -> RebuiltMotion:
     """Return the motion of a rebuilt flight."""
     recording = rebuilt.recording
-    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
-    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
+    force, acceleration = _force(recording)
     near = ecef.near_pole(recording.latitude)
-    force = specific_force(position, recording.velocity_n, acceleration)
     rates = np.linalg.norm(body_rates(recording.time, recording.euler), axis=1)
     elsewhere = ~near if not near.all() else near
     return RebuiltMotion(
@@ -188,23 +105,33 @@ def motion(rebuilt: Reconstruction) -> RebuiltMotion:
         climb=np.abs(recording.velocity_n[:, 2]),
         speed=np.linalg.norm(recording.velocity_n, axis=1),
         acceleration=float(np.median(np.linalg.norm(acceleration, axis=1)[elsewhere])),
+        leaning=None if rebuilt.attitude_reconstructed else lean(recording.time, recording.euler, force),
     )
 
 
-def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Agreement, ...] | None:
-    """Return how the recorded body rates agree with those of the rebuilt attitude, about x, y, z.
+def _force(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """Return specific force and acceleration in n (n, 3) [m/s²]."""
+    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
+    return specific_force(position, recording.velocity_n, acceleration), acceleration
 
-    Both as increments over five samples; None where the file has no rates.
+
+def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Likeness, ...] | None:
+    """Return how the rates of the rebuilt attitude follow the recorded body rates, about x, y, z.
+
+    Both as increments over some samples; None where the file has no rates.
     """
-    raw = flight.raw
-    if raw.body_rate is None or raw.euler is None or len(raw.time) <= 2 * _STRIDE:
+    raw, stride = flight.raw, limits.LOG.rate_stride
+    if raw.body_rate is None or raw.euler is None or len(raw.time) <= 2 * stride:
         return None
+    fastest = float(np.abs(raw.body_rate).max()) * float(np.median(np.diff(raw.time)))
+    stride = int(np.clip(limits.LOG.rate_turn // max(fastest, 1e-9), 1, stride))
     euler = euler_at(rebuilt.recording, raw.time)
-    derived = body_rates(raw.time, euler, _STRIDE) * (raw.time[_STRIDE:] - raw.time[:-_STRIDE])[:, None]
+    derived = body_rates(raw.time, euler, stride) * (raw.time[stride:] - raw.time[:-stride])[:, None]
     steps = np.diff(raw.time)[:, None] * (raw.body_rate[1:] + raw.body_rate[:-1]) / 2
     turned = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
-    recorded = turned[_STRIDE:] - turned[:-_STRIDE]
-    return tuple(agreement(recorded[:, axis], derived[:, axis]) for axis in range(3))
+    recorded = turned[stride:] - turned[:-stride]
+    return tuple(likeness(recorded[:, axis], derived[:, axis], centred=False) for axis in range(3))
 
 
 def findings(
@@ -221,11 +148,12 @@ def findings(
     moves
         Its motion.
     """
+    rates = rate_agreement(flight, rebuilt)
     found = [
-        *_beyond_limits(flight, rebuilt, moves),
+        *_beyond_limits(flight, rebuilt, moves, rates_agree(rates)),
         *_velocity_against_positions(flight),
-        *_attitude_against_path(rebuilt),
-        *_rates(flight, rebuilt),
+        *_attitude_against_path(rebuilt, moves),
+        *_rates(rates),
         *_airspeed(rebuilt),
         *_residuals(rebuilt),
     ]
@@ -242,23 +170,23 @@ def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict
         made["climb"] = heights
         recording = rebuilt.recording
         level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
-        often = float(np.quantile(np.linalg.norm(level, axis=1), _REACHED_QUANTILE))
-        if np.hypot(often, STANDARD_GRAVITY) < LIMITS[rebuilt.vehicle]["specific force"].possible:
+        often = float(np.quantile(np.linalg.norm(level, axis=1), limits.LOG.reached))
+        if np.hypot(often, STANDARD_GRAVITY) < limits.VEHICLES[rebuilt.vehicle].specific_force.possible:
             made["specific force"] = heights
     return made
 
 
 def _beyond_limits(
-    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion
+    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion, rates_agree: bool
 ) -> list[FlightFinding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
     made = _derived_quantities(flight, rebuilt)
     causes = {**_CAUSES, **made}
-    for name, limit in LIMITS[vehicle].items():
-        unit, factor = _UNITS[name]
-        often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _REACHED_QUANTILE))
-        if often > limit.usual:
+    for name, (unit, factor) in _UNITS.items():
+        limit = getattr(limits.VEHICLES[vehicle], name.replace(" ", "_"))
+        often = float(np.quantile(getattr(moves, name.replace(" ", "_")), limits.LOG.reached))
+        if often > limit.usual and not (name == "body rate" and rates_agree):
             # A file is not refused for quantities that the lab derived.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
@@ -269,182 +197,110 @@ def _beyond_limits(
                 )
             )
     usual = float(np.median(moves.specific_force))
-    if not _GRAVITY_RATIO[0] < usual / STANDARD_GRAVITY < _GRAVITY_RATIO[1]:
+    low, high = limits.LOG.gravity_of_flight
+    # A rocket may coast, or hang under its parachute, for most of its flight.
+    if vehicle != "rocket" and not low < usual / STANDARD_GRAVITY < high:
         found.append(
             FlightFinding(
                 QUESTIONABLE,
                 f"The specific force is usually {usual:.3g} m/s², and not about gravity's 9.8. Likely: "
-                "a wrong unit of "
-                "height, velocity or time.",
+                "a wrong unit of height, velocity or time.",
             )
         )
     return found
 
 
 def _velocity_against_positions(flight: RepairedFlight) -> list[FlightFinding]:
-    """Compare the displacement by positions with the integral of the recorded velocity, in legs."""
+    """Compare the displacement by positions with the integral of the recorded velocity."""
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
         return []
-    count = int(np.clip(raw.time[-1] / _MIN_LEG, _MIN_LEGS, _MAX_LEGS))
-    legs = np.unique(np.linspace(0, len(raw.time) - 1, count + 1).astype(int))
     height = np.zeros(len(raw.time)) if raw.height is None else raw.height
-    position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
-    steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
-    travelled = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))[legs]
-    by_velocity, by_position = np.diff(travelled, axis=0), ecef.displacement(position[:-1], position[1:])
-    if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < _MIN_PATH:
-        return []
-    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _MIN_EXTENT:
-        return []
-    swapped = _swapped(by_position, by_velocity)
-    if swapped:
-        return [swapped]
+    position, velocity = np.stack((raw.latitude, raw.longitude, height), axis=-1), raw.velocity_n
+    if raw.height is None or VERTICAL_VELOCITY in raw.made:
+        velocity = velocity * (1.0, 1.0, np.nan)
     found = []
-    level = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel())
-    axes = {"The horizontal velocity": level}
-    recorded = raw.height is not None and VERTICAL_VELOCITY not in raw.made
-    if recorded and np.abs(by_position[:, 2]).sum() > _MIN_PATH:
-        axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
-    for name, like in axes.items():
-        if (
-            abs(like.correlation) > _MIN_CORRELATION
-            and not _SAME_VELOCITY[0] < like.slope < _SAME_VELOCITY[1]
-        ):
-            noisy = like.explained_by_noise()
-            words = _cause_of_slope(like.slope) if like is level else cause(like.slope, "speed")
-            words = "noise of the positions, or fixes too seldom for the motion" if noisy else words
-            sentence = f"{name} is {like.slope:.3g} times that of the positions. Likely: {words}."
-            found.append(FlightFinding(QUESTIONABLE if noisy else IMPLAUSIBLE, sentence))
-        elif abs(like.correlation) <= _MIN_CORRELATION:
-            found.append(
-                FlightFinding(
-                    QUESTIONABLE,
-                    f"{name} is hardly correlated with the change of the positions (correlation "
-                    f"{like.correlation:.2f}). Likely: other axes than north, east, down, or another clock.",
-                )
-            )
+    for one in path_faults(raw.time, position, velocity):
+        name = f"The {'vertical' if one.vertical else 'horizontal'} velocity"
+        said = {
+            UNIT: f"{name} is {1 / one.like.ratio:.3g} times that of the positions",
+            UNLIKE: f"{name} is hardly correlated with the change of the positions (coherence "
+            f"{one.like.coherence:.2f})",
+        }.get(one.kind, f"{name} does not point where the positions move")
+        level = QUESTIONABLE if one.kind == UNLIKE else IMPLAUSIBLE
+        found.append(FlightFinding(level, f"{said}. Likely: {one.cause}."))
     return found
 
 
-def _cause_of_slope(slope: float) -> str:
-    """Return what probably makes a velocity too large for the positions."""
-    # Radians shrink latitude and longitude, and with the latitude the parallels grow.
-    if _RADIANS_AS_DEGREES[0] < abs(slope) < _RADIANS_AS_DEGREES[1]:
-        return "latitude and longitude in radians read as degrees"
-    return cause(slope, "speed")
-
-
-def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> FlightFinding | None:
-    straight = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel()).correlation
-    across = agreement(by_position[:, :2].ravel(), by_velocity[:, 1::-1].ravel()).correlation
-    if across > _CERTAIN_CORRELATION and straight < _MIN_CORRELATION:
-        return FlightFinding(IMPLAUSIBLE, "The velocities north and east look exchanged.")
-    for axis, name in enumerate(("north", "east")):
-        if np.abs(by_position[:, axis]).sum() > _MIN_PATH:
-            one = agreement(by_position[:, axis], by_velocity[:, axis])
-            if one.correlation < -_CERTAIN_CORRELATION:
-                return FlightFinding(IMPLAUSIBLE, f"The velocity {name} has the opposite sign.")
-    return None
-
-
-def _attitude_against_path(rebuilt: Reconstruction) -> list[FlightFinding]:
-    """Compare heading, roll and pitch with the path."""
-    recording = rebuilt.recording
-    if rebuilt.attitude_reconstructed:
+def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> list[FlightFinding]:
+    """Compare heading, roll and pitch with the path and with the specific force."""
+    leaning = moves.leaning
+    if leaning is None:
         return []
-    velocity, euler = recording.velocity_n, recording.euler
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MIN_COURSE_SPEED
-    if moving.sum() < _MIN_MOVING_SAMPLES:
+    if rebuilt.vehicle == "copter":
+        return _lean(leaning)
+    velocity, euler = rebuilt.recording.velocity_n, rebuilt.recording.euler
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.LOG.course_of_flight
+    if moving.sum() < limits.LOG.compared_fixes or not limits.VEHICLES[rebuilt.vehicle].shows_heading:
         return []
-    found = _heading(velocity[moving], euler[moving, 2])
-    if rebuilt.vehicle == "aircraft" and not found:
-        found += _bank(rebuilt, moving)
-        found += _pitch(velocity[moving], euler[moving, 1])
-    return found
+    off = heading_fault(velocity[moving], euler[moving, 2])
+    if off is None and rebuilt.vehicle == "aircraft":
+        return _of_wings(rebuilt, moving)
+    if off is None or leans_right(leaning):
+        return []
+    said = f"The heading is usually {np.degrees(off.angle):.0f}° from the direction of motion. Likely: "
+    level = IMPLAUSIBLE if off.cause else QUESTIONABLE
+    likely = off.cause or "another column, or a vehicle that moves sideways"
+    return [FlightFinding(level, f"{said}{likely}.")]
 
 
-def _heading(velocity: FloatArray, yaw: FloatArray) -> list[FlightFinding]:
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    off = _usual_angle(yaw - course)
-    if off < _MAX_CRAB:
+def _lean(leaning: Likeness) -> list[FlightFinding]:
+    beside = lean_fault(leaning)
+    if not beside:
         return []
-    guesses = {
-        "radians read as degrees": np.degrees(yaw),
-        "degrees read as radians": np.radians(yaw),
-        "it has the opposite sign": -yaw,
-        "counted from east, anticlockwise": np.pi / 2 - yaw,
-        "it is reversed by 180°": yaw + np.pi,
-    }
-    best = min(guesses, key=lambda name: _usual_angle(guesses[name] - course))
-    sentence = f"The heading is usually {np.degrees(off):.0f}° from the direction of motion"
-    if _usual_angle(guesses[best] - course) < _CLEARLY_BETTER * off:
-        return [FlightFinding(IMPLAUSIBLE, f"{sentence}. Likely: {best}.")]
-    return [
-        FlightFinding(QUESTIONABLE, f"{sentence}. Likely: another column, or a vehicle that moves sideways.")
-    ]
-
-
-def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[FlightFinding]:
-    recording = rebuilt.recording
-    expected = coordinated_turn.attitude(recording.time, recording.velocity_n, "aircraft")[moving, 0]
-    roll = rotation.wrap(recording.euler[moving, 0])
-    if np.std(expected) < _MIN_BANKING:
-        return []
-    like = agreement(expected, roll)
-    if (
-        like.correlation < _MIN_CORRELATION
-        and agreement(expected, recording.euler[moving, 1]).correlation > _CERTAIN_CORRELATION
-    ):
-        return [FlightFinding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
-    if abs(like.correlation) < _MIN_ATTITUDE_CORRELATION or _SAME_ROLL[0] < like.slope < _SAME_ROLL[1]:
-        return []
+    side = f"{abs(np.degrees(beside)):.0f}° to the {'right' if beside > 0 else 'left'}"
     return [
         FlightFinding(
             IMPLAUSIBLE,
-            f"The roll is {like.slope:.3g} times the value that the turns require. Likely: "
-            f"{cause(like.slope, 'angle')}.",
+            f"The specific force points {side} of where pitch and roll lean. Likely: the heading is off by "
+            "that, or pitch and roll have other signs or places.",
         )
     ]
 
 
-def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[FlightFinding]:
-    climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
-    if np.std(climb) < _MIN_CLIMBING:
-        return []
-    like = agreement(climb - climb.mean(), pitch - pitch.mean())
-    unlike = not _SAME_PITCH[0] < like.slope < _SAME_PITCH[1]
-    if like.correlation < -_MIN_ATTITUDE_CORRELATION or (
-        like.correlation > _MIN_ATTITUDE_CORRELATION and unlike
-    ):
-        return [
-            FlightFinding(
-                IMPLAUSIBLE,
-                f"The pitch changes by {like.slope:.3g} times the slope of the path. Likely: "
-                f"{cause(like.slope, 'angle')}.",
-            )
-        ]
-    return []
+def _of_wings(rebuilt: Reconstruction, moving: Flags) -> list[FlightFinding]:
+    """Compare roll and pitch of an aircraft with its turns and climbs."""
+    recording, found = rebuilt.recording, []
+    velocity, euler = recording.velocity_n, recording.euler[moving]
+    bank = coordinated_turn.attitude(recording.time, velocity, "aircraft")[moving, 0]
+    kind, factor = bank_fault(bank, euler[:, 0], euler[:, 1])
+    if kind == "exchanged":
+        found.append(FlightFinding(IMPLAUSIBLE, "Roll and pitch look exchanged."))
+    elif kind:
+        said = f"The roll is {factor:.3g} times the value that the turns require"
+        found.append(FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {cause(factor, 'angle')}."))
+    slope = pitch_fault(velocity[moving], euler[:, 1])
+    if slope != 1.0:
+        said = f"The pitch changes by {slope:.3g} times the slope of the path"
+        found.append(FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {cause(slope, 'angle')}."))
+    return found
 
 
-def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[FlightFinding]:
-    agreements = rate_agreement(flight, rebuilt)
-    if agreements is None:
-        return []
+def _rates(agreements: tuple[Likeness, ...] | None) -> list[FlightFinding]:
     found = []
-    for axis, like in zip(("roll", "pitch", "yaw"), agreements, strict=True):
-        if like.strength < _MIN_TURN:
+    low, high = limits.LOG.same_rate
+    for axis, like in zip(("roll", "pitch", "yaw"), agreements or (), strict=False):
+        if like.strength < limits.LOG.increment:
             continue
-        if abs(like.correlation) > _MIN_CORRELATION and not _SAME_RATE[0] < like.slope < _SAME_RATE[1]:
+        if abs(like.correlation) > limits.LOG.axis_correlation and not low < like.slope < high:
             found.append(
                 FlightFinding(
                     QUESTIONABLE,
                     f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate "
-                    "says. Likely: "
-                    f"{cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
+                    f"says. Likely: {cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
                 )
             )
-        elif abs(like.correlation) < _MIN_RATE_CORRELATION:
+        elif abs(like.correlation) < limits.LOG.unlike_rate:
             found.append(
                 FlightFinding(
                     QUESTIONABLE,
@@ -460,11 +316,12 @@ def _airspeed(rebuilt: Reconstruction) -> list[FlightFinding]:
     if airspeed is None or rebuilt.curve == "air data":
         return []
     speed = np.linalg.norm(recording.velocity_n, axis=1)
-    flying = np.maximum(speed, np.abs(airspeed)) > _MIN_AIRSPEED
-    if flying.sum() < _MIN_MOVING_SAMPLES:
+    flying = np.maximum(speed, np.abs(airspeed)) > limits.LOG.airspeed_of_flight
+    if flying.sum() < limits.LOG.compared_fixes:
         return []
     ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], _SLOW)))
-    if _SAME_AIRSPEED[0] < ratio < _SAME_AIRSPEED[1]:
+    low, high = limits.LOG.same_airspeed
+    if low < ratio < high:
         return []
     return [
         FlightFinding(
@@ -480,10 +337,10 @@ def _residuals(rebuilt: Reconstruction) -> list[FlightFinding]:
     if residual is None:
         return []
     off = float(np.linalg.norm(residual))
-    limit = _MAX_AIR_RESIDUAL if rebuilt.curve == "air data" else _MAX_RESIDUAL
+    limit = limits.LOG.air_residual if rebuilt.curve == "air data" else limits.LOG.curve_residual
     if off < limit:
         return []
-    level = IMPLAUSIBLE if off > _IMPLAUSIBLE_RESIDUAL * limit else QUESTIONABLE
+    level = IMPLAUSIBLE if off > limits.LOG.implausible_residual * limit else QUESTIONABLE
     words = "velocity and position of different clocks or units; another curve may do better (setting curve)"
     if rebuilt.curve == "position":
         words = "noise of the positions, or fixes too seldom for the turns (setting smoothing)"
@@ -491,7 +348,3 @@ def _residuals(rebuilt: Reconstruction) -> list[FlightFinding]:
         f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: {words}."
     )
     return [FlightFinding(level, said)]
-
-
-def _usual_angle(angle: FloatArray) -> float:
-    return float(np.median(np.abs(rotation.wrap(angle))))

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.log.vehicle import vehicle_in
 from lab.data.rebuild.flight_curves import (
     NOISE_THAT_MATTERS,
     FlightCurves,
@@ -73,7 +74,7 @@ class Reconstruction:
     attitude_reconstructed : bool
         True if the file has no attitude, and the attitude is that of a coordinated turn.
     vehicle : str
-        The vehicle that is assumed.
+        The vehicle that is assumed, as of `lab.flying.coordinated_turn.attitude`.
     remarks : tuple of str
         Assumptions.
     """
@@ -161,11 +162,7 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
 
 def _vehicle(raw: RawFlight, settings: ImportSettings) -> str:
     """Return the vehicle: that of the settings, or of the file, or an aircraft."""
-    if settings.vehicle != AUTO:
-        return str(settings.vehicle)
-    stated = raw.vehicle.casefold()
-    words = {"car": ("car", "rover", "truck", "vehicle"), "boat": ("boat", "ship", "vessel")}
-    return next((kind for kind, names in words.items() if any(name in stated for name in names)), "aircraft")
+    return vehicle_in(raw.vehicle).flight if settings.vehicle == AUTO else str(settings.vehicle)
 
 
 def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, vehicle: str) -> FloatArray:

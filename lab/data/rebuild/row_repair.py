@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
-from lab.data.rebuild.raw_flight import Dropped, RawFlight
+from lab.data.checks.estimator_resets import JUMP, jumps, reported_step
+from lab.data.rebuild.raw_flight import Dropped, RawFlight, Reset
 from lab.motion.frames import ecef
 
 LIMITS: dict[str, tuple[float, float, str]] = {
@@ -59,6 +60,8 @@ _MIN_JUMP_SPEED = 100.0
 The tests pass at half and at twice it."""
 _JUMP_SPEED_RATIO = 8
 """Speed of a jump beyond which no flight accelerates between two samples, over its usual speed."""
+_MAX_JUMPS = 1000
+"""Most jumps at which a recording is cut."""
 _MIN_STEP = 1e-3
 """Least time between samples by which a speed is computed [s]."""
 _MIN_FOR_SPIKE = 5
@@ -244,6 +247,19 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     return raw.rows(
         ~spike, tuple(dropped_samples(raw, spike, "a position far from the path of its neighbours"))
     )
+
+
+def with_jumps(raw: RawFlight) -> RawFlight:
+    """Return the samples with the jumps of their positions as resets, if the file says of none."""
+    if raw.resets or raw.latitude is None or raw.longitude is None:
+        return raw
+    height = np.zeros_like(raw.latitude) if raw.height is None else raw.height
+    position = np.stack((raw.latitude, raw.longitude, height), axis=-1)
+    found = [
+        Reset(float(raw.time[at]), reported_step(JUMP, position, int(at)))
+        for at in jumps(raw.time, position)[:_MAX_JUMPS]
+    ]
+    return replace(raw, resets=tuple(found))
 
 
 def reset_places(raw: RawFlight) -> NDArray[np.intp]:

@@ -127,7 +127,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
-        raw = row_repair.without_spikes(row_repair.fresh(raw))
+        raw = row_repair.with_jumps(row_repair.without_spikes(row_repair.fresh(raw)))
     breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
     bridged = row_repair.bridged_gap(raw, longest_gap)
     more = row_repair.bridging(raw, breaks, longest_gap)

@@ -23,17 +23,19 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import MAX_RATIO, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
+from lab.data.checks.imu_axes import axes_matrix
 from lab.data.checks.log_check import is_explained
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet, as_utf8, layout_of
 from lab.data.sheets.sheet_attitude import attitude_of, reference_of
-from lab.data.sheets.sheet_axes import Oriented, axes_matrix, oriented
+from lab.data.sheets.sheet_axes import Oriented, oriented
 from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
 from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark_on_ends, times_of
 from lab.data.sheets.sheet_field import field_of
@@ -253,7 +255,15 @@ def _oriented_log(
 
     along = along_track(gnss, pace)
     shown = None if along is None else with_fixes(along)
-    return oriented(imu.samples, with_fixes(gnss), axes, _is_phone(imu), _is_signed(imu), shown)
+    return oriented(
+        imu.samples,
+        with_fixes(gnss),
+        axes,
+        _is_phone(imu),
+        _is_signed(imu),
+        shown,
+        vehicle_of(vehicle).stays_level,
+    )
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:

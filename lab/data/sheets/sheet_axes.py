@@ -17,13 +17,13 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.gyro_check import GyroError
+from lab.data.checks.imu_axes import XYZ, axes_matrix
 from lab.data.checks.log_check import check_log, is_explained, matches_of
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
 
 Axes = tuple[str, str, str]
 
-NAMES = ("x", "y", "z")
 _IF_REVERSED = (
     ". With the signs of all accelerations reversed the log agrees: some phones, such as iPhones, report "
     "them along gravity and not against it. If this one does: --column HEADING=-force_x[m/s²], "
@@ -34,6 +34,8 @@ _OR_REVERSED = (
     "them along gravity, as some do on iPhones, {}: the motion does not show which. Then state it: --column "
     "HEADING=-force_x[m/s²], and y and z alike."
 )
+_FIRST = 20
+"""Fewest samples at the start, or a hundredth of them, in which a rocket stands upright or is launched."""
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -53,27 +55,6 @@ class Oriented(NamedTuple):
     axes: Axes
 
 
-def axes_matrix(axes: Sequence[str]) -> FloatArray:
-    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down.
-
-    Raises
-    ------
-    MissionError
-        If the axes are not three different ones that make a right-handed set.
-    """
-    C = np.zeros((3, 3))
-    known = {sign + name for sign in ("", "-") for name in NAMES}
-    if len(axes) == len(NAMES) and all(axis in known for axis in axes):
-        for row, axis in enumerate(axes):
-            C[row, NAMES.index(axis[-1])] = -1 if axis.startswith("-") else 1
-    if round(np.linalg.det(C)) != 1:
-        raise MissionError(
-            f"axes {','.join(axes)}: accepted are the axes of the IMU that point forward, right and down, of "
-            "a right-handed set, such as y,x,-z"
-        )
-    return C
-
-
 def oriented(
     samples: FloatArray,
     build: Callable[[FloatArray], SensorLog],
@@ -81,6 +62,7 @@ def oriented(
     phone: bool = False,
     signed: bool = True,
     shown: Callable[[FloatArray], SensorLog] | None = None,
+    level: bool = True,
 ) -> Oriented:
     """Return a log in forward, right, down, with the axes that point there.
 
@@ -98,6 +80,8 @@ def oriented(
         Whether it is known that the accelerations are specific force, and not the negative of it.
     shown
         As `build`, with velocities by which the axes are judged in place of those that the filter gets.
+    level
+        Whether the vehicle is level on average; a rocket stands on its tail.
 
     Raises
     ------
@@ -111,15 +95,17 @@ def oriented(
             _reported(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
         )
     judged = shown or build
-    passed, refused = _tried(samples, judged, phone)
+    passed, refused = _tried(samples, judged, phone, level)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
-        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone)[0][:1])
+        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone, level)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
     why = (
-        "gravity and the motion show them"
+        "the force at the start shows where the nose points; the roll is assumed"
+        if not level
+        else "gravity and the motion show them"
         if len(passed) == 1
         else "gravity shows down; the motion does not show forward, which is assumed"
     )
@@ -157,18 +143,18 @@ class _SharedMatches:
 
 
 def _tried(
-    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool
 ) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
     """Return the axes with which a log passes, each with the log, and why it does not with the others."""
     passed: list[tuple[Axes, SensorLog]] = []
     refused: list[MissionError] = []
     shared = _SharedMatches()
-    for axes in _candidates(samples, phone):
+    for axes in _candidates(samples, phone, level):
         log = build(_turned(samples, axes))
         try:
             check_log(log, partial(shared.of, axes_matrix(axes)))
         except GyroError as error:
-            refused.append(error)
+            refused.append(error.seen_in(axes_matrix(axes)))
             break  # it holds whichever way the IMU points
         except MissionError as error:
             refused.append(error)
@@ -186,25 +172,29 @@ def _gravity(samples: FloatArray) -> FloatArray:
     return np.asarray(np.nanmedian(samples[:, 3:], axis=0))
 
 
-def _candidates(samples: FloatArray, phone: bool) -> Iterator[Axes]:
-    """Yield the axes that fit gravity, the usual ones first."""
-    up = _gravity(samples)
+def _candidates(samples: FloatArray, phone: bool, level: bool) -> Iterator[Axes]:
+    """Yield the axes that fit gravity, the usual ones first; the first alone if only the roll is unknown."""
+    up = _gravity(samples if level else samples[: max(_FIRST, len(samples) // 100)])
     vertical = int(np.argmax(np.abs(up)))
     down = np.zeros(3)
     down[vertical] = -np.sign(up[vertical])
+    if not level:
+        right = np.roll(np.abs(down), 1)
+        yield _name(-down), _name(right), _name(np.cross(-down, right))
+        return
     # A phone lies with its top forward, or stands with its screen, z, to the rear.
-    first = (("y", "x") if phone else ("x", "y")) if vertical == NAMES.index("z") else ("-z",)
+    first = (("y", "x") if phone else ("x", "y")) if vertical == XYZ.index("z") else ("-z",)
     order = [*first, *(name for name in ("x", "y", "z", "-x", "-y", "-z") if name not in first)]
     for name in order:
         forward = np.zeros(3)
-        forward[NAMES.index(name[-1])] = -1 if name.startswith("-") else 1
+        forward[XYZ.index(name[-1])] = -1 if name.startswith("-") else 1
         if forward[vertical] == 0:
             yield _name(forward), _name(np.cross(down, forward)), _name(down)
 
 
 def _name(axis: FloatArray) -> str:
     place = int(np.argmax(np.abs(axis)))
-    return f"{'-' if axis[place] < 0 else ''}{NAMES[place]}"
+    return f"{'-' if axis[place] < 0 else ''}{XYZ[place]}"
 
 
 def _describe(axes: Sequence[str]) -> str:

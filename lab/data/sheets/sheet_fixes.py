@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
-from lab.data.files import estimator_resets
+from lab.data.checks import estimator_resets
 from lab.data.files.unit_names import UNITS
 from lab.data.log.sensor_log import GnssLog
 from lab.data.rebuild.raw_flight import ColumnUnit, Reset

@@ -17,13 +17,14 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, STANDARD_GRAVITY
 from lab.data.checks.log_check import windows_of
-from lab.data.checks.velocity_matching import Window, match, turned
+from lab.data.checks.velocity_matching import Window, match
 from lab.data.files.fields import SEA_LEVEL
 from lab.data.files.unit_names import UNITS
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.column_names import SCALARS
 from lab.data.sheets.sheet import Sheet
+from lab.motion.kinematics.running_turns import turned
 
 _UNITS = ("m", "ft", "cm", "mm")
 """Units that loggers write heights in."""

@@ -9,7 +9,6 @@ themselves.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.checks.imu_axes import signed
 from lab.data.streams.axis_map import AXES, AxisMap
 from lab.live.bench.six_positions import GRAVITY_SIGMA, AccelerometerErrors, accelerometer_errors
 from lab.live.bench.static_interval import AxisCheckError, StaticInterval, static_interval, turned
@@ -217,7 +217,7 @@ class AxisCheck:
         self.turns[name] = AxisObservation(name, TURNS[name], shown, tilt)
         return self.turns[name]
 
-    def _fit(self, C: NDArray[np.int64], sign: int) -> bool:
+    def _fit(self, C: FloatArray, sign: int) -> bool:
         return _explains(C, sign, self.positions) and _explains(C, 1, self.turns)
 
     def _why_none(self) -> str:
@@ -287,7 +287,7 @@ def _refuse_alike(name: str, shown: Axis, others: dict[str, AxisObservation]) ->
             )
 
 
-def _explains(C: NDArray[np.int64], sign: int, seen: dict[str, AxisObservation]) -> bool:
+def _explains(C: FloatArray, sign: int, seen: dict[str, AxisObservation]) -> bool:
     return all((sign * np.array(one.named) @ C == one.shown).all() for one in seen.values())
 
 
@@ -309,11 +309,7 @@ def _listed(seen: dict[str, AxisObservation]) -> str:
     return ", ".join(f"{one.name} ({_shown(one.shown)})" for one in seen.values())
 
 
-_ALL = [
-    np.array([signs[k] * np.eye(3, dtype=int)[order[k]] for k in range(3)])
-    for order in itertools.permutations(range(3))
-    for signs in itertools.product((1, -1), repeat=3)
-]
+_ALL = tuple(signed(range(3)))
 """All 48 arrangements of axes along axes, mirror images included."""
 _TURNS = [C for C in _ALL if np.linalg.det(C) > 0]
 """The 24 of them that a device can be turned to."""

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
-from lab.data.checks.velocity_matching import turned
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced
 from lab.motion.frames.rotation import quaternion_from_euler, wrap
+from lab.motion.kinematics.running_turns import turned
 from lab.navigation.alignment import limits
 from lab.navigation.alignment.initial_heading import (
     UNKNOWN,

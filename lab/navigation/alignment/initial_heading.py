@@ -24,13 +24,13 @@ from lab.data.checks.velocity_matching import (
     lively,
     match,
     steps,
-    turned,
     window_of,
 )
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.vehicle import Vehicle, vehicle_of
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import wrap
+from lab.motion.kinematics.running_turns import turned
 from lab.navigation.alignment import limits
 from lab.navigation.solution import Fixes, Imu
 

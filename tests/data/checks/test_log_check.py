@@ -110,7 +110,7 @@ def test_swapped_gyros(tmp_path):
     source = tables(30, 200), "", (*POSITION, *VELOCITY)
     imu = source[0].imu.copy()
     imu[:, 1:4] = imu[:, [3, 2, 1]]
-    recognised(corrupted(tmp_path, source, imu), "swapped axes of the gyros")
+    recognised(corrupted(tmp_path, source, imu), "with gyros about down, right, forward")
 
 
 @pytest.mark.parametrize("name", ["vn310_static", "rtkx_walk"])
@@ -155,7 +155,7 @@ FIXES = {
     "feet": (3, 1 / 0.3048, "heights look like feet"),
     "up": (6, -1.0, "positive up"),
     "west": (5, -1.0, "reversed signs"),
-    "reversed": (slice(4, 6), -1.0, "180° beside the direction"),
+    "reversed": (slice(4, 6), -1.0, "but 180° beside"),
 }
 
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.data.checks import velocity_matching
-from lab.data.checks.velocity_matching import Window, match, turned, window_of
+from lab.data.checks.velocity_matching import Window, match, window_of
+from lab.motion.kinematics.running_turns import turned
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 57])

@@ -18,6 +18,8 @@ from lab.motion.frames import ecef
 
 _NEIGHBOURS = 3
 """Steps on each side with which a step is compared."""
+_USUAL = 0.95
+"""Quantile of the steps of a path that counts as usual: more are jumps in no recording that is of use."""
 _MIN_OUTSTANDING = 4.0
 """Size of a step over the largest of its neighbours from which it stands out."""
 
@@ -66,6 +68,9 @@ VELOCITY = Kind("the velocity", "m/s", _changed, counted=0.5, seen=3.0, fastest=
 """A hard landing stops 2 m/s at once; 60 m/s² is six times gravity."""
 POSITION = Kind("the position", "m", _moved, counted=3.0, seen=10.0, fastest=200.0)
 """Fixes move an estimate by a metre or two; 200 m/s is beyond the vehicles of these autopilots."""
+JUMP = Kind("the position", "m", _moved, counted=3.0, seen=20.0, fastest=100.0)
+"""A reset of an estimator of which nothing else is known: 100 m/s beyond the motion around it, in one
+step."""
 
 
 def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray | None) -> IntArray:
@@ -96,6 +101,26 @@ def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray
         alone = steps > _MIN_OUTSTANDING * windows.max(axis=1)
         found = alone & (excess > kind.seen) & (excess > kind.fastest * np.diff(time))
     return np.flatnonzero(found) + 1
+
+
+def jumps(time: FloatArray, position: FloatArray) -> IntArray:
+    """Return the indices of the first positions after each jump of a path that nothing says is a reset.
+
+    A path of positions that are held between fixes steps all the time: a jump is far beyond its usual steps.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    position : (n, 3) array
+        Latitude, longitude [rad] and height [m].
+    """
+    steps = _moved(position)
+    if not ((steps > JUMP.seen) & (steps > JUMP.fastest * np.diff(time))).any():
+        return np.empty(0, np.int64)
+    usual = float(np.quantile(steps[steps > 0], _USUAL))
+    found = resets(JUMP, time, position, None)
+    return found[steps[found - 1] > _MIN_OUTSTANDING * usual]
 
 
 def reported_step(kind: Kind, values: FloatArray, at: int) -> str:
