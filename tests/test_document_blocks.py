@@ -19,6 +19,7 @@ from document_files import make_files
 
 from lab.classroom.homework.homework_file import make_homework
 from lab.classroom.lessons.lesson_file import lesson_of
+from lab.data.files.profile import read_profile
 from lab.experiment.experiment import Experiment
 from lab.flying.flight_plan import read_plan
 from lab.missions import mission
@@ -117,6 +118,11 @@ def read_own_homework(text: str, tables: dict[str, Any], folder: Path) -> None:
     make_homework(folder / "mine.toml")
 
 
+def read_own_profile(text: str, tables: dict[str, Any], folder: Path) -> None:
+    (folder / "mine.toml").write_text(text, "utf-8")
+    assert read_profile(folder / "mine.toml").name == tables["name"]
+
+
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "hidden": read_own_homework,
     "step": lambda text, tables, folder: lesson_of("mine", tables),
@@ -124,6 +130,7 @@ LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "recording": read_mission,
     "sensors": lambda text, tables, folder: Experiment.from_toml(text),
     "Mine": read_card,
+    "needs": read_own_profile,
 }
 """By a key at the top of a block: what reads it. The first that is found counts."""
 

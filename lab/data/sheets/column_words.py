@@ -8,12 +8,13 @@ iPhone calls the field of its compass ``locationHeadingX``.
 from __future__ import annotations
 
 import re
-import tomllib
 import unicodedata
 from functools import lru_cache
 from pathlib import Path
 
-_TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+from lab.base.parameters.toml_file import read_toml
+
+_TABLES = read_toml(Path(__file__).with_name("words.toml"))
 SENSORS = {name: frozenset(text.split()) for name, text in _TABLES["sensors"].items()}
 """Words of sensors and of times, by what they say."""
 WORSE = {word: int(rank) for rank, text in _TABLES["worse"].items() for word in text.split()}

@@ -34,8 +34,8 @@ _OR_REVERSED = (
     "them along gravity, as some do on iPhones, {}: the motion does not show which. Then state it: --column "
     "HEADING=-force_x[m/s²], and y and z alike."
 )
-_FIRST = 20
-"""Fewest samples at the start, or a hundredth of them, in which a rocket stands upright or is launched."""
+_FIRST, _FIRST_PART = 20, 0.01
+"""Fewest samples, and part of them, at the start, in which a rocket stands upright or is launched."""
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -174,7 +174,7 @@ def _gravity(samples: FloatArray) -> FloatArray:
 
 def _candidates(samples: FloatArray, phone: bool, level: bool) -> Iterator[Axes]:
     """Yield the axes that fit gravity, the usual ones first; the first alone if only the roll is unknown."""
-    up = _gravity(samples if level else samples[: max(_FIRST, len(samples) // 100)])
+    up = _gravity(samples if level else samples[: max(_FIRST, int(_FIRST_PART * len(samples)))])
     vertical = int(np.argmax(np.abs(up)))
     down = np.zeros(3)
     down[vertical] = -np.sign(up[vertical])
