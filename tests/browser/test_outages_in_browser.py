@@ -12,6 +12,11 @@ from tests.browser.conftest import IDLE, wait_for
 pytestmark = pytest.mark.browser
 
 
+ENTERED = """({name, value}) =>
+  [...Bokeh.documents[0].all_models].some(({data}) => data?.label === name && data.value === value)"""
+"""Whether a box has told the page what was typed: it does with the next frame, before a person can click."""
+
+
 def enter(page: Page, name: str, text: str) -> None:
     """Type into a box as a person does: all that was in it goes."""
     box = page.get_by_role("textbox", name=name)
@@ -19,6 +24,7 @@ def enter(page: Page, name: str, text: str) -> None:
     box.press("Control+a")
     page.keyboard.type(text)
     box.press("Tab")
+    wait_for(page, ENTERED, {"name": name, "value": float(text)})
 
 
 @pytest.mark.parametrize(("width", "theme"), [(390, "dark"), (1440, "default")])
