@@ -307,24 +307,37 @@ class Result(NotebookCard, Repeatable):
 
         Causes with large factors are tried, beside faults of a log; see `identification.contradiction`.
         """
-        from lab.analysis.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
-
-        evidence = self.evidence.without_truth()
-        judged = judge(evidence)
-        found = explained(self, judged)
-        if found is judged:
-            found = self._of_linear(found, evidence)
+        found = self._judged_innovations
         if self.algorithm:
             return found
         if self.recorded is None:
             return state_advice.of_simulated(found, self.experiment, self.belief.P0)
         return state_advice.of_log(found, self)
 
+    @cached_property
+    def _judged_innovations(self) -> Verdict:
+        """The verdict from the innovations, before advice about states is added."""
+        from lab.analysis.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
+
+        evidence = self.evidence.without_truth()
+        judged = judge(evidence)
+        found = explained(self, judged)
+        return self._of_linear(found, evidence) if found is judged else found
+
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
         """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""
         navigator = self.experiment.navigator
-        found = linear_verdict.judge(verdict, evidence, navigator)
+        found = linear_verdict.judge(verdict, evidence, navigator, self._held)
         return feedforward.judge(self.free_run, found, navigator, evidence.nees)
+
+    def _held(self) -> tuple[Verdict, Evidence] | None:
+        """Return verdict and evidence from the innovations of this run with a model for large errors."""
+        settings = self.experiment.copy().update({"navigator.smoother": False})
+        try:
+            run = self.repeated(settings.update({"navigator.model": linear_verdict.HOLDING}))
+        except ValueError:  # of settings, or of a run that diverges
+            return None
+        return run._judged_innovations, run.evidence
 
     @cached_property
     def evidence(self) -> Evidence:

@@ -116,3 +116,49 @@ def test_errors_without_another_cause_have_this_one_where_attitude_errors_are_la
     (judged,) = judge(Verdict("", (finding,), "30 runs"), evidence, experiment.navigator).findings
     assert judged.quantity == (LINEAR_MODEL if named else quantity)
     assert [change.value for change in judged.changes] == ([named] if named else [])
+
+
+def with_r(mission: str, heading: float, factor: float, seed: int) -> Result:
+    """Return a run whose filter assumes R of the position to be too small by a factor."""
+    experiment = Experiment(mission=mission, seed=seed).update({"trajectory.imu_rate": 20.0})
+    R = np.diag(belief(experiment.sensors, experiment.navigator).R) / np.repeat((factor, 1.0), 3)
+    experiment.set("navigator.r", R.tolist())
+    experiment.set("navigator.attitude_sigma", [0.5, 0.5, heading])
+    return experiment.run()
+
+
+@pytest.mark.parametrize("factor", [4.6, 10.0])
+@pytest.mark.parametrize("heading", [21.0, 40.0])
+@pytest.mark.parametrize(
+    ("mission", "seed"), [("montreal", 1001), ("los_angeles", 1001), ("los_angeles", 1002)]
+)
+def test_a_start_does_not_hide_an_r_that_is_wrong_with_a_model_that_holds_too(
+    mission: str, seed: int, heading: float, factor: float
+) -> None:
+    wide = with_r(mission, heading, factor, seed)
+    (finding,) = wide.innovation_verdict.findings
+    assert (finding.quantity, finding.direction) == ("R position", "too small")
+    assert finding.factor == pytest.approx(factor, rel=0.1)
+    assert any("invariant or nonlinear" in remark for remark in wide.remarks)
+
+
+@pytest.mark.parametrize("heading", [21.0, 40.0, 60.0, 90.0])
+@pytest.mark.parametrize("seed", [1001, 1002, 1003])
+def test_a_wide_start_accuses_no_r_that_is_right(seed: int, heading: float) -> None:
+    (finding,) = with_r("montreal", heading, 1.0, seed).innovation_verdict.findings
+    assert finding.quantity == LINEAR_MODEL
+
+
+def test_a_start_that_has_an_effect_is_named_beside_the_wrong_r() -> None:
+    """The innovations of this flight are less correlated, or smaller, with a model that holds at 40°."""
+    named = {
+        finding.quantity for finding in with_r("los_angeles", 40.0, 4.6, 2005).innovation_verdict.findings
+    }
+    assert named == {"R position", LINEAR_MODEL}
+
+
+@pytest.mark.parametrize(("heading", "seed"), [(45.0, 2013), (90.0, 1001)])
+def test_no_run_tells_other_causes_where_no_model_holds(heading: float, seed: int) -> None:
+    """The fixes of these flights look correlated with the invariant model; R is wrong."""
+    (finding,) = with_r("los_angeles", heading, 4.6, seed).innovation_verdict.findings
+    assert finding.quantity == LINEAR_MODEL

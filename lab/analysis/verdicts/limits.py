@@ -105,6 +105,11 @@ class VerdictLimits:
         Measured on montreal and los_angeles with such a heading at the start, 24 flights each: mean NEES is
         1.05 × too large at 20°, 1.1 to 1.2 × at 30°, 2 to 4 × at 60°; with the other models 0.97 to 1.1 × in
         all cases.
+    held_attitude : float
+        σ of the attitude at the start up to which a run with `linear_verdict.HOLDING` tells causes [rad].
+        Measured on montreal and los_angeles, 18 flights each with R of the position right, and 4.6 and 10
+        times too small: from 40°, the verdict is right in all 108; from 45° in 107, and from 60° it takes R
+        too small for correlated fixes in 1 of 6.
     neglected_square : float
         Mean square of the neglected acceleration in σ of the accelerometer biases from which it is named.
         Measured on montreal: 0.05 and 1.5 with gyros of 0.017 and 0.24 °/s/√Hz, and NEES 1.02 and 1.16 × too
@@ -188,6 +193,7 @@ class VerdictLimits:
     earth_rate_off: float = 0.5
     family_chance: float = 0.01
     wide_attitude: float = float(np.radians(20.0))
+    held_attitude: float = float(np.radians(42.0))
     neglected_square: float = 0.3
     neglected_part: float = 0.25
     free_attitude: float = float(np.radians(0.8))

@@ -8,20 +8,25 @@ the invariant error, whose model does not depend on the estimate.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.finding import Finding, Verdict, Wording, headline
-from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, UNEXPLAINED
+from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, LINEAR_MODEL, UNEXPLAINED
 from lab.analysis.verdicts.run_means import NEES, Figure, RunMeans
+from lab.analysis.verdicts.trial import figures_of, improved
 from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.settings import NavigatorSettings
 
 PERTURBED = ("phi", "psi")
 """Models whose F holds for small attitude errors only."""
-_CONSEQUENCES = (*UNEXPLAINED, *AID_NOISE)
+HOLDING = "invariant"
+"""The model of the run that tells other causes from a start that is too uncertain."""
+_CONSEQUENCES = (*UNEXPLAINED, *AID_NOISE, LINEAR_MODEL)
 """Findings that a wrong attitude causes."""
 
 
@@ -30,11 +35,17 @@ def is_wide(start: float, navigator: NavigatorSettings) -> bool:
     return navigator.model in PERTURBED and start > limits.VERDICT.wide_attitude
 
 
-def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) -> Verdict:
+def judge(
+    verdict: Verdict,
+    evidence: Evidence,
+    navigator: NavigatorSettings,
+    held: Callable[[], tuple[Verdict, Evidence] | None] = lambda: None,
+) -> Verdict:
     """Return the verdict, with the linear model as a cause of inconsistency if it is one.
 
-    From a start that is too uncertain, no run is consistent: it may be right by chance alone. Of causes, only
-    those that have a sample of their own can then be told, which needs the truth.
+    From a start that is too uncertain, no run is consistent: it may be right by chance alone. Causes that
+    have a sample of their own can then be told, which needs the truth. Without the truth, a run whose model
+    holds from such a start tells them: the start explains only what is not there.
 
     Parameters
     ----------
@@ -44,15 +55,17 @@ def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) ->
         The evidence.
     navigator
         The filter.
+    held
+        Returns the verdict on the innovations of the same run with the model `HOLDING`, and its evidence, or
+        None if it cannot be navigated. Called only for inconsistent innovations from a start that is too
+        uncertain for the model of the filter, but not for `HOLDING`.
     """
     found = evidence.linearity
     if found is None or verdict.consistent is None:  # of a user's algorithm, or without a fix
         return verdict
     start = float(np.median(found.start.values))
     if is_wide(start, navigator) and not any(_is_start_too_wide(one) for one in verdict.findings):
-        with_truth = evidence.start is not None
-        others = [one for one in verdict.findings if with_truth and one.quantity not in _CONSEQUENCES]
-        return _with((*others, _of_start(start, navigator)), verdict)
+        return _with(_from_wide_start(verdict, evidence, _of_start(start, navigator), held), verdict)
     unexplained = all(one.quantity in UNEXPLAINED for one in verdict.findings)
     if not verdict.findings or not unexplained or navigator.model == "nonlinear":
         return verdict
@@ -66,6 +79,28 @@ def judge(verdict: Verdict, evidence: Evidence, navigator: NavigatorSettings) ->
     ):
         return _with((_of_products(neglected, navigator, verdict),), verdict)
     return verdict
+
+
+def _from_wide_start(
+    verdict: Verdict,
+    evidence: Evidence,
+    of_start: Finding,
+    held: Callable[[], tuple[Verdict, Evidence] | None],
+) -> tuple[Finding, ...]:
+    """Return the findings of a run from a start that is too uncertain, the start last if it has an effect."""
+    if evidence.start is not None:
+        return (*_causes(verdict), of_start)
+    can_be_held = verdict.findings and of_start.factor <= limits.VERDICT.held_attitude
+    there = held() if can_be_held else None
+    others = () if there is None else _causes(there[0])
+    if there is None or not others or improved(figures_of(evidence), figures_of(there[1])):
+        return (*others, of_start)
+    return others
+
+
+def _causes(verdict: Verdict) -> tuple[Finding, ...]:
+    """Return the findings that a wrong attitude does not cause."""
+    return tuple(one for one in verdict.findings if one.quantity not in _CONSEQUENCES)
 
 
 def _is_start_too_wide(finding: Finding) -> bool:

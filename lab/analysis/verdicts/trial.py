@@ -305,12 +305,15 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
 
 def figures(run: Repeatable) -> Figures:
     """Return the figures of a run, without the truth."""
-    seen = run.evidence.innovations
+    return figures_of(run.evidence)._replace(outages=held_out(run))
+
+
+def figures_of(evidence: Evidence) -> Figures:
+    """Return the figures of a run from its evidence, without those of outages."""
+    seen = evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
-    return Figures(
-        float(seen.nis.mean), float(np.abs(after).max()), held_out(run), float(seen.nis.number) / 6
-    )
+    return Figures(float(seen.nis.mean), float(np.abs(after).max()), np.zeros(0), float(seen.nis.number) / 6)
 
 
 def average(of: Sequence[Figures]) -> Figures:
