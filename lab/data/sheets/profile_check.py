@@ -65,7 +65,7 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
     data = whole(path, MAX_BYTES)
     if profile.simulator:
         if not simulator_csv.recognises(profile, data):
-            raise MissionError(f"{path}: has not all headings that {profile.name} needs")
+            raise MissionError(f"{path}: lacks headings that {profile.name} needs")
         return [f"{path}: is {profile.name}."]
     lines = head_lines(as_table(as_utf8(data)))
     layout = layout_of("\n".join(lines).encode(), path.name)
@@ -73,7 +73,7 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
     missing = [" or ".join(need) for need in profile.needs if not set(need) & set(there)]
     if missing:
         raise MissionError(
-            f"{path}: has not all headings that {profile.name} needs: {', '.join(missing)} missing; its "
+            f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)} missing; its "
             f"headings are {', '.join(there) or 'not found'}"
         )
     rest = [text for text in there if text and text not in profile.columns]

@@ -25,7 +25,7 @@ sqrt(-2 ln 0.32)."""
 _SIGMAS = {
     "horizontal_sigma": ("length", slice(0, 2), "the horizontal position", _SIGMA_OF_RADIUS),
     "vertical_sigma": ("length", slice(2, 3), "the height", 1.0),
-    "speed_sigma": ("speed", slice(3, 5), "the horizontal velocity", 1.0),
+    "speed_sigma": ("speed", slice(3, 6), "the velocity", 1.0),
 }
 """Of each accuracy: the kind of its unit, what it is σ of, that in words, and what it is divided by."""
 _KINDS = ("length", "speed")
@@ -67,7 +67,11 @@ def _beside(sheet: Sheet, columns: Sequence[Column], position: FloatArray) -> _B
 
 
 def sigmas_of(
-    sheet: Sheet, rows: NDArray[np.intp], columns: Sequence[Column], position: FloatArray
+    sheet: Sheet,
+    rows: NDArray[np.intp],
+    columns: Sequence[Column],
+    position: FloatArray,
+    velocity: FloatArray,
 ) -> tuple[FloatArray, list[Column], list[str]]:
     """Return σ of position and velocity (m, 6), their columns, and a report.
 
@@ -81,6 +85,8 @@ def sigmas_of(
         Heights and velocities beside, whose units the accuracies share where they are those of integers.
     position : (m, 3) array
         Latitude, longitude [rad], height [m] of the fixes.
+    velocity : (m, 3) array
+        Velocities north, east, down [m/s]; the accuracy of a speed is also that of a vertical one.
     """
     beside = _beside(sheet, columns, position)
     sigmas = np.full((len(rows), 6), np.nan)
@@ -98,6 +104,7 @@ def sigmas_of(
         sigmas[:, places] = column.values[rows, None] / radius
         over = f" over {radius}, as the radius with 68 % of the fixes" if radius != 1 else ""
         remarks.append(f"σ of {words}: {column.name}, in {column.unit} ({column.source}){over}.")
+    sigmas[np.isnan(velocity[:, 2]), 5] = np.nan
     return believed_sigma(sigmas), used, remarks
 
 

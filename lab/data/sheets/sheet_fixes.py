@@ -190,7 +190,7 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
-    sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position)
+    sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position, velocity)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(
         ColumnUnit(one.name, one.unit, one.source)

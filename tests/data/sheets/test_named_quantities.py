@@ -293,7 +293,10 @@ def test_accuracies_share_the_unit_of_what_they_are_of(
     }  # fmt: skip
     gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=4e-3)  # 152 cm
-    np.testing.assert_allclose(gnss.velocity_sigma[5, :2], 0.1, rtol=1e-6)
+    np.testing.assert_allclose(gnss.velocity_sigma[5], 0.1, rtol=1e-6)  # of what is measured, down too
+    del columns[velocities[2]]
+    gnss = fixes_of(sheets_of([flown.write(tmp_path / "level.csv", columns)], {})).gnss
+    np.testing.assert_allclose(gnss.velocity_sigma[5], [0.1, 0.1, np.nan], rtol=1e-6)
 
 
 def test_a_sigma_of_hundreds_of_metres_beside_fixes_that_agree_is_in_another_unit(tmp_path):
