@@ -10,13 +10,15 @@ from asking import ask, refused
 from sensor_logs import tables
 
 from lab.data.files.profile import FOLDER_VARIABLE
+from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Return the folder of the reader, in which his profiles are too."""
+    """Return the folder of the reader, in which his profiles and missions are, too."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "profiles"))
+    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path / "missions"))
     return tmp_path
 
 

@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -258,8 +259,8 @@ def mine(own_missions: Path) -> Iterator[Path]:
     """Return the folder of the user's own missions, with one called mine in it."""
     add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
     yield own_missions
-    for path in own_missions.iterdir():
-        path.unlink()
+    for path in own_missions.iterdir():  # a process that another test stopped may have left a folder
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def own_addresses() -> Sequence[str]:
