@@ -1,8 +1,8 @@
 """Rest recording: gyros and accelerometers of an IMU at rest, out of any file, on an even clock.
 
 A recording of hours has lost samples, stamps that jitter, a driver that reads faster than the sensor
-measures, and
-somebody who knocks at the table. What is left out is reported; what cannot be mended is refused.
+measures, and somebody who knocks at the table. What is left out is reported, and what cannot be mended is
+refused.
 """
 
 from __future__ import annotations
@@ -219,10 +219,9 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     if not gyros and not forces:
         known = ", ".join(sorted({one.text for sheet in sheets for one in sheet.headings})) or "none"
         raise MissionError(
-            f"no gyros and no accelerometers with three axes and time stamps; columns that are read: "
-            f"{known}. "
-            "Accepted are headings such as gx_deg_s and fx_g, or what the columns are: --column "
-            "HEADING=rate_x[°/s]"
+            f"no gyros and no accelerometers with three axes and time stamps; columns that are read: {known}"
+            ". Accepted are headings such as gx_deg_s and fx_g, or what the columns are: "
+            "--column HEADING=rate_x[°/s]"
         )
     found, remarks = {}, []
     gyro = gyros[0] if gyros else None
@@ -261,8 +260,7 @@ def _unit_of_gyros(gyro: Triad) -> str:
     first = gyro.headings[0].text
     raise MissionError(
         f"the columns {_named(gyro)} do not name their unit, and at rest nothing shows it; accepted are "
-        f"headings "
-        f"such as gyro_x_deg_s, or the unit of each column: --unit {first}=°/s"
+        f"headings such as gyro_x_deg_s, or the unit of each column: --unit {first}=°/s"
     )
 
 
@@ -282,8 +280,7 @@ def _with_gravity(forces: Sequence[Triad]) -> tuple[tuple[Triad, str] | None, st
         hint = "; this looks like g" if triad.unit == "m/s²" and abs(size - 1) < OFF_GRAVITY else ""
         said = (
             f"the mean specific force of {_named(triad)} is {force:.4g} m/s²{hint}; accepted is a "
-            f"record at rest, "
-            "with about 9.8 m/s²"
+            "record at rest, with about 9.8 m/s²"
         )
         if force > (1 - OFF_GRAVITY) * STANDARD_GRAVITY or hint:
             raise MissionError(said)
@@ -324,14 +321,12 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     if lost > LIMITS.missing * len(time):
         raise MissionError(
             f"{lost} of {lost + len(time)} samples are missing, in {counted(gaps, 'gap')}; accepted are "
-            f"recordings "
-            f"of which at most {100 * LIMITS.missing:g} % are missing"
+            f"recordings of which at most {100 * LIMITS.missing:g} % are missing"
         )
     if lost:
         remarks.append(
-            f"{counted(lost, 'sample')} in {counted(gaps, 'gap')} {'is' if lost == 1 else 'are'} "
-            f"missing: the samples "
-            "beside are taken as neighbours."
+            f"{counted(lost, 'sample')} in {counted(gaps, 'gap')} {'is' if lost == 1 else 'are'} missing: "
+            "the samples beside are taken as neighbours."
         )
     dt = span / (len(time) - 1 + lost)
     if not dt > 0:

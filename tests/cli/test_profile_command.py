@@ -40,7 +40,9 @@ def test_what_is_wrong_with_a_profile_has_exit_code_2(folder) -> None:
     (folder / "a.toml").write_text('name = "x"\n[columns]\na = "force_x[g]"')
     assert "x: 1 column, needs a." in ask("profile", "check", "a.toml").stdout
     (folder / "b.csv").write_text("b,c\n1,2\n")
-    refused(ask("profile", "check", "a.toml", "b.csv"), "a missing; its headings are")
+    refused(ask("profile", "check", "a.toml", "b.csv"), "needs: a; no headings are recognised in it")
+    (folder / "b.csv").write_text("t_ms,wx,wy\n" + "".join(f"{k}00,{k},2\n" for k in range(30)))
+    refused(ask("profile", "check", "a.toml", "b.csv"), "needs: a; its headings are t_ms, wx, wy")
 
 
 def test_a_question_without_a_terminal_prints_the_commands_and_an_answer_is_kept(folder) -> None:

@@ -72,10 +72,8 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
     there = () if layout is None else layout.headings
     missing = [" or ".join(need) for need in profile.needs if not set(need) & set(there)]
     if missing:
-        raise MissionError(
-            f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)} missing; its "
-            f"headings are {', '.join(there) or 'not found'}"
-        )
+        known = f"its headings are {', '.join(there)}" if there else "no headings are recognised in it"
+        raise MissionError(f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)}; {known}")
     rest = [text for text in there if text and text not in profile.columns]
     named = [f"{text} = {profile.columns[text]}" for text in there if text in profile.columns]
     return [
