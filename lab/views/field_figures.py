@@ -44,7 +44,7 @@ class FieldFigures:
             fig = plain_figure(title, f"{AXES[i]} [µT]", f"{AXES[j]} [µT]", x_range=x, y_range=y)
             fig.scatter(AXES[i], AXES[j], source=self._points, color=ESTIMATE, size=3, alpha=0.6)
             fig.line(f"x{k}", f"y{k}", source=self._outline, color=CURSOR, line_width=1.6)
-            keep_equal(fig, x, y, self._points)
+            keep_equal(fig, x, y)
             self._ranges += [x, y]
             self.figures.append(fig)
 

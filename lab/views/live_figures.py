@@ -75,7 +75,7 @@ class LiveTrack:
         self._path = ColumnDataSource(dict(nothing), name="live:track")
         self._fixes = ColumnDataSource(dict(nothing), name="live:fixes")
         self._now = ColumnDataSource({**nothing, "width": [], "height": []}, name="live:position")
-        keep_equal(self.figure, self._x, self._y, self._now)
+        keep_equal(self.figure, self._x, self._y)
         fixes = self.figure.scatter(
             "east", "north", source=self._fixes, color=FIXES, size=4, alpha=0.7, level="overlay"
         )
@@ -340,33 +340,33 @@ WIDEN = """
 let width, height;
 try { width = fig.inner_width; height = fig.inner_height; } catch { return; }  // it is not laid out yet
 if (!(width > 0 && height > 0)) return;
-const now = () => [x.start, x.end, y.start, y.end].join();
-const state = fig.equal_scale ??= {};
-if (state.set !== now()) state.wanted = [x.start, x.end, y.start, y.end];  // others have set them
-const [left, right, low, high] = state.wanted;
-const scale = Math.max((right - left) / width, (high - low) / height);  // metres of a pixel
-const wider = (scale * width - (right - left)) / 2, higher = (scale * height - (high - low)) / 2;
-const ends = [left - wider, right + wider, low - higher, high + higher];
-if (ends.join() === now()) return;
-state.set = ends.join();
-x.setv({start: ends[0], end: ends[1]}, {sync: false});
-y.setv({start: ends[2], end: ends[3]}, {sync: false});
+const axes = [[x, width], [y, height]], state = fig.equal_scale ??= axes.map(() => ({}));
+axes.forEach(([{start, end}], k) => {
+  if (state[k].start !== start || state[k].end !== end) state[k].wanted = [start, end];  // others set them
+});
+const scale = Math.max(...axes.map(([, pixels], k) => (state[k].wanted[1] - state[k].wanted[0]) / pixels));
+axes.forEach(([range, pixels], k) => {  // `scale` is metres of a pixel
+  const [low, high] = state[k].wanted, more = (scale * pixels - (high - low)) / 2;
+  state[k].start = low - more;
+  state[k].end = high + more;
+});
+axes.forEach(([range], k) => range.setv({start: state[k].start, end: state[k].end}, {sync: false}));
 """
 """Widens the shorter range about its middle; what the server or a person has set is shown whole."""
 
 
-def keep_equal(fig: figure, x: Range1d, y: Range1d, source: ColumnDataSource) -> None:
-    """Keep the scales of both axes equal in the browser.
+def keep_equal(fig: figure, x: Range1d, y: Range1d) -> None:
+    """Keep the scales of both axes equal in the browser, whatever its size.
 
     Parameters
     ----------
     fig
         The figure.
     x, y
-        Its ranges.
-    source
-        Data that change often: the scales are looked at with them, since a window may change its size.
+        Its ranges; who sets them sets the start first, or both at once.
     """
     widen = CustomJS(args={"fig": fig, "x": x, "y": y}, code=WIDEN)
-    source.js_on_change("data", widen)
-    y.js_on_change("end", widen)
+    for size in ("inner_width", "inner_height"):  # they are set when the figure has been laid out
+        fig.js_on_change(size, widen)
+    for one in (x, y):
+        one.js_on_change("end", widen)

@@ -22,6 +22,7 @@ SCALES = """(() => {
   return [(x.end - x.start) / figure.inner_width, (y.end - y.start) / figure.inner_height];
 })()"""
 """Metres of a pixel of the ground track, along both axes."""
+EQUAL = f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02"
 PAINTED = """
 async () => {
   const rates = Bokeh.documents[0].get_model_by_name('live:Angular rate'), line = [0.1, 0.1];
@@ -74,7 +75,7 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
         page.set_viewport_size(size)
         if size is SMALL:
             connect(page)
-        wait_for(page, f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02")
+        wait_for(page, EQUAL)
     # The attitude is the first thing that is seen, and is large.
     for size in (PHONE, SMALL):
         page.set_viewport_size(size)
@@ -95,6 +96,10 @@ def test_a_circle_on_the_ground_is_a_circle(shared_page: Page) -> None:
     page.get_by_role("button", name="Disconnect").click()
     expect(page.get_by_text("Disconnected.")).to_be_visible()
     expect(page.locator(".angle").first).to_be_hidden()
+    # The scales are equal in a window of another size, too, though nothing streams any more.
+    for size in (NARROW, SMALL):
+        page.set_viewport_size(size)
+        wait_for(page, EQUAL)
     # A line that begins before the window is painted in the frame alone.
     wait_for(page, IDLE)
     outside, inside = page.evaluate(PAINTED)
