@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 from urllib.parse import parse_qsl
 
@@ -16,11 +15,9 @@ from dashboards.mission_titles import mission_titles
 from dashboards.query import default_settings
 from dashboards.seen_names import seen_name
 from dashboards.session import Glide
-from dashboards.sigmas import sigma_of, to_sigma
+from dashboards.sigmas import sigma_at, to_sigma
 from dashboards.teaching.moment import Place
 from dashboards.widgets import shown
-from lab.base.parameters.setting_kinds import AxisQuantity
-from lab.experiment.experiment import Experiment
 from lab.missions import missions
 
 MOST = 100
@@ -184,21 +181,9 @@ def change_in_words(before: str, after: str, sigmas: bool = False) -> str:
 
 
 def _change(path: str, old: str | None, new: str | None, sigmas: bool) -> str:
-    group, colon, _ = seen_name(path).rpartition(": ")
-    name = f"{group}{colon}{seen_label(path, sigmas)}"
+    name = seen_name(path, sigmas)
     values = [seen_value(path, text, sigmas) for text in (old, new)]
     return f"{name} {' → '.join(values)}" if all(len(value) <= LONGEST for value in values) else name
-
-
-@cache
-def _sigma(path: str) -> AxisQuantity | None:
-    return sigma_of(Experiment().declaration(path))
-
-
-def seen_label(path: str, sigmas: bool) -> str:
-    """Return the label of a setting on the page, with σ for a variance that is shown as σ."""
-    sigma = _sigma(path) if sigmas else None
-    return str((sigma or Experiment().declaration(path)).label)
 
 
 def seen_value(path: str, text: str | None, sigmas: bool) -> str:
@@ -212,6 +197,6 @@ def seen_value(path: str, text: str | None, sigmas: bool) -> str:
         return str(text)
     if isinstance(value, list):
         value = tuple(tuple(part) if isinstance(part, list) else part for part in value)
-    if sigmas and _sigma(path) is not None:
+    if sigmas and sigma_at(path) is not None:
         value = to_sigma(value if isinstance(value, tuple) else (value,) * 3)
     return {"True": "on", "False": "off", "": "none"}.get(shown(value), shown(value))

@@ -8,8 +8,9 @@ from urllib.parse import parse_qsl
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.history import seen_label, seen_value
+from dashboards.history import seen_value
 from dashboards.query import query
+from dashboards.seen_names import seen_label
 from dashboards.session import MOST_HELD, Held, Session
 from dashboards.style import TOOLTIP
 from lab.base.parameters.setting_error import SettingError

@@ -7,6 +7,7 @@ from functools import cache
 from html import escape
 
 from dashboards.settings_panel import SECTIONS
+from dashboards.sigmas import sigma_at
 from lab.experiment.experiment import Experiment
 
 _PATH = re.compile(r"\b(?:sensors|navigator|trajectory)(?:\.[a-z][a-z0-9_]*)+")
@@ -38,14 +39,29 @@ def html_as_seen(html: str) -> str:
     return _CODE.sub(lambda found: _field(found[1]) or found[0], html)
 
 
-def seen_name(path: str) -> str:
+def seen_name(path: str, sigmas: bool = False) -> str:
     """Return group and label of the field of a setting; the label alone where it is in no group.
+
+    Parameters
+    ----------
+    path
+        Dotted path of the setting.
+    sigmas
+        Whether the field of a variance shows σ.
 
     >>> seen_name("navigator.r_scale"), seen_name("seed")
     ('Navigator and filter: R scale', 'Seed')
+    >>> seen_name("sensors.gps.position_variance", sigmas=True)
+    'GPS receiver: Position σ'
     """
-    named = _fields().get(path)
-    return named.strip("“”") if named else str(Experiment().declaration(path).label)
+    group, colon, _label = _fields().get(path, "").strip("“”").rpartition(": ")
+    return f"{group}{colon}{seen_label(path, sigmas)}"
+
+
+def seen_label(path: str, sigmas: bool) -> str:
+    """Return the label of the field of a setting, with σ for a variance that is shown as σ."""
+    sigma = sigma_at(path) if sigmas else None
+    return str((sigma or Experiment().declaration(path)).label)
 
 
 def _field(path: str) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 from lab.base.parameters.setting_kinds import AxisQuantity
+from lab.experiment.experiment import Experiment
 
 
 def sigma_of(declaration: Any) -> AxisQuantity | None:
@@ -30,6 +32,12 @@ def sigma_of(declaration: Any) -> AxisQuantity | None:
         label=label.replace("variance", "σ").replace("Variance", "σ"),
         doc=f"{declaration.doc} Shown as σ, its root.",
     )
+
+
+@cache
+def sigma_at(path: str) -> AxisQuantity | None:
+    """Return the declaration of the root of the variance at a dotted path; None for all other settings."""
+    return sigma_of(Experiment().declaration(path))
 
 
 def to_sigma(variances: Any) -> tuple[float, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +13,13 @@ import panel_material_ui as pmui
 
 from dashboards.seen_names import seen_name
 from dashboards.settings_panel import SECTIONS, may_change
+from dashboards.sigmas import sigma_at, to_variance
 from dashboards.style import WHOLE
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_run import has_effect
+from lab.experiment.sweep import Sweep
 from lab.run.experiment_settings import ExperimentSettings
 from lab.views.sweep_figure import METRICS
 
@@ -49,6 +53,7 @@ class Axis:
 
     def __init__(self, label: str, steps: int) -> None:
         self.path = ""
+        self.sigmas = False
         self.setting = pmui.Select(
             label=label, options={}, searchable=True, size="small", width=300, margin=(6, 6)
         )
@@ -73,35 +78,57 @@ class Axis:
             widget.visible = bool(self.path)
         if not self.path:
             return
-        declaration = experiment.declaration(self.path)
+        sigma = self._sigma
+        declaration = sigma or experiment.declaration(self.path)
         low, high = declaration.softbounds or declaration.bounds
         least, most = declaration.bounds
         value = largest(experiment.get(self.path))
+        if sigma:
+            value = math.sqrt(value)
         is_log = value > 0 and least is not None and least >= 0
         if is_log:
             low, high = max(least, value / DECADES), min(most, value * DECADES)
         self.start.value, self.end.value = float(f"{low:.4g}"), float(f"{high:.4g}")
         self.logarithmic.value = is_log
 
+    @property
+    def _sigma(self) -> AxisQuantity | None:
+        """The declaration of σ, if the ends are those of σ, and the setting is a variance."""
+        return sigma_at(self.path) if self.sigmas and self.path else None
+
+    def speak(self, sigmas: bool) -> None:
+        """Show the ends of a variance as those of σ, or as they are."""
+        before, self.sigmas = self._sigma, sigmas
+        if bool(before) == bool(self._sigma):
+            return
+        for widget in (self.start, self.end):
+            if widget.value is not None and widget.value >= 0:
+                root = float(f"{math.sqrt(widget.value):.6g}")
+                widget.value = to_variance(widget.value) if before else root
+
     def values(self) -> tuple[float, ...]:
-        """Return the values.
+        """Return the values of the setting.
 
         Raises
         ------
         SettingError
             If there are none.
         """
-        name, start, end, steps = seen_name(self.path), self.start.value, self.end.value, self.steps.value
+        name = seen_name(self.path, self.sigmas)
+        start, end, steps = self.start.value, self.end.value, self.steps.value
         if start is None or end is None or not np.isfinite([start, end]).all() or start == end:
             raise SettingError(f"{name}: the sweep needs two different numbers, from and to.")
         if steps is None or not 2 <= steps <= MOST_STEPS:
             raise SettingError(f"{name}: the number of values must be between 2 and {MOST_STEPS}.")
+        if self._sigma and min(start, end) < 0:
+            raise SettingError(f"{name}: values must be above zero.")
         if self.logarithmic.value and min(start, end) <= 0:
             raise SettingError(f"{name}: logarithmic values must be above zero.")
         spaced = np.geomspace if self.logarithmic.value else np.linspace
         # The ends as typed, and what is between with digits that a person reads.
         between = [float(f"{value:.6g}") for value in spaced(start, end, steps)[1:-1]]
-        return tuple(dict.fromkeys((float(start), *between, float(end))))
+        values = tuple(dict.fromkeys((float(start), *between, float(end))))
+        return to_variance(values) if self._sigma else values
 
 
 class SweepChoice:
@@ -144,10 +171,12 @@ class SweepChoice:
         """The figure of merit that is shown; a browser may ask for any."""
         return self._metric.value if self._metric.value in METRICS else METRICS[0]
 
-    def suit(self, experiment: Experiment, is_log: bool) -> None:
-        """Offer the settings that may be swept in an experiment."""
+    def suit(self, experiment: Experiment, is_log: bool, sigmas: bool) -> None:
+        """Offer the settings that may be swept in an experiment; variances as σ, if fields show them so."""
         self._experiment = experiment
-        offered = {seen_name(path): path for path in sweepable(experiment, is_log)}
+        for axis in self._axes:
+            axis.speak(sigmas)
+        offered = {seen_name(path, sigmas): path for path in sweepable(experiment, is_log)}
         first, second = self._axes
         self._seeds.visible = not is_log
         for axis, options in ((first, offered), (second, {NOTHING: ""} | offered)):
@@ -201,7 +230,22 @@ def largest(value: object) -> float:
     return float(np.max(np.abs(np.asarray(value, dtype=float))))
 
 
-def present(experiment: ExperimentSettings, values: Mapping[str, object]) -> dict[str, float]:
-    """Return the present value of each swept setting that is the same for all axes."""
-    now = {path: np.unique(np.asarray(experiment.get(path), dtype=float)) for path in values}
-    return {path: float(one[0]) for path, one in now.items() if one.size == 1}
+def as_fields(sweep: Sweep, sigmas: bool) -> Sweep:
+    """Return a sweep whose settings have the names of their fields, and σ where these show it."""
+    data = sweep.dataset.copy()
+    for dim in sweep.dims:
+        path = data[dim].attrs["setting"]
+        sigma = sigma_at(path) if sigmas else None
+        about = {**data[dim].attrs, "long_name": seen_name(path, sigmas)}
+        if sigma:
+            data = data.assign_coords({dim: np.sqrt(data[dim].values)})
+            about["units"] = sigma.unit
+        data[dim].attrs.update(about)
+    return replace(sweep, dataset=data)
+
+
+def present(experiment: ExperimentSettings, paths: Iterable[str], sigmas: bool) -> dict[str, float]:
+    """Return the value of each setting that is the same for all axes; σ where the field shows it."""
+    now = {path: np.unique(np.asarray(experiment.get(path), dtype=float)) for path in paths}
+    alike = {path: float(one[0]) for path, one in now.items() if one.size == 1}
+    return {path: math.sqrt(one) if sigmas and sigma_at(path) else one for path, one in alike.items()}

@@ -19,12 +19,12 @@ from dashboards.ensembles import ensemble, who_runs
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.outages import PALE, PLAIN, Outages
 from dashboards.pages.summary import TABLE_STYLE, summary_html
-from dashboards.seen_names import as_seen, seen_name
+from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import check_variant, may_change
 from dashboards.style import WHOLE
-from dashboards.sweep_choice import Plan, SweepChoice, present
+from dashboards.sweep_choice import Plan, SweepChoice, as_fields, present
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
@@ -114,6 +114,7 @@ class Compare(ComputedPage):
         super().__init__(axis)
         if session is not None:
             session.on_run(self._outdate)
+            session.param.watch(lambda _event: self._draw_again(), "shows_sigmas")
 
     @classmethod
     def of(cls, axis: TimeAxis, session: Session) -> Self:
@@ -236,7 +237,7 @@ class Compare(ComputedPage):
         experiment = result.experiment
         assert isinstance(experiment, Experiment)
         if self._on("A sweep"):
-            self._sweep.suit(experiment, bool(result.recorded))
+            self._sweep.suit(experiment, bool(result.recorded), self._sigmas)
         self._outages.suit(experiment, bool(result.recorded))
         if self._plan is not None and not all(may_change(experiment, path) for path in self._plan.values):
             self._plan = None  # it was made before a homework was opened
@@ -266,6 +267,11 @@ class Compare(ComputedPage):
             self._work.submit(result)
             if is_long and self._session is not None:
                 self._session.release()
+
+    @property
+    def _sigmas(self) -> bool:
+        """Whether fields show σ of a variance."""
+        return self._session is not None and self._session.shows_sigmas
 
     def _sweep_is_pending(self, result: Result) -> bool:
         key = self._sweep_key(result)
@@ -319,9 +325,6 @@ class Compare(ComputedPage):
                 self._swept = Swept(key, None, problem=outcome.problem)
                 return
             sweep: Sweep = outcome.result
-            for dim in sweep.dims:
-                about = sweep.dataset[dim].attrs
-                about["long_name"] = seen_name(about["setting"])
             self._swept = Swept(key, sweep, is_complete=seeds == plan.seeds)
             if seeds == plan.seeds:
                 return
@@ -376,8 +379,8 @@ class Compare(ComputedPage):
         if result is None:
             return
         key, (of, sweep, _complete, problem) = self._sweep_key(result), self._swept
-        now = {} if self._plan is None else present(result.experiment, self._plan.values)
-        shows = (key, self._swept, self._sweep.metric, self._stopped, now)
+        now = {} if self._plan is None else present(result.experiment, self._plan.values, self._sigmas)
+        shows = (key, self._swept, self._sweep.metric, self._stopped, self._sigmas, now)
         if shows == self._figure_shows:
             return
         self._figure_shows = shows
@@ -399,7 +402,7 @@ class Compare(ComputedPage):
         metric = self._sweep.metric
         if not is_known(sweep, metric):
             return _words(f"{metric}: unknown. {result.missing_reason('errors')}")
-        figure = sweep_figure(sweep, metric, now)
+        figure = sweep_figure(as_fields(sweep, self._sigmas), metric, now)
         plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
         about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
         return pn.Column(plot, _words(about), sizing_mode="stretch_width", margin=0)

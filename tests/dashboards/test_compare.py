@@ -11,6 +11,7 @@ from typing import Any
 
 import panel as pn
 import pytest
+from bokeh.models.annotations import Span
 from panel.io.state import set_curdoc
 from sensor_logs import tables, write
 from walking import Walk, walking
@@ -206,6 +207,30 @@ def test_a_sweep_of_one_setting_is_a_curve_and_of_two_a_map(walk: Walk) -> None:
     assert not walk.complaints()
     choose(walk, "A sweep", on=False)
     assert walk.figures() == []
+
+
+def test_a_sweep_over_a_variance_has_the_sigma_that_its_field_shows(walk: Walk) -> None:
+    path = "sensors.gps.position_variance"
+    run(walk, sensors__gps__position_variance=0.49)
+    sweep(walk, path, seeds=1)
+    axis = page(walk)._sweep._axes[0]
+    assert (axis.start.value, axis.end.value) == (0.07, 7.0)
+    assert page(walk)._plan.values == {path: pytest.approx((0.0049, 0.49, 49.0))}
+    (fig,) = walk.figures()
+    assert fig.xaxis[0].axis_label == "GPS receiver: Position σ [m]"
+    assert fig.renderers[-1].data_source.data["x"].tolist() == pytest.approx([0.07, 0.7, 7.0])
+    assert [span.location for span in fig.center if isinstance(span, Span)] == pytest.approx([0.7])
+    mean = fig.renderers[-1].data_source.data["mean"].tolist()
+    with set_curdoc(walk._document):
+        walk.page.session.shows_sigmas = False
+    walk.settle()
+    assert (axis.start.value, axis.end.value) == pytest.approx((0.0049, 49.0))
+    assert "GPS receiver: Position variance" in axis.setting.options
+    (fig,) = walk.figures()
+    assert fig.xaxis[0].axis_label == "GPS receiver: Position variance [m²]"
+    assert fig.renderers[-1].data_source.data["x"].tolist() == pytest.approx([0.0049, 0.49, 49.0])
+    assert fig.renderers[-1].data_source.data["mean"].tolist() == mean
+    assert not walk.complaints()
 
 
 def test_a_sweep_that_cannot_be_says_why(walk: Walk) -> None:
