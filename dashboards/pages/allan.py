@@ -30,6 +30,10 @@ WORDS = {
 }
 
 
+TABLE = 460
+"""Height of the table and the words [px]."""
+
+
 class AtRest(NamedTuple):
     """Allan deviation and fitted terms of each triad, and the length of the record [s]."""
 
@@ -51,7 +55,7 @@ class Allan(ComputedPage):
         self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE])
         return pn.Column(
             self.words,
-            plot_grid(self._figures.figures, 2, least=380, fill=False),
+            plot_grid(self._figures.figures, 2, least=380, beside=TABLE),
             self._table,
             sizing_mode="stretch_width",
             margin=0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import ClassVar, Self
 from weakref import ref
 
@@ -118,7 +119,7 @@ def not_drawn(title: str, error: Exception) -> str:
 
 
 def plot_grid(
-    figures: Sequence[figure], columns: int, least: int = 150, *, fill: bool = True
+    figures: Sequence[figure], columns: int, least: int = 150, *, beside: float = 0
 ) -> pn.viewable.Viewable:
     """Lay figures out in a grid that fills the window, in one column where they have little room.
 
@@ -130,13 +131,16 @@ def plot_grid(
         Columns on a wide window.
     least
         Least height of a row [px].
-    fill
-        Whether the rows share the height of the window; otherwise they have their least height.
+    beside
+        Height of what else the page has [px]: the rows share the rest of the window. Infinite where the page
+        is longer than any window; then they have their least height.
     """
+    fill = beside == 0
     rows = -(-len(figures) // columns)
+    taken = AROUND + GAP * rows + beside
     share = (
-        f"max({least}px, calc((var(--print-height, 100vh) - {AROUND + GAP * rows}px) / {rows}))"
-        if fill
+        f"max({least}px, calc((var(--print-height, 100vh) - {taken}px) / {rows}))"
+        if beside < inf
         else f"{least}px"
     )
     free = "" if fill else " height: auto !important; flex: 0 0 auto !important;"

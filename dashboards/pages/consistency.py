@@ -61,6 +61,10 @@ ALMOST_ALL = 95.0
 """Percent within ±3σ below which an error is marked: one flight is only a few independent samples."""
 
 
+TABLES = 530
+"""Height of the tables, the verdict and the choice of runs [px]."""
+
+
 class Consistency(ComputedPage):
     """Verdict, NEES and NIS with their 95 % intervals, innovations and coverage: of one run or of many.
 
@@ -102,8 +106,8 @@ class Consistency(ComputedPage):
         )
         self._follow.on_click(lambda _event: self._followed())
         self._tables = _html()
-        self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)
-        self._plots_of_many = plot_grid(self._many.figures, 2, 300, fill=False)
+        self._plots_of_one = plot_grid(self._one.figures, 2, 210, beside=TABLES)
+        self._plots_of_many = plot_grid(self._many.figures, 2, 300, beside=TABLES)
         self._choice_and_words = pn.Row(
             self._choice, self.words, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP]
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,7 @@ th:first-child { text-align: left; padding-left: 0; }
                    border: 1px solid rgba(128,128,128,.18); }
 .correlations tr:first-child th { text-align: center; padding: 0 2px; }
 td.sigma { font-weight: 700; } td.sigma span { display: block; font-weight: 400; font-size: 10px; }
+@container stage (min-width: 1500px) { section.wide { flex-basis: auto; } }
 @media (max-width: 480px) { dl { grid-template-columns: minmax(0, 1fr); } dd { margin-bottom: 4px; } }
 """
 
@@ -56,7 +58,7 @@ class Microscope(ComputedPage):
         """Return the sentence, the ellipses of the innovation, and the numbers."""
         self._fix = 0
         self._ellipses = EllipseFigures()
-        self._plots = hideable(plot_grid(self._ellipses.figures, 2, least=320, fill=False))
+        self._plots = hideable(plot_grid(self._ellipses.figures, 2, least=320, beside=inf))
         self._html = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[_STYLE])
         return pn.Column(self.words, self._plots, self._html, sizing_mode="stretch_width", margin=0)
 

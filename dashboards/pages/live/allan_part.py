@@ -14,7 +14,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.spectrum_part import SpectrumPart
-from dashboards.pages.live.watched import PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import soon, together
@@ -59,7 +59,7 @@ class AllanPart(PartOfWatched):
         self._toml = b""
         self.card: Card | None = None
         self._figures = AllanFigures()
-        self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, fill=False))
+        self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, beside=ABOVE))
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
         self._wanted = pmui.Select(

@@ -9,7 +9,7 @@ import numpy as np
 import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.seen_names import as_seen
 from dashboards.style import WHOLE
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
@@ -46,8 +46,8 @@ class ErrorsPart(PartOfWatched):
         self._figures = LiveErrorFigures(window)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
         figures = self._figures.figures
-        self._of_position = hideable(plot_grid(figures[:6], 3, 205, fill=False))
-        self._of_attitude = hideable(plot_grid(figures[6:], 3, 205, fill=False))
+        self._of_position = hideable(plot_grid(figures[:6], 3, 205, beside=ABOVE))
+        self._of_attitude = hideable(plot_grid(figures[6:], 3, 205, beside=ABOVE))
         self.view = pn.Column(
             self._words, self._of_position, self._of_attitude,
             sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE],

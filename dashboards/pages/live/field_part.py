@@ -9,7 +9,7 @@ import numpy as np
 import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import LookingPart, Watched
+from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
 from dashboards.style import WHOLE
 from lab.base.arrays import FloatArray
 from lab.data.streams.axis_map import AxisMap
@@ -45,7 +45,7 @@ class FieldPart(LookingPart):
         self._axes, self._since = AxisMap(), 0  # axes of the samples from this one on
         self._figures = FieldFigures()
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
-        grid = plot_grid(self._figures.figures, 3, least=260, fill=False)
+        grid = plot_grid(self._figures.figures, 3, least=260, beside=ABOVE)
         self.view = hideable(
             pn.Column(self._words, grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
         )

@@ -21,7 +21,7 @@ from dashboards.pages.live.source_fields import Chosen, SourceFields
 from dashboards.pages.live.status_line import NO_SOURCE, StatusLine
 from dashboards.pages.live.twin_part import TwinPart
 from dashboards.pages.live.wanted import not_as_wanted
-from dashboards.pages.live.watched import PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
@@ -104,7 +104,7 @@ class Live(PartOfWatched, Page):
         self._recorder = Recorder(self._session)
         self._inviting = Inviting()
         self._figures = LiveFigures()
-        self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
+        self._plots = plot_grid(self._figures.figures, 3, 205, beside=ABOVE)
         self._errors = ErrorsPart(WINDOWS["20 s"])
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
         self._twin = TwinPart(self._session, lambda: self._allan.card)

@@ -7,7 +7,7 @@ import panel as pn
 from numpy.typing import NDArray
 
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import LookingPart, Watched
+from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.live.station import Station
@@ -46,7 +46,7 @@ class SpectrumPart(LookingPart):
         self._session = session
         self._figures = SpectrumFigures("the settings")
         words = pn.pane.HTML(_WORDS, margin=(4, 10), sizing_mode="stretch_width")
-        grid = plot_grid(self._figures.figures, 2, least=300, fill=False)
+        grid = plot_grid(self._figures.figures, 2, least=300, beside=ABOVE)
         self.view = hideable(
             pn.Column(words, grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
         )

@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
@@ -60,7 +60,7 @@ class TwinPart(PartOfWatched):
         self._compare.on_click(lambda _event: self._start())
         self._job = Job()
         self._table = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[STYLE])
-        self._grid = hideable(plot_grid(self._figures.figures, 2, least=300, fill=False))
+        self._grid = hideable(plot_grid(self._figures.figures, 2, least=300, beside=ABOVE))
         self.view = pn.Column(
             self._words,
             pn.Row(

@@ -16,6 +16,9 @@ from lab.base.progress import Progress
 from lab.live.owner import Visitor, may_change, may_share, may_watch
 from lab.live.station import Station
 
+ABOVE = 245
+"""Height of what stands above the plots of a part, without the time bar, which is not there [px]."""
+
 
 class Watched:
     """A station with the rights of one page, which are looked up at each use.
