@@ -14,7 +14,7 @@ BIN := $(VENV)/bin
 # Python compiles a module when it is first imported: the page needs a third of those that are installed.
 INSTALL := .ci/install $(BIN)/python --no-compile
 
-.PHONY: help lab notebooks test proof style types pytest docs pictures bench fuzz browser clean
+.PHONY: help lab notebooks test proof style types pytest docs pictures bench ledger fuzz browser clean
 .DEFAULT_GOAL := help
 
 # Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
@@ -29,6 +29,7 @@ help:
 	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
 	@echo 'make pictures   install and take the pictures of the documents, light and dark, in Chromium or Chrome'
 	@echo 'make bench      install and measure the speed'
+	@echo 'make ledger     install and repeat each measurement of docs/measurements.toml, which takes hours'
 	@echo 'make fuzz       install and attack every reader of recordings, live decoder and push of phones, and a served laboratory, 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean      remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
@@ -74,6 +75,9 @@ pictures: $(VENV)/.test browser
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
 	$(BIN)/pytest -m benchmark --capture=no --timeout=1800
+
+ledger: $(VENV)/.test browser
+	$(BIN)/python -m tests.benchmarks.ledger
 
 fuzz: $(VENV)/.fuzz
 	$(BIN)/python tests/fuzz/hunt.py --seconds $(SECONDS) --name '$(NAME)'

@@ -32,6 +32,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "executed",
+    "ledger",
     "mathml",
     "percent",
     "settings_list",
