@@ -48,7 +48,8 @@ def test_a_short_row_holds(row: Row, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_run_is_written_into_its_row_alone(tmp_path: Path) -> None:
-    text = '[[row]]\nclaim = "a \\"b\\""\nfigure = "1"\ndate = 2026-01-01\n\n[[row]]\nclaim = "c"\nfigure = "2"\ndate = 2026-01-01\n'
+    row = '[[row]]\nclaim = {}\nfigure = "1"\ndate = 2026-01-01\n'
+    text = row.format('"a \\"b\\""') + "\n" + row.format('"c"')
     file = tmp_path / "measurements.toml"
     file.write_text(text, "utf-8")
     first = rows(file)[0]._replace(command="python -c 'print(\"NEES: 2.5 / 15\")'", reads="NEES: ", high=3.0)

@@ -1,4 +1,4 @@
-"""Ledger: what the lab claims of itself, and the commands that repeat it; docs/measurements.toml has the rows.
+"""Ledger: what the lab claims of itself in docs/measurements.toml, and the commands that repeat it.
 
 ``python -m tests.benchmarks.ledger [words in claims ...]`` runs the commands of the rows, all of them without
 words, and writes the date, the seconds of a processor, and the figure of a command whose output has it.
@@ -71,7 +71,7 @@ class Row(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a command did: whether it bears out its row, the number read, the time taken [s], its last lines."""
+    """What a command did: whether its row holds, the number read, the time taken [s], its last lines."""
 
     holds: bool
     number: float | None
