@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ import panel as pn
 
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.pages.rest_upload import Recording, RestUpload
 from dashboards.pages.summary import TABLE_STYLE
 from lab.analysis import allan, rest
 from lab.base.parameters.settings import Settings
@@ -35,15 +37,16 @@ TABLE = 460
 
 
 class AtRest(NamedTuple):
-    """Allan deviation and fitted terms of each triad, and the length of the record [s]."""
+    """Allan deviation, fitted terms and length [s] of each triad's record, and the upload they are of."""
 
     deviations: dict[str, allan.AllanDeviation]
     terms: dict[str, allan.NoiseTerms]
     durations: dict[str, float]
+    recording: Recording | None
 
 
 class Allan(ComputedPage):
-    """Allan deviation of the simulated sensors at rest, with the settings' own values."""
+    """Allan deviation of the simulated sensors at rest, or of a recording, with the settings' own values."""
 
     title = "Allan"
     over_time = False
@@ -53,8 +56,10 @@ class Allan(ComputedPage):
         """Return two figures and a table."""
         self._figures = AllanFigures()
         self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE])
+        self._upload = RestUpload(self._take)
         return pn.Column(
             self.words,
+            self._upload.view,
             plot_grid(self._figures.figures, 2, least=380, beside=TABLE),
             self._table,
             sizing_mode="stretch_width",
@@ -73,7 +78,11 @@ class Allan(ComputedPage):
 
     def work_out(self, result: Result, _progress: Progress) -> AtRest:
         """Simulate the sensors at rest, and fit their output; for a log, fit its beginning."""
-        if result.recorded is None:
+        recording = self._upload.recording
+        records: Mapping[str, rest.Record]
+        if recording is not None:
+            records = recording.records
+        elif result.recorded is None:
             records = rest.simulate(result.experiment.sensors, result.experiment.seed)
         else:
             records = rest.of_log(result.recorded.log, result.recorded.alignment.rest)
@@ -82,7 +91,18 @@ class Allan(ComputedPage):
             deviations,
             rest.noise_terms(records),
             {triad: record.duration for triad, record in records.items()},
+            recording,
         )
+
+    def _take(self) -> None:
+        """Draw another recording, or the sensors of the settings again."""
+        self._content = self._wanted = None
+        self.draw_again()
+
+    def close(self) -> None:
+        """Delete what was uploaded, and end the computation."""
+        self._upload.close()
+        super().close()
 
     def clear(self) -> None:
         """Draw nothing."""
@@ -95,6 +115,13 @@ class Allan(ComputedPage):
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
         poor = escape(rest.about_fit(content.terms))
+        if content.recording is not None:
+            length = max(content.durations.values())
+            remarks = escape(" ".join(content.recording.records.remarks))
+            return (
+                f"{escape(content.recording.name)}: {length:.0f} s at rest. Dashed lines and the columns "
+                f"'set' are the sensors of the settings. {remarks} {poor}"
+            ).rstrip()
         if result.recorded:
             return (
                 f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "

@@ -81,16 +81,22 @@ class AllanFigures:
         self.figures = [curves.figure for curves in self._curves.values()]
 
     def show(self, sensors: SensorSuite, deviations: Mapping[str, AllanDeviation]) -> None:
-        """Draw the deviations of both triads, beside those expected from the settings."""
+        """Draw the deviations of the triads, beside those expected from the settings."""
         self.compare(
             deviations,
-            {triad: promised(sensors, triad, deviations[triad].tau) for triad in self._curves},
+            {triad: promised(sensors, triad, found.tau) for triad, found in deviations.items()},
         )
 
     def compare(self, deviations: Mapping[str, AllanDeviation], others: Mapping[str, FloatArray]) -> None:
-        """Draw the deviations of both triads beside others (k, 3) at the same averaging times, SI units."""
+        """Draw the deviations of the triads beside others (k, 3) at the same averaging times, SI units.
+
+        A triad without a deviation, as of a recording of gyros alone, is drawn empty.
+        """
         for triad, curves in self._curves.items():
-            found, unit = deviations[triad], TO_SI[UNITS[triad]]
+            found, unit = deviations.get(triad), TO_SI[UNITS[triad]]
+            if found is None:
+                curves.clear()
+                continue
             curves.show(found.tau, found.deviation / unit, others[triad] / unit)
 
     def clear(self) -> None:

@@ -294,6 +294,6 @@ def test_a_card_that_is_ready_too_late_is_not_given(room: Room) -> None:
     assert ask(ben, key_of(ann)) == ""
     ann.page._share.value = False
     card: Callable[..., object] = pytest.fail
-    ben.page._allan._made(station, card)  # type: ignore[arg-type]
+    ben.page._allan._maker._made(station, card)  # type: ignore[arg-type]
     assert ben.page._allan.card is None
-    assert not ben.page._allan._download.visible
+    assert not ben.page._allan._maker.download.visible

@@ -118,7 +118,7 @@ def test_the_deviation_grows_and_becomes_a_card(
     page = one.page
     page._choice.value = ALLAN
     part = page._allan
-    assert part._make.disabled
+    assert part._maker.button.disabled
 
     def told(happened: Callable[[], bool]) -> Callable[[], bool]:
         def look() -> bool:
@@ -132,11 +132,11 @@ def test_the_deviation_grows_and_becomes_a_card(
     assert "At rest for" in part._words.object
     assert "τ = 100 s is reached in" in part._words.object
     assert source.data["x"][0] > 0
-    one.until(told(lambda: not part._make.disabled))
-    part._start_card()
-    one.until(lambda: part._download.visible)
+    one.until(told(lambda: not part._maker.button.disabled))
+    part._maker.start()
+    one.until(lambda: part._maker.download.visible)
     path = tmp_path_factory.mktemp("card") / "cards.toml"
-    path.write_bytes(part._file().getvalue())
+    path.write_bytes(part._maker._file().getvalue())
     assert parse_toml(path.read_text())
     (made,) = read_cards(path).values()
     assert made.datum("gyro", "noise_density") is not None

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import io
 import math
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.card_maker import CardMaker
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
-from dashboards.exchange import Download
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.spectrum_part import SpectrumPart
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, sized
-from dashboards.pages.missions.job import Job
+from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import WHOLE
@@ -24,7 +23,6 @@ from lab.analysis import allan, rest
 from lab.base.progress import Progress
 from lab.live.bench.growing_allan import LEAST_FOR_CARD, GrowingAllan
 from lab.live.station import Station
-from lab.missions.mission_name import accepted_name
 from lab.sensors.cards import Card
 from lab.views.allan import AllanFigures
 
@@ -48,16 +46,12 @@ class AllanPart(PartOfWatched):
     ----------
     view : panel.Column
         All of it.
-    card : Card or None
-        The card that was made last of this source.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
         self._seen = 0.0, 0  # length [s] of the record that is shown, and how often it had begun again
-        self._toml = b""
-        self.card: Card | None = None
         self._figures = AllanFigures()
         self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, beside=ABOVE))
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
@@ -66,25 +60,13 @@ class AllanPart(PartOfWatched):
             label="Wanted τ", options=list(WANTED), value="100 s", size="small", margin=(8, 4), **sized(110)
         )
         self._wanted.param.watch(lambda _event: self.tell(), "value")
-        self._name = pmui.TextInput(
-            label="Name of the card", value="my sensor", size="small", variant="outlined", margin=(8, 4),
-            **sized(190),
-        )  # fmt: skip
-        self._make = pmui.Button(label="Make a card of this", icon="badge", disabled=True, margin=(10, 4))
-        self._make.on_click(lambda _event: self._start_card())
-        self._download = Download(
-            callback=self._file, filename="card.toml", label="Card", visible=False, size="small",
-            variant="outlined", margin=(10, 4),
-        )  # fmt: skip
-        self._job = Job()
+        self._maker = CardMaker(lambda: self._station, _records)
+        self._maker.view.insert(0, self._wanted)
         self._spectrum = SpectrumPart(self._session)
         self.view = pn.Column(
             self._words,
-            pn.Row(
-                self._wanted, self._name, self._make, self._download,
-                margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
-            ),
-            self._job.view,
+            self._maker.view,
+            self._maker.job.view,
             self._grid,
             self._spectrum.view,
             sizing_mode="stretch_width",
@@ -92,14 +74,17 @@ class AllanPart(PartOfWatched):
             stylesheets=[WHOLE],
         )  # fmt: skip
 
+    @property
+    def card(self) -> Card | None:
+        """The card that was made last of this source."""
+        return self._maker.card
+
     def watch(self, watched: Watched | None) -> None:
         """Show another device, or none."""
-        self._watched, self._seen, self._toml, self.card = watched, (0.0, 0), b"", None
+        self._watched, self._seen = watched, (0.0, 0)
         self._spectrum.watch(watched)
         self._clear()
-        self._download.visible = False
-        self._make.disabled = True
-        self._job.say("")
+        self._maker.forget()
         if watched is None:
             self.tell()
 
@@ -116,7 +101,7 @@ class AllanPart(PartOfWatched):
             left = growing.time_to(tau)
             ready = len(growing) > allan.MIN_SAMPLES
         self._words.object = f"<p>{escape(sentence)} {escape(_wait(left, tau, duration))}</p>"
-        self._make.disabled = duration < LEAST_FOR_CARD
+        self._maker.button.disabled = duration < LEAST_FOR_CARD
         shown, before = self._seen
         if restarts != before:
             self._clear()
@@ -135,7 +120,7 @@ class AllanPart(PartOfWatched):
         """Deliver no further results."""
         self._work.close()
         self._spectrum.close()
-        self._job.close()
+        self._maker.close()
 
     def _compute(self, station: Station, _progress: Progress) -> Outcome:
         def work() -> Any:
@@ -157,36 +142,12 @@ class AllanPart(PartOfWatched):
         if self._document is not None:
             soon(self._document, arrive)
 
-    def _start_card(self) -> None:
-        station = self._station
-        if station is None or self._job.busy:
-            return
-        try:
-            name = accepted_name(str(self._name.value_input or self._name.value).strip())
-        except ValueError as error:
-            self._job.say(str(error))
-            return
 
-        def work(_progress: Progress) -> Any:
-            with station.growing() as growing:
-                _refuse_short(growing)
-                records = growing.records()
-            return rest.card_of(name, records, station.name)
-
-        self._job.start("Fitting the noise terms", work, lambda card: self._made(station, card))
-
-    def _made(self, station: Station, card: Card) -> None:
-        if station is not self._station:  # disconnected meanwhile
-            return
-        self.card = card
-        self._toml = card.to_toml().encode()
-        self._download.param.update(
-            filename=f"{card.name}.toml", label=f"Download {card.name}.toml", visible=True
-        )
-        self._job.say(f"The card {card.name} is ready. {card.note}".rstrip(), "success")
-
-    def _file(self) -> io.BytesIO:
-        return io.BytesIO(self._toml)
+def _records(station: Station) -> tuple[Mapping[str, rest.Record], str]:
+    """Return the record of a device as far as it has grown, and the name of its source."""
+    with station.growing() as growing:
+        _refuse_short(growing)
+        return growing.records(), station.name
 
 
 def _refuse_short(growing: GrowingAllan) -> None:
