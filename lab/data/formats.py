@@ -21,6 +21,7 @@ from lab.data.files import (
     garmin_csv,
     gpx,
     igc,
+    kf_gins,
     kml,
     own_csv,
     sdlog2,
@@ -64,6 +65,8 @@ class Reader:
         the IMU that point forward, right and down, and the vehicle.
     read_imu : callable or None
         Reads angular rate and specific force (n, 6) alone, such as those of an IMU at rest.
+    is_guessed : bool
+        Whether its numbers alone show the format: it is another one if a person says what columns are.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Reader:
     read_log: Callable[[Path], SensorLog] | None = None
     read_logs: Callable[[Sequence[Path], Mapping[str, str], Sequence[str], str], SensorLog] | None = None
     read_imu: Callable[[Path], Stream] | None = None
+    is_guessed: bool = False
 
 
 def _is_other_table(head: bytes) -> bool:
@@ -96,6 +100,14 @@ READERS: tuple[Reader, ...] = (
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
     Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
     Reader(igc.NAME, igc.recognises, igc.read),
+    Reader(
+        kf_gins.NAME,
+        kf_gins.recognises,
+        kf_gins.read,
+        read_logs=kf_gins.read_logs,
+        read_imu=kf_gins.read_imu,
+        is_guessed=True,
+    ),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log, read_imu=ulog.read_imu),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log, read_imu=sdlog2.read_imu),
     Reader(
@@ -178,10 +190,11 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         If the file cannot be read, or its format is unknown, listing the known ones.
     """
     head = _head(path)
+    is_said = units is not None and any(sensor_csv.names_quantity(text) for text in units.values())
     for reader in READERS:
-        if reader.recognises(head):
+        if reader.recognises(head) and not (is_said and reader.is_guessed):
             return reader
-    if units and any(sensor_csv.names_quantity(text) for text in units.values()):
+    if is_said:
         return READERS[-1]
     if not head:
         raise MissionError(f"{path}: the file is empty")

@@ -123,7 +123,13 @@ def trajectory_of(source: Result | Mission) -> Trajectory:
             covariance[:, 0],
         )
     if isinstance(source, LogMission):
-        time, position, velocity, euler = _reference(source)
+        reference = _reference(source)
+        if reference is None:
+            raise MissionError(
+                f"{source.name}: the log has no reference with position, velocity and attitude; accepted is "
+                "such a log, or a run of it"
+            )
+        time, position, velocity, euler = reference
     else:
         flight = source.recording
         time = flight.time - flight.time[0]
@@ -135,28 +141,23 @@ def trajectory_of(source: Result | Mission) -> Trajectory:
 
 def _origin(result: Result) -> FloatArray:
     """Return where TUM counts from: the same place for a run and for its mission."""
-    if result.recorded is not None and result.recorded.log.reference is not None:
-        position = _reference(result.mission)[1] if isinstance(result.mission, LogMission) else None
-        if position is not None:
-            return np.asarray(position[0])
+    reference = _reference(result.mission) if isinstance(result.mission, LogMission) else None
+    if reference is not None:
+        return np.asarray(reference[1][0])
     if result.recorded is None and result.truth_arrays is not None:
         return np.asarray(result.truth_arrays.position[0])
     return np.asarray(result.solution_arrays.position[0])
 
 
-def _reference(mission: LogMission) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _reference(mission: LogMission) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
     """Return time, position, velocity and attitude of a log's reference where it has all of them."""
-    log = mission.log
-    if log.reference is not None:
-        one = log.reference
-        known = np.isfinite(np.column_stack((one.position, one.velocity_n, one.euler))).all(axis=1)
-        if known.any():
-            kept = (one.position[known], one.velocity_n[known], one.euler[known])
-            return one.time[known] + log.epoch, *kept
-    raise MissionError(
-        f"{mission.name}: the log has no reference with position, velocity and attitude; accepted is such a "
-        "log, or a run of it"
-    )
+    one, epoch = mission.log.reference, mission.log.epoch
+    if one is None:
+        return None
+    known = np.isfinite(np.column_stack((one.position, one.velocity_n, one.euler))).all(axis=1)
+    if not known.any():
+        return None
+    return one.time[known] + epoch, one.position[known], one.velocity_n[known], one.euler[known]
 
 
 def tum(trajectory: Trajectory) -> Iterator[bytes]:
