@@ -15,6 +15,7 @@ from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
 from lab.data.files import (
+    acmi,
     ardupilot,
     fit,
     flightgear,
@@ -99,6 +100,7 @@ READERS: tuple[Reader, ...] = (
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
     Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
+    Reader(acmi.NAME, acmi.recognises, acmi.read),
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(
         kf_gins.NAME,

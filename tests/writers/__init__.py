@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from lab.missions import Recording
 from writers import (
+    acmi,
     ardupilot,
     fit,
     flight_recorder,
@@ -44,6 +45,7 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "Garmin G1000 csv": garmin_csv.write,
     "GPX": gpx.write,
     "FIT": fit.write,
+    "Tacview ACMI": acmi.write,
     "KML": kml.write,
     "TCX": tcx.write,
     "NMEA 0183": nmea.write,

@@ -1,4 +1,4 @@
-"""KF-GINS text: a solution at 20 Hz, positions at 1 Hz, and the increments of an IMU at 100 Hz; no headers."""
+"""KF-GINS text: a solution at 20 Hz, positions at 1 Hz, increments of an IMU at 100 Hz; no headers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def write(recording: Recording, start: float = START) -> dict[str, bytes]:
     at = np.arange(0, curve.duration, 0.05)
     flight = curve.at(at)
     solution = np.column_stack((
-        np.full(at.size, 2017), (start + at) % week, places(flight), flight.velocity_n, np.degrees(flight.euler),
+        np.full(at.size, 2017), (start + at) % week, places(flight), flight.velocity_n,
+        np.degrees(flight.euler),
     ))  # fmt: skip
     fixed = np.arange(0, curve.duration, 1.0)
     fixes = np.column_stack((

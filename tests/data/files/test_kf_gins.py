@@ -62,7 +62,9 @@ def test_the_solution_is_a_flight(drive):
 def test_velocities_show_the_unit_of_the_angles(drive, tmp_path, unit):
     table = np.loadtxt(drive / "truth.nav")[::20]
     sigma = np.tile((0.01, 0.01, 0.02), (len(table), 1))
-    fixes = np.column_stack((table[:, 1], table[:, 2:4] * unit, table[:, 4], sigma, table[:, 5:8], 10 * sigma))
+    fixes = np.column_stack(
+        (table[:, 1], table[:, 2:4] * unit, table[:, 4], sigma, table[:, 5:8], 10 * sigma)
+    )
     np.savetxt(tmp_path / "GNSS-POSVEL.txt", fixes, fmt="%.12f")
     log = read_log([tmp_path / "GNSS-POSVEL.txt", drive / "IMU.txt"])
     np.testing.assert_allclose(np.degrees(log.gnss.position[:, :2]), table[:, 2:4], atol=1e-9)
@@ -95,7 +97,9 @@ def test_wrong_axes_are_named(drive, tmp_path):
     # Right, forward, up.
     np.savetxt(tmp_path / "IMU.txt", table[:, (0, 2, 1, 3, 5, 4, 6)] * (1, 1, 1, -1, 1, 1, -1), fmt="%.15f")
     log = read_log([tmp_path / "IMU.txt", drive / "GNSS-RTK.txt"], axes=("y", "x", "-z"))
-    np.testing.assert_allclose(log.dtheta, read_log([drive / "IMU.txt", drive / "GNSS-RTK.txt"]).dtheta, atol=1e-14)
+    np.testing.assert_allclose(
+        log.dtheta, read_log([drive / "IMU.txt", drive / "GNSS-RTK.txt"]).dtheta, atol=1e-14
+    )
 
 
 def test_damaged_rows_are_counted(drive, tmp_path):
