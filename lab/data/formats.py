@@ -95,7 +95,7 @@ READERS: tuple[Reader, ...] = (
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
     Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
-    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(fit.NAME, fit.recognises, fit.read, read_logs=sensor_csv.read_logs),
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),

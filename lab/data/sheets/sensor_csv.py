@@ -25,6 +25,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.checks.imu_axes import axes_matrix
 from lab.data.checks.log_check import is_explained
+from lab.data.files import fit, fit_imu
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
@@ -349,6 +350,8 @@ def _override(text: str) -> str:
 
 def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
+    if fit.recognises(data):
+        return fit_imu.tables(path, data)
     if not data.startswith(_ZIP):
         drive = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
         return [drive or (path.name, data)]
