@@ -134,8 +134,8 @@ def tables(path: Path, data: bytes) -> list[tuple[str, bytes]]:
         if not sensor.times:
             why = f": its {sensor.uncalibrated} samples have no calibration" if sensor.uncalibrated else ""
             raise MissionError(
-                f"{path}: the {NAME} file has no {_NAMES[number][1]} that can be used{why}; accepted as a log "
-                "are files with both and with positions, as of cameras"
+                f"{path}: the {NAME} file has no {_NAMES[number][1]} that can be used{why}; accepted as "
+                "a log are files with both and with positions, as of cameras"
             )
     (time, rates), (others, forces) = sensors[_GYRO].samples, sensors[_ACCELEROMETER].samples
     imu = np.column_stack((time, rates, _at(time, others, forces)))

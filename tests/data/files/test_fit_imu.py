@@ -1,4 +1,4 @@
-"""The IMU of FIT files, written by fit-tool: calibrated samples, counts with a calibration, and the velocity."""
+"""The IMU of FIT files, written by fit-tool: calibrated samples, counts with a calibration, the velocity."""
 
 from __future__ import annotations
 
@@ -100,7 +100,8 @@ def file(drive, form: str, path, *, velocity: bool = True, calibrated: bool = Tr
     messages.sort(key=lambda one: one.timestamp + one.timestamp_ms)
     if calibrated:
         messages = [
-            calibration("accel", SensorType.ACCELEROMETER), calibration("gyro", SensorType.GYROSCOPE), *messages,
+            calibration("accel", SensorType.ACCELEROMETER), calibration("gyro", SensorType.GYROSCOPE),
+            *messages,
         ]  # fmt: skip
     path.write_bytes(writer.log(messages))
     return path
