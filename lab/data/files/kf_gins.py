@@ -47,6 +47,7 @@ NAME = "KF-GINS text"
 IMU, GNSS, SOLUTION = "IMU", "positions", "solution"
 """Kinds of files."""
 _COLUMNS = {IMU: 7, GNSS: 7, SOLUTION: 11}
+"""Columns that are read of each."""
 _WITH_VELOCITY = 13
 """Columns of positions with velocities."""
 _HEAD_LINES = 100
@@ -62,6 +63,8 @@ _DECIMALS = 7
 """Fewest decimals that most latitudes and longitudes have: 1 cm. Positions in metres have fewer."""
 _STEPS = (1e-4, 0.2)
 """Shortest and longest usual interval of an IMU [s]."""
+_GAP = 1.5
+"""Interval between samples, in usual ones, from which samples are missing."""
 _LONGEST_STEP = 60.0
 """Longest usual interval of positions [s]."""
 _GRAVITY = (0.8 * STANDARD_GRAVITY, 1.3 * STANDARD_GRAVITY)
@@ -307,7 +310,7 @@ def read_imu(path: Path) -> Stream:
     step = np.diff(time)
     usual = float(np.median(step)) if step.size else np.nan
     # Over a gap the increments are those of the last interval.
-    interval = np.where(step > 1.5 * usual, usual, np.maximum(step, usual / 2))[:, None]
+    interval = np.where(step > _GAP * usual, usual, np.maximum(step, usual / 2))[:, None]
     return Stream.of("IMU", time[1:], rows.values[1:, 1:7] / interval)
 
 

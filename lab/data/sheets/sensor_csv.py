@@ -106,7 +106,7 @@ def _names_enough(text: bytes) -> bool:
     return (
         len(quantities) >= _MIN_QUANTITIES
         and has_time
-        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field"}))
+        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field", "q3"}))
     )
 
 
@@ -155,7 +155,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2,
         columns=(ColumnUnit("", "", ""),) * 5, rows_read=len(gnss.time), remarks=tuple(remarks),
         down=gnss.velocity_n[:, 2], euler=attitude.at(gnss.time) if attitude else None,
-        vehicle=attitude.vehicle if attitude else "",
+        vehicle=next(
+            (one.profile.vehicle for one in sheets if one.profile is not None and one.profile.vehicle),
+            attitude.vehicle if attitude else "",
+        ),
     ).flight()  # fmt: skip
     return replace(flight, units=tuple(columns.values()), resets=resets)
 
@@ -220,6 +223,10 @@ def read_logs(
     imu = imu_of(sheets)
     fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
     fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
+    profiles = [one.profile for one in sheets if one.profile is not None]
+    of_imu = imu.gyro.sheet.profile
+    axes = axes or (of_imu.axes if of_imu else ())
+    vehicle = vehicle or next((one.vehicle for one in profiles if one.vehicle), "")
     name = (
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
@@ -420,7 +427,8 @@ def _is_phone(imu: Imu) -> bool:
     words = imu.accelerometer.headings[0].sensor.lower()
     if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
         return imu.gyro.sheet is not imu.accelerometer.sheet
-    if any(one.sheet.phone for one in (imu.gyro, imu.accelerometer)):
+    profiles = [one.sheet.profile for one in (imu.gyro, imu.accelerometer) if one.sheet.profile is not None]
+    if any(one.phone for one in profiles):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
 

@@ -85,8 +85,8 @@ class Sheet:
         The report on its rows.
     signed : bool
         Whether it is known that its accelerations are specific force, and not the negative of it.
-    phone : bool
-        Whether its profile says that the sensors are those of a phone.
+    profile : Profile or None
+        Its profile.
     """
 
     name: str
@@ -98,7 +98,7 @@ class Sheet:
     restarts: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     signed: bool = False
-    phone: bool = False
+    profile: Profile | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -248,7 +248,7 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
         ),
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
         remarks=(*remarks, *_about(name, layout.profile)),
-        phone=layout.profile is not None and layout.profile.phone,
+        profile=layout.profile,
     )
 
 

@@ -52,6 +52,7 @@ _NAMES = (
 )  # fmt: skip
 """Columns of csv and parquet."""
 _ROW = "%.9f,%.12f,%.12f" + ",%.6f" * 4 + ",%.9f" * 3 + ",%.6g" * 9
+"""Decimals of these: 1 ns, 0.1 µm, 1 µm/s, 1e-9°, six digits of σ."""
 _POS_HEAD = (
     "% program   : INS Lab\n"
     "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
@@ -61,6 +62,7 @@ _POS_HEAD = (
 _POS_ROW = (
     f"%4d %13.6f %14.9f %14.9f %10.4f {_SINGLE:3d}   0" + " %8.4f" * 6 + "   0.00    0.0" + " %10.5f" * 3
 )
+"""A row: week, seconds, position, quality, no satellites, σ, age and ratio of an ambiguity, velocity."""
 
 
 @dataclass(frozen=True, eq=False)
