@@ -74,6 +74,7 @@ _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
 _STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
+_QUATERNION = ("q0", "q1", "q2", "q3")
 _PHONE_WORDS = ("accelerometer", "acceleration")
 _ROS = ("angular velocity", "linear acceleration")
 """How ROS names gyros and accelerometers, whose x, y and z point forward, left and up (REP 103)."""
@@ -106,7 +107,11 @@ def _names_enough(text: bytes) -> bool:
     return (
         len(quantities) >= _MIN_QUANTITIES
         and has_time
-        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field", "q3"}))
+        and (
+            set(_POSITION) <= names
+            or set(_QUATERNION) <= names
+            or bool(names & {"rate", "force", "place", "field"})
+        )
     )
 
 

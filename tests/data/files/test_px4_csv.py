@@ -1,4 +1,4 @@
-"""The csv files that ulog2csv of pyulog makes of a PX4 log: a folder or a zip file of them is the same log."""
+"""The csv files that ulog2csv of pyulog makes of a PX4 log: a folder or a zip file of them is that log."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def test_topics_since_2023_name_their_units(tmp_path):
         "device_id,s_variance_m_s,c_variance_rad,eph,epv,hdop,vdop,vel_m_s,vel_n_m_s,vel_e_m_s,vel_d_m_s,cog_rad"
     )
     rows = [
-        f"{t * 1e6:.0f},0,{lat:.9f},{lon:.9f},{height - 30:.3f},{height:.3f},1707207945200000,1,0.25,0.1,0.6,1.1,"
-        f"0.7,1.2,0,{north:.4f},{east:.4f},{down:.4f},0"
+        f"{t * 1e6:.0f},0,{lat:.9f},{lon:.9f},{height - 30:.3f},{height:.3f},1707207945200000,1,0.25,0.1,0.6,"
+        f"1.1,0.7,1.2,0,{north:.4f},{east:.4f},{down:.4f},0"
         for t, lat, lon, height, north, east, down, *_ in drive.gnss.tolist()
     ]
     (tmp_path / "log_vehicle_gps_position_0.csv").write_text("\n".join([head, *rows, ""]))
