@@ -107,3 +107,16 @@ def test_the_flight_is_that_of_a_rocket(rocket, tmp_path):
     flight = read_raw(tmp_path / "flight.csv")
     assert flight.vehicle == "rocket"
     assert flight.height.max() == pytest.approx(rocket.position[:, 2].max(), abs=1.0)
+
+
+def test_a_simulated_rocket_has_its_velocity(rocket, tmp_path):
+    """RocketPy writes x to the east, y to the north and z upwards, after a sign of a comment."""
+    north, east, down = rocket.velocity.T
+    place = rocket.position
+    table = np.column_stack((rocket.time, place[:, 0], place[:, 1], place[:, 2], east, north, -down))
+    head = "Time (s),Latitude (°),Longitude (°),Z (m),Vx (m/s),Vy (m/s),Vz (m/s)"
+    np.savetxt(tmp_path / "flight.csv", table, fmt="%.6f", delimiter=",", header=head, encoding="utf-8")
+    flight = read_raw(tmp_path / "flight.csv")
+    assert flight.vehicle == "rocket"
+    np.testing.assert_allclose(flight.velocity_n, rocket.velocity, atol=1e-5)
+    np.testing.assert_allclose(flight.height, place[:, 2], atol=1e-5)
