@@ -100,6 +100,10 @@ READERS: tuple[Reader, ...] = (
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
     Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
+    *(
+        Reader(name, partial(receiver_file.recognises, name), partial(receiver_file.read, name))
+        for name in (receiver_file.NOVATEL, receiver_file.SBF)
+    ),
     Reader(acmi.NAME, acmi.recognises, acmi.read),
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(
