@@ -40,7 +40,7 @@ _NUMBER = 0x1FFF  # bits of a number; the others are the revision
 _PVT = struct.Struct("<IH2B3d5fdf4B2HI")
 _QUALITY = struct.Struct("<2BH3HB")
 _UNKNOWN = -2e10
-"""What stands for a number that is not known."""
+"""What stands for a number that is not known, exact in four bytes, too."""
 _NO_TIME, _NO_WEEK, _NO_COUNT, _NO_ACCURACY = 2**32 - 1, 2**16 - 1, 2**8 - 1, 2**16 - 1
 _MILLISECOND, _CENTIMETRE = 1e-3, 1e-2
 _TWO_SIGMA = 2.0
@@ -118,7 +118,7 @@ class Sbf(Framing):
 
 
 def _known(value: float) -> float:
-    return value if math.isfinite(value) and value != np.float32(_UNKNOWN) and value != _UNKNOWN else NAN
+    return value if math.isfinite(value) and value != _UNKNOWN else NAN
 
 
 def _accuracy(count: int) -> float:
