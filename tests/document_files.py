@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,17 @@ def at_rest(path: Path) -> None:
     rng = np.random.default_rng(1)
     rows = rng.normal(scale=[1e-3] * 3 + [1e-2] * 3, size=(30_000, 6)) - [0, 0, 0, 0, 0, 9.8]
     write_csv(path, IMU, np.column_stack((np.arange(30_000) / 100, rows)))
+
+
+_KF_GINS = {"IMU.txt": "IMU.txt", "GNSS.txt": "GNSS-RTK.txt", "truth.nav": "truth.nav"}
+"""Files of KF-GINS, and which one of the writer each is."""
+
+
+def kf_gins(name: str, path: Path) -> None:
+    """Write one of the files of KF-GINS."""
+    files = WRITERS["KF-GINS text"](montreal(60))
+    assert isinstance(files, dict)
+    written(path, files[name])
 
 
 def algorithm(path: Path) -> None:
@@ -116,6 +128,7 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "phone.csv": lambda path: written(path, WRITERS["csv with named columns"](montreal(60))),
     "phone.zip": zipped,
     "capture.bin": capture,
+    **{name: partial(kf_gins, one) for name, one in _KF_GINS.items()},
     "my_logger.csv": logged,
     "my_logger.toml": lambda path: written(path, toml_of("docs/profiles.md", 0)),
     "my_drive": drive,

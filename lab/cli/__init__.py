@@ -72,7 +72,7 @@ COMMANDS |= {
     ),
     "export": (
         "lab.cli.export:export",
-        "Write the path of a mission: KML for Google Earth, GPX for maps, or a flight csv.",
+        "Write the path of a mission: KML, GPX, a flight csv, or a trajectory for other programs.",
     ),
     "rename": (
         "lab.cli.missions:rename",

@@ -1,7 +1,8 @@
-"""``ins-lab export``: the path of a mission, for Google Earth, GIS programs and spreadsheets."""
+"""``ins-lab export``: the path of a mission, for maps, tables and programs that evaluate trajectories."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,14 +16,17 @@ if TYPE_CHECKING:
     from lab.experiment.result import Result
     from lab.missions import Mission as Found
 
-ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz")
+ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz", ".solution.csv", ".tum", ".pos", ".sbet", ".out", ".parquet")
 
 EXAMPLES = """\b
 Examples:
   ins-lab export montreal --to montreal.kml
   ins-lab export my_drive --to my_drive.gpx
   ins-lab run montreal --export run.kml
-The last example writes the true path, the estimated path and the GPS fixes of a run."""
+  ins-lab run montreal --export run.tum
+run.kml holds the true path, the estimated path and the GPS fixes of a run, run.tum the estimate.
+.tum is for evo, .pos for RTKLIB, .sbet and .out are SBET. .solution.csv and .parquet hold position, velocity,
+attitude and, of a run, their σ."""
 
 
 def export(
@@ -32,13 +36,13 @@ def export(
         typer.Option(
             "--to",
             metavar="FILE",
-            help="File to write, ending in .kml, .gpx, .csv or .csv.gz.",
+            help=f"File to write, ending in {', '.join(ENDINGS)}.",
             show_default=False,
         ),
     ],
     force: Force = False,
 ) -> None:
-    """Write the path of a mission: KML for Google Earth, GPX for maps, or a flight csv."""
+    """Write the path of a mission: KML, GPX, a flight csv, or a trajectory for other programs."""
     check_export(to, force, "--to")
     write(find_mission(mission), to, force, "--to")
     print(to)
@@ -56,6 +60,8 @@ def check_export(path: Path | None, force: bool, option: str) -> None:
         ending = next((one for one in ENDINGS if path.name.lower().endswith(one)), "")
         if not ending:
             raise CommandError(f"{option} {path}: accepted are names ending in {', '.join(ENDINGS)}")
+        if ending == ".parquet" and find_spec("pyarrow") is None:
+            raise CommandError(f"{option} {path}: parquet needs pyarrow: pip install 'ins-lab[parquet]'")
         check_out(path, force, path.suffix.lower(), "a file", option)
 
 

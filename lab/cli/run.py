@@ -110,8 +110,8 @@ def run(
         typer.Option(
             "--export",
             metavar="FILE",
-            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv for the estimate as a flight "
-            "csv.",
+            help="Write the paths: .kml for Google Earth, .gpx for maps; or the estimate: .csv as a flight "
+            "csv, and what ins-lab export lists.",
             show_default=False,
         ),
     ] = None,

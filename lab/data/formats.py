@@ -15,12 +15,14 @@ from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
 from lab.data.files import (
+    acmi,
     ardupilot,
     fit,
     flightgear,
     garmin_csv,
     gpx,
     igc,
+    kf_gins,
     kml,
     own_csv,
     sdlog2,
@@ -64,6 +66,8 @@ class Reader:
         the IMU that point forward, right and down, and the vehicle.
     read_imu : callable or None
         Reads angular rate and specific force (n, 6) alone, such as those of an IMU at rest.
+    is_guessed : bool
+        Whether its numbers alone show the format: it is another one if a person says what columns are.
     """
 
     name: str
@@ -72,6 +76,7 @@ class Reader:
     read_log: Callable[[Path], SensorLog] | None = None
     read_logs: Callable[[Sequence[Path], Mapping[str, str], Sequence[str], str], SensorLog] | None = None
     read_imu: Callable[[Path], Stream] | None = None
+    is_guessed: bool = False
 
 
 def _is_other_table(head: bytes) -> bool:
@@ -90,12 +95,25 @@ READERS: tuple[Reader, ...] = (
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
     Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
-    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(fit.NAME, fit.recognises, fit.read, read_logs=sensor_csv.read_logs),
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
     Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
+    *(
+        Reader(name, partial(receiver_file.recognises, name), partial(receiver_file.read, name))
+        for name in (receiver_file.NOVATEL, receiver_file.SBF)
+    ),
+    Reader(acmi.NAME, acmi.recognises, acmi.read),
     Reader(igc.NAME, igc.recognises, igc.read),
+    Reader(
+        kf_gins.NAME,
+        kf_gins.recognises,
+        kf_gins.read,
+        read_logs=kf_gins.read_logs,
+        read_imu=kf_gins.read_imu,
+        is_guessed=True,
+    ),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log, read_imu=ulog.read_imu),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log, read_imu=sdlog2.read_imu),
     Reader(
@@ -178,10 +196,11 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         If the file cannot be read, or its format is unknown, listing the known ones.
     """
     head = _head(path)
+    is_said = units is not None and any(sensor_csv.names_quantity(text) for text in units.values())
     for reader in READERS:
-        if reader.recognises(head):
+        if reader.recognises(head) and not (is_said and reader.is_guessed):
             return reader
-    if units and any(sensor_csv.names_quantity(text) for text in units.values()):
+    if is_said:
         return READERS[-1]
     if not head:
         raise MissionError(f"{path}: the file is empty")

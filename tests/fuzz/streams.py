@@ -37,6 +37,7 @@ _CHECKS: tuple[tuple[str, str, Any], ...] = (
     ("nmea", "xor8", mock.ANY),
     ("vectornav", "xor8", mock.ANY),
     ("vectornav", "crc16_xmodem", mock.ANY),
+    ("sbf", "crc16_xmodem", mock.ANY),
     ("novatel", "_crc", mock.ANY),
     ("witmotion", "sum8", mock.ANY),
     ("bno085", "sum8", mock.ANY),

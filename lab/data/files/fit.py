@@ -1,7 +1,8 @@
 """FIT: activities of the watches, bicycle computers and cameras of Garmin and others, with their positions.
 
-Points are the messages ``record`` or, of cameras, ``gps_metadata``, which has a course too. The messages are
-decoded by fitdecode, which is an extra. What comes before a place at which the file is broken is read.
+Points are the messages ``record`` or, of cameras, ``gps_metadata``, which has a course too, or a velocity
+with its vertical part. The messages are decoded by fitdecode, which is an extra. What comes before a place at
+which the file is broken is read. `lab.data.files.fit_imu` reads the IMU of cameras and watches.
 
 References
 ----------
@@ -10,12 +11,14 @@ Garmin, *FIT Protocol*, https://developer.garmin.com/fit/protocol/
 
 from __future__ import annotations
 
+import math
 import struct
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -47,6 +50,8 @@ _MIN_SINCE_EPOCH = 2**28
 _VEHICLES = {"driving": "car", "motorcycling": "car", "boating": "boat", "sailing": "boat", "rowing": "boat"}
 _NO_SPORTS = {"transition", "generic"}
 """What is between the parts of a triathlon, and what was not chosen."""
+_FULL_TURN = 360.0
+"""[°]."""
 _MISSING = "is a FIT file. Reading it needs fitdecode, which is not installed: pip install 'ins-lab[fit]'"
 
 
@@ -67,27 +72,30 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     data = whole(path, MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME} file")
-    points = _Points()
-    for number, values in _messages(path, data, points):
+    points = Points()
+    for number, values in messages(path, data, points):
         points.accept(number, values)
-    kind = max(points.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
-    if not len(kind.fixes.line):
-        raise MissionError(f"{path}: {_without_positions(points, kind.fixes.count)}")
+    kind = points.best(path)
     began = kind.from_midnight()
     directed = bool(np.isfinite(kind.heading).any())
-    return kind.fixes.track(
+    down = np.array(kind.down)
+    named = (
+        {"velocity[1]": "m/s", "velocity[0]": "m/s"}
+        if np.isfinite(down).any()
+        else {"speed": "m/s", "heading": "°"}
+    )
+    track = kind.fixes.track(
         path,
         NAME,
         units_of_the_format({"position_lat": "°", "position_long": "°", "altitude": "m"}),
-        over_ground=(units_of_the_format({"speed": "m/s", "heading": "°"}), kind.speed, kind.heading)
-        if directed
-        else None,
+        over_ground=(units_of_the_format(named), kind.speed, kind.heading) if directed else None,
         remarks=_remarks(points, kind, began),
         vehicle=points.vehicle,
-    ).flight()
+    )
+    return replace(track, down=down).flight()
 
 
-def _without_positions(points: _Points, count: int) -> str:
+def _without_positions(points: Points, count: int) -> str:
     said = (
         f"none of its {count} points has a position, as of what is recorded indoors."
         if count
@@ -97,28 +105,40 @@ def _without_positions(points: _Points, count: int) -> str:
     return f"{said}{broken} Accepted is an activity that was recorded with positions"
 
 
+def time_of(values: Mapping[str, Any]) -> float:
+    """Return the time of a message [s]."""
+    whole_seconds = _first(values, "timestamp")
+    return (
+        whole_seconds + 1e-3 * _first(values, "timestamp_ms") if "timestamp_ms" in values else whole_seconds
+    )
+
+
 class _Kind:
     """The points of one kind of message."""
 
     def __init__(self) -> None:
         self.fixes = Fixes()
-        self.speed, self.heading = array("d"), array("d")
+        self.speed, self.heading, self.down = array("d"), array("d"), array("d")
 
     def add(self, values: Mapping[str, Any]) -> None:
         """Take a message."""
-        time = _first(values, "timestamp")
-        if "timestamp_ms" in values:
-            time += 1e-3 * _first(values, "timestamp_ms")
         fixed = self.fixes.add(
-            time,
+            time_of(values),
             _SEMICIRCLE * _first(values, "position_lat"),
             _SEMICIRCLE * _first(values, "position_long"),
             _first(values, "enhanced_altitude", "altitude"),
             self.fixes.count + 1,
         )
-        if fixed:
-            self.speed.append(_first(values, "enhanced_speed", "speed"))
-            self.heading.append(_first(values, "heading"))
+        if not fixed:
+            return
+        velocity = values.get("velocity")
+        east, north, up = velocity if _is_vector(velocity) else (UNKNOWN,) * 3
+        known = math.isfinite(north + east)
+        self.speed.append(math.hypot(north, east) if known else _first(values, "enhanced_speed", "speed"))
+        self.heading.append(
+            math.degrees(math.atan2(east, north)) % _FULL_TURN if known else _first(values, "heading")
+        )
+        self.down.append(-up)
 
     def from_midnight(self) -> datetime | None:
         """Count time from the midnight before the first point; return that, or None if no date is known."""
@@ -132,7 +152,16 @@ class _Kind:
         return _EPOCH + timedelta(seconds=began)
 
 
-class _Points:
+def _is_vector(value: object) -> TypeGuard[tuple[float, float, float]]:
+    """Return whether a field is three numbers: of a velocity those along longitude, latitude and altitude."""
+    return (
+        isinstance(value, tuple)
+        and len(value) == len("xyz")
+        and all(isinstance(one, int | float) for one in value)
+    )
+
+
+class Points:
     """What is read of a file.
 
     Attributes
@@ -164,6 +193,13 @@ class _Points:
         elif isinstance(sport := values.get("sport"), str) and sport not in {*self.sports, *_NO_SPORTS}:
             self.sports.append(sport)
 
+    def best(self, path: Path) -> _Kind:
+        """Return the points of the kind with more positions; raise a `MissionError` if there are none."""
+        kind = max(self.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
+        if not len(kind.fixes.line):
+            raise MissionError(f"{path}: {_without_positions(self, kind.fixes.count)}")
+        return kind
+
     @property
     def vehicle(self) -> str:
         """The vehicle of all sports; empty if they differ."""
@@ -171,13 +207,25 @@ class _Points:
         return vehicles.pop() if len(vehicles) == 1 else ""
 
 
-def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Iterate over the messages that are read, each with its number and its fields by name."""
+def messages(
+    path: Path, data: bytes, points: Points, further: Collection[int] = ()
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Iterate over the messages that are read, each with its number and its fields by name.
+
+    Parameters
+    ----------
+    path, data
+        The file, for messages, and its bytes.
+    points
+        Takes where the file is broken.
+    further
+        Numbers of messages beside those with positions and sports.
+    """
     try:
         import fitdecode  # noqa: PLC0415 - an extra
     except ImportError:
         raise MissionError(f"{path}: {_MISSING}") from None
-    wanted = {_FILE, _RECORD, _GPS, _SESSION, _SPORT}
+    wanted = {_FILE, _RECORD, _GPS, _SESSION, _SPORT, *further}
     how = {
         "processor": None,
         "check_crc": fitdecode.CrcCheck.DISABLED,
@@ -225,7 +273,7 @@ def _first(values: Mapping[str, Any], *names: str) -> float:
     return UNKNOWN
 
 
-def _remarks(points: _Points, kind: _Kind, began: datetime | None) -> tuple[str, ...]:
+def _remarks(points: Points, kind: _Kind, began: datetime | None) -> tuple[str, ...]:
     remarks = [
         "Time counts from when the device was switched on."
         if began is None

@@ -26,6 +26,8 @@ from typing import Any
 
 from lab.base.files.description_toml import check_keys, read_toml
 from lab.base.files.mission_error import MissionError
+from lab.data.checks.imu_axes import axes_matrix
+from lab.data.log.vehicle import VEHICLES
 
 FOLDER_VARIABLE = "INS_LAB_PROFILES"
 """Environment variable that names the folder of the owner's profiles."""
@@ -37,8 +39,8 @@ _MAX_COLUMNS = 1000
 """Most columns of a profile: as many as a csv may have."""
 _MAX_TEXT = 300
 """Longest name, heading or quantity [characters]."""
-_TEXTS = ("name", "source", "about", "advice", "prefix", "suffix", "without_own_time")
-_LISTS = ("needs", "remarks", "shared")
+_TEXTS = ("name", "source", "about", "advice", "prefix", "suffix", "without_own_time", "vehicle")
+_LISTS = ("needs", "remarks", "shared", "axes")
 _SWITCHES = ("simulator", "phone", "sea_level")
 
 
@@ -64,6 +66,10 @@ class Profile:
         What the report says of each file.
     phone : bool
         Whether the sensors are those of a phone, whose y axis points to its top.
+    axes : tuple of str
+        The axes of the IMU that point forward, right and down; empty: gravity and motion show them.
+    vehicle : str
+        Kind of vehicle that carries the logger, as `lab.data.log.vehicle` has them; empty for any.
     simulator : bool
         Whether `lab.data.files.simulator_csv` reads it; the rest is for it alone.
     prefix, suffix : str
@@ -86,6 +92,8 @@ class Profile:
     source: str = ""
     remarks: tuple[str, ...] = ()
     phone: bool = False
+    axes: tuple[str, ...] = ()
+    vehicle: str = ""
     simulator: bool = False
     prefix: str = ""
     suffix: str = ""
@@ -112,7 +120,7 @@ def read_profile(path: Path) -> Profile:
     for key in _SWITCHES:
         if not isinstance(values.get(key, False), bool):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted are true and false")
-    for key in ("remarks", "shared"):
+    for key in ("remarks", "shared", "axes"):
         if not _are_texts(values.get(key, [])):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is a list of texts")
     columns, defaults = (_table(path, values, key) for key in ("columns", "defaults"))
@@ -125,7 +133,11 @@ def read_profile(path: Path) -> Profile:
         )
     rest: dict[str, Any] = {key: values[key] for key in (*_TEXTS[1:], *_SWITCHES) if key in values}
     rest.pop("about", None)
-    rest |= {key: tuple(values.get(key, ())) for key in ("remarks", "shared")}
+    rest |= {key: tuple(values.get(key, ())) for key in ("remarks", "shared", "axes")}
+    if rest["axes"]:
+        axes_matrix(rest["axes"], f"{path}: axes = ")
+    if rest.get("vehicle", "") not in ("", *VEHICLES):
+        raise MissionError(f"{path}: vehicle = {rest['vehicle']!r}; accepted are {', '.join(VEHICLES)}")
     return Profile(path, name, columns, needs, defaults, **rest)
 
 

@@ -102,7 +102,8 @@ class Stream:
         counter : (n,) array, optional
             The counter of resets.
         """
-        values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
+        values = np.asarray(values, dtype=np.float64)
+        values = values[:, None] if values.ndim == 1 else values
         kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < _MAX_VALUE).all(axis=1)
         if valid is not None:
             kept &= valid

@@ -18,6 +18,7 @@ from lab.data.protocols.nmea_encoder import NmeaEncoder
 from lab.data.protocols.novatel import NovAtel, NovAtelEncoder
 from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.phone_encoder import PhoneEncoder
+from lab.data.protocols.sbf import Sbf, SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
@@ -42,6 +43,7 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
     "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
     "novatel": lambda: StreamDecoder("novatel", (NovAtel(),), beside=(Nmea(),)),
+    "septentrio": lambda: StreamDecoder("septentrio", (Sbf(),), beside=(Nmea(),)),
     "witmotion": lambda: StreamDecoder("witmotion", (WitMotion(),)),
     "bno085": lambda: StreamDecoder("bno085", (Bno085(),)),
     "ublox": _ublox,
@@ -57,6 +59,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "mip": MipEncoder,
     "memsense": MemsenseEncoder,
     "novatel": NovAtelEncoder,
+    "septentrio": SbfEncoder,
     "witmotion": WitMotionEncoder,
     "bno085": Bno085Encoder,
     "ublox": UbloxEncoder,

@@ -1,4 +1,4 @@
-"""Receiver file: the track in the bytes that a satellite receiver sent, NMEA 0183 or UBX, as saved to a file.
+"""Receiver file: the track in the bytes that a satellite receiver sent, as saved to a file.
 
 The decoders of streams read them. The height is above the ellipsoid where the receiver gives the height of
 the geoid. Positions that the receiver itself calls no measurement are marked.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,20 +26,55 @@ from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.track import Track
 from lab.data.files.ulog_file import MAGIC as ULOG
 from lab.data.protocols.device_time import GPS_EPOCH
+from lab.data.protocols.framing import Framing
 from lab.data.protocols.nmea import POSITIONS as SENTENCES
 from lab.data.protocols.nmea import Nmea
+from lab.data.protocols.novatel import NovAtel
 from lab.data.protocols.samples import NAMED, NO_FIX, SIMULATED, UNMEASURED
+from lab.data.protocols.sbf import Sbf
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.ubx import POSITIONS as MESSAGES
 from lab.data.protocols.ubx import Ubx
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
-NMEA, UBX = "NMEA 0183", "u-blox UBX"
+NMEA, UBX, NOVATEL, SBF = "NMEA 0183", "u-blox UBX", "NovAtel OEM", "Septentrio SBF"
 """Names of the formats."""
 _SENTENCE = re.compile(
     rb"\$[A-Z]{2}(?:" + "|".join(sorted(SENTENCES)).encode() + rb"),[ -)+-~]{5,120}\*[0-9A-Fa-f]{2}"
 )
 _MESSAGE = re.compile(b"|".join(re.escape(b"\xb5b" + kind) for kind in sorted(MESSAGES.values())))
+
+
+class _Receiver(NamedTuple):
+    """Messages with positions: protocol, framing, how they begin, their names, and how all begin."""
+
+    protocol: str
+    framing: Callable[[], Framing]
+    begin: re.Pattern[bytes]
+    messages: str
+    mark: bytes
+
+
+_RECEIVERS = {
+    NOVATEL: _Receiver(
+        "novatel",
+        NovAtel,
+        re.compile(
+            rb"[#%](?:BESTPOS|BESTGNSSPOS|INSPVAS?)A,|\xaaD\x12[\x1c-\x7f](?:\x2a\x00|\x95\x05|\xfb\x01)"
+            rb"|\xaaD\x13[\s\S]\xfc\x01"
+        ),
+        "BESTPOS, BESTGNSSPOS and INSPVA",
+        b"\xaaD",
+    ),
+    SBF: _Receiver(
+        "septentrio",
+        Sbf,
+        re.compile(rb"\$@[\s\S]{2}[\xa6\xa7][\x0f\x2f\x4f\x6f\x8f]"),
+        "PVTGeodetic and PVTCartesian",
+        b"$@",
+    ),
+}
+"""Further receivers, by the name of the format."""
 _TRIED = 1000
 """Most candidates for a sentence or a message whose check is tried when a file is recognised."""
 _BINARY_PART = 100
@@ -52,6 +88,8 @@ _BLOCK = 2**20
 _COLUMNS = {
     NMEA: {"latitude": "°", "longitude": "°", "altitude": "m", "speed": "kt", "course": "°"},
     UBX: {"lat": "°", "lon": "°", "height": "m", "gSpeed": "m/s", "headMot": "°"},
+    NOVATEL: {"lat": "°", "lon": "°", "hgt": "m", "hor spd": "m/s", "trk gnd": "°"},
+    SBF: {"Latitude": "rad", "Longitude": "rad", "Height": "m", "Vn": "m/s", "Ve": "m/s"},
 }
 
 
@@ -76,7 +114,7 @@ def recognises_ubx(head: bytes) -> bool:
     return not is_log and _holds(head, _MESSAGE, Ubx()) and not recognises_nmea(head)
 
 
-def _holds(head: bytes, begin: re.Pattern[bytes], framing: Nmea | Ubx) -> bool:
+def _holds(head: bytes, begin: re.Pattern[bytes], framing: Framing) -> bool:
     """Return whether a sound frame begins where a pattern does."""
     data = bytearray(head)
     for found in itertools.islice(begin.finditer(head), _TRIED):
@@ -141,6 +179,53 @@ def read_ubx(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     places = _Places(data, b"\xb5b", 0)
     dropped = _broken("messages with a wrong checksum", framing, places)
     return _track(path, UBX, fixes, time, fixes["height"], places, dropped, remarks)
+
+
+def recognises(name: str, head: bytes) -> bool:
+    """Return whether the first bytes of a file hold a sound message with a position of a further receiver."""
+    if head.startswith((DATAFLASH, ULOG)):
+        return False
+    receiver = _RECEIVERS[name]
+    return _holds(head, receiver.begin, receiver.framing()) and not recognises_nmea(head)
+
+
+def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the track in a file of a further receiver.
+
+    Parameters
+    ----------
+    name
+        A key of `_RECEIVERS`.
+    paths, units
+        As of readers.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, or holds too few positions.
+    """
+    path, receiver = one_file(paths, name, fixed=units), _RECEIVERS[name]
+    data = whole(path, MAX_BYTES)
+    decoder = StreamDecoder(receiver.protocol, (receiver.framing(),))
+    fixes = _decoded(decoder, data)
+    dated = fixes["time"][np.isfinite(fixes["time"])]
+    if not dated.size:
+        raise MissionError(
+            f"{path}: has no sound message with a time and a position; accepted are {receiver.messages}"
+        )
+    week = int(dated[0] // WEEK)
+    start = np.datetime64("1980-01-06") + 7 * week
+    remarks = [
+        f"Time is that of GPS, from the start of its week on {start}.", "Heights are above the ellipsoid.",
+    ]  # fmt: skip
+    left = decoder.statistics
+    if left.failed:
+        remarks.append(f"{left.failed} messages with a wrong checksum are left out.")
+    if left.unknown:
+        remarks.append(f"{left.unknown} messages of other kinds are not read.")
+    places = _Places(data, receiver.mark, 0) if receiver.mark in data else _Places(data, b"\n", 1)
+    time = np.round(fixes["time"] - WEEK * week, 6)
+    return _track(path, name, fixes, time, fixes["height"], places, [], remarks)
 
 
 def _decoded(decoder: StreamDecoder, data: bytes) -> NDArray[np.void]:

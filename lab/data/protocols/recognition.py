@@ -11,7 +11,7 @@ from lab.data.protocols.decoder import Decoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextLines
 
-_STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink", "novatel", "phone"))
+_STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink", "novatel", "septentrio", "phone"))
 """Protocols with a check of 16 bits or more: two frames that pass by chance would be one in 2**32."""
 _FEWEST = {True: 2, False: 4}
 """Fewest frames by which a protocol counts as recognised: with a check of 16 bits, and of 8 or none."""
@@ -19,7 +19,8 @@ _LARGEST = 2**16
 """Bytes that are looked at: at 115 200 baud they come in 6 s."""
 _NAMES = {
     "vectornav": "VectorNav", "xsens": "Xsens", "mip": "MicroStrain MIP", "memsense": "MEMSense",
-    "novatel": "NovAtel", "witmotion": "WitMotion", "bno085": "BNO085 in the mode UART-RVC",
+    "novatel": "NovAtel", "septentrio": "Septentrio SBF", "witmotion": "WitMotion",
+    "bno085": "BNO085 in the mode UART-RVC",
     "ublox": "u-blox UBX", "nmea": "NMEA", "mavlink": "MAVLink", "phone": "the page for phones",
     "text": "text lines",
 }  # fmt: skip
@@ -32,6 +33,7 @@ _TURN_ON = {
     "mip": ("position and velocity of GNSS", "scaled gyro and accelerometer"),
     "mavlink": ("GPS_RAW_INT", "HIGHRES_IMU or RAW_IMU"),
     "novatel": ("BESTPOS and BESTVEL", "RAWIMUX"),
+    "septentrio": ("PVTGeodetic", ""),
 }
 """What a device is to send for its position, and for its IMU, by protocol."""
 _MOSTLY = 0.5

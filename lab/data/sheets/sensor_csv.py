@@ -25,6 +25,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.checks.imu_axes import axes_matrix
 from lab.data.checks.log_check import is_explained
+from lab.data.files import fit, fit_imu
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
@@ -73,6 +74,7 @@ _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
 _STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
+_QUATERNION = ("q0", "q1", "q2", "q3")
 _PHONE_WORDS = ("accelerometer", "acceleration")
 _ROS = ("angular velocity", "linear acceleration")
 """How ROS names gyros and accelerometers, whose x, y and z point forward, left and up (REP 103)."""
@@ -105,7 +107,11 @@ def _names_enough(text: bytes) -> bool:
     return (
         len(quantities) >= _MIN_QUANTITIES
         and has_time
-        and (set(_POSITION) <= names or bool(names & {"rate", "force", "place", "field"}))
+        and (
+            set(_POSITION) <= names
+            or set(_QUATERNION) <= names
+            or bool(names & {"rate", "force", "place", "field"})
+        )
     )
 
 
@@ -154,7 +160,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         course=np.degrees(fixes.course) % 360, lines=np.arange(len(gnss.time)) + 2,
         columns=(ColumnUnit("", "", ""),) * 5, rows_read=len(gnss.time), remarks=tuple(remarks),
         down=gnss.velocity_n[:, 2], euler=attitude.at(gnss.time) if attitude else None,
-        vehicle=attitude.vehicle if attitude else "",
+        vehicle=next(
+            (one.profile.vehicle for one in sheets if one.profile is not None and one.profile.vehicle),
+            attitude.vehicle if attitude else "",
+        ),
     ).flight()  # fmt: skip
     return replace(flight, units=tuple(columns.values()), resets=resets)
 
@@ -219,6 +228,10 @@ def read_logs(
     imu = imu_of(sheets)
     fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
     fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
+    profiles = [one.profile for one in sheets if one.profile is not None]
+    of_imu = imu.gyro.sheet.profile
+    axes = axes or (of_imu.axes if of_imu else ())
+    vehicle = vehicle or next((one.vehicle for one in profiles if one.vehicle), "")
     name = (
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
@@ -349,6 +362,8 @@ def _override(text: str) -> str:
 
 def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
+    if fit.recognises(data):
+        return fit_imu.tables(path, data)
     if not data.startswith(_ZIP):
         drive = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
         return [drive or (path.name, data)]
@@ -417,7 +432,8 @@ def _is_phone(imu: Imu) -> bool:
     words = imu.accelerometer.headings[0].sensor.lower()
     if imu.gyro.headings[0].sensor.lower().endswith(_ROS[0]) and words.endswith(_ROS[1]):
         return imu.gyro.sheet is not imu.accelerometer.sheet
-    if any(one.sheet.phone for one in (imu.gyro, imu.accelerometer)):
+    profiles = [one.sheet.profile for one in (imu.gyro, imu.accelerometer) if one.sheet.profile is not None]
+    if any(one.phone for one in profiles):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
 

@@ -85,8 +85,8 @@ class Sheet:
         The report on its rows.
     signed : bool
         Whether it is known that its accelerations are specific force, and not the negative of it.
-    phone : bool
-        Whether its profile says that the sensors are those of a phone.
+    profile : Profile or None
+        Its profile.
     """
 
     name: str
@@ -98,7 +98,7 @@ class Sheet:
     restarts: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     signed: bool = False
-    phone: bool = False
+    profile: Profile | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -248,7 +248,7 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
         ),
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
         remarks=(*remarks, *_about(name, layout.profile)),
-        phone=layout.profile is not None and layout.profile.phone,
+        profile=layout.profile,
     )
 
 
@@ -330,15 +330,20 @@ def _cells(text: str, delimiter: str) -> tuple[str, ...]:
 def _known(
     cells: Sequence[str], name: str, overrides: Overrides, profile: Profile | None
 ) -> tuple[Heading | None, ...]:
-    """Return what columns are: as a person says, or a profile, or the heading; the first of two counts."""
+    """Return what columns are: as a person says, or a profile, or the heading.
+
+    The first of two with one heading counts, unless the profile names the second: ``altitude#2``.
+    """
     known: list[Heading | None] = []
     for place, cell in enumerate(cells):
-        if cell in cells[:place]:
+        count = cells[:place].count(cell)
+        numbered = f"{cell}#{count + 1}" if count else cell
+        if profile is not None and numbered in profile.columns and numbered not in overrides:
+            known.append(_of_profile(numbered, profile))
+        elif count:
             known.append(None)
         elif cell in overrides:
             known.append(_corrected(cell, overrides[cell], name))
-        elif profile is not None and cell in profile.columns:
-            known.append(_of_profile(cell, profile))
         else:
             found = heading_of(cell, name) if cell else None
             known.append(found if found is None or profile is None else _defaulted(found, profile))

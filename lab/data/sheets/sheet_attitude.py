@@ -179,8 +179,11 @@ _LIKE = 0.05
 
 
 def _candidates(sheets: Sequence[Sheet]) -> Iterator[_Columns]:
-    """Yield the columns that name an attitude: angles before quaternions, which have more readings."""
-    for sheet in sheets:
+    """Yield the columns that name an attitude, those of the longest table first.
+
+    Angles come before quaternions, which have more readings.
+    """
+    for sheet in sorted(sheets, key=len, reverse=True):
         clock = clock_of(sheet, fast=bool(sheet.all_of("rate") or sheet.all_of("force")))
         if clock is None:
             continue

@@ -1,4 +1,4 @@
-"""Export: flights as files for other programs: KML for Google Earth, GPX for maps, our own flight csv.
+"""Export: flights as files for other programs: maps, programs that evaluate trajectories, our own flight csv.
 
 >>> from lab import Experiment, export_track
 >>> export_track(Experiment(mission="montreal").run(), "montreal.kml")
@@ -14,9 +14,10 @@ from lab.experiment.result import Result
 from lab.missions import Mission, write_flight_csv
 from lab.views.export import gpx, kml
 from lab.views.export.tracks import Tracks, recording_of, tracks_of
+from lab.views.export.trajectory_files import WRITERS, trajectory_of
 
 TEXTS = {".kml": kml.text, ".gpx": gpx.text}
-ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz")
+ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz", *WRITERS)
 """Endings of the files that can be written."""
 
 __all__ = ["ENDINGS", "Tracks", "export_track", "tracks_of"]
@@ -32,7 +33,9 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
         log its reference and its fixes.
     path
         Ends with ``.kml`` or ``.gpx``; or with ``.csv`` or ``.csv.gz`` for a flight csv, which holds one path
-        with its attitude: the estimated one of a run, the recorded one of a mission.
+        with its attitude: the estimated one of a run, the recorded one of a mission. That path is also in
+        files that end with ``.tum`` (evo), ``.pos`` (RTKLIB), ``.sbet`` or ``.out`` (SBET), and with its σ in
+        ``.solution.csv`` and ``.parquet``.
     overwrite
         True replaces a file that is there.
 
@@ -41,7 +44,8 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
     FileExistsError
         If the file exists and `overwrite` is not given.
     MissionError
-        If a mission cannot be read, or the flight csv of a log, whose attitude has gaps, is requested.
+        If a mission cannot be read, or the flight csv of a log, whose attitude has gaps, is requested; or if
+        parquet is, and pyarrow is not installed.
     ValueError
         For another ending.
     OSError
@@ -54,10 +58,15 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
         raise FileExistsError(f"{path} exists already; nothing was written. overwrite=True replaces it")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    kind = path.suffix.lower()
-    if kind not in TEXTS:
+    ending = next((one for one in (*WRITERS, *TEXTS) if path.name.lower().endswith(one)), "")
+    if not ending:
         write_flight_csv(path, recording_of(source))
         return
-    content = TEXTS[kind](tracks_of(source)).encode()
+    blocks = (
+        [TEXTS[ending](tracks_of(source)).encode()]
+        if ending in TEXTS
+        else WRITERS[ending](trajectory_of(source))
+    )
     with atomic_file(path) as file:
-        file.write(content)
+        for block in blocks:
+            file.write(block)

@@ -39,6 +39,7 @@ STARTS = {
     "nmea": b"$GPGGA,",
     "mavlink": b"\xfd",
     "novatel": b"#BESTPOSA,",
+    "septentrio": b"$@",
     "witmotion": b"\x55\x52",
     "bno085": b"\xaa\xaa",
     "phone": b'{"phone":1,"check":"',

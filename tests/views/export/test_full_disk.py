@@ -39,6 +39,8 @@ def result() -> Result:
         ("run.kml", export_track),
         ("run.gpx", export_track),
         ("run.csv", export_track),
+        ("run.tum", export_track),
+        ("run.sbet", export_track),
     ],
 )
 def test_nothing_is_left(

@@ -1,0 +1,264 @@
+r"""Tacview ACMI 2.x: the flights of many objects, as simulators of air combat and recorders write them.
+
+A line is a time since the reference, ``#47.13``, or an object with what has changed,
+``104,T=longitude|latitude|altitude|roll|pitch|yaw``, or the end of one, ``-104``. Places count from a
+reference longitude and latitude, heights from the sea; what is left out has not changed. One object makes the
+flight: of those in the air that with most positions. Files may be zipped.
+
+References
+----------
+Raia Software, *Technical Reference, ACMI flight recordings 2.2*, https://www.tacview.net/documentation/acmi/en/
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+import zlib
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from lab.base.files.file_content import MAX_RATIO, whole
+from lab.base.files.mission_error import MissionError
+from lab.base.files.named_columns import MAX_BYTES
+from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
+from lab.data.files.fixes import UNKNOWN, Fixes, number
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
+
+NAME = "Tacview ACMI"
+
+_HEAD = re.compile(rb"(?:\xef\xbb\xbf)?\s*FileType=text/acmi/tacview")
+_VERSION = re.compile(rb"FileVersion=\s*([0-9.]{1,10})")
+_ZIP, _ENDING = b"PK\x03\x04", b".acmi"
+_ZIP_NAME = 400
+"""Bytes at the start of a zip file in which the name of its first file stands."""
+_VERSIONS = "2."
+_PART = re.compile(rb"(?<!\\),")
+"""A comma that is not part of a text."""
+_LINE = re.compile(rb"(?:[^\n\\]|\\.|\\\n)+", re.DOTALL)
+"""A line with those that go on after a backslash."""
+_FIELDS = {3: (0, 1, 2), 5: (0, 1, 2), 6: (0, 1, 2, 3, 4, 5), 9: (0, 1, 2, 3, 4, 5)}
+"""Which components of T are read, by how many there are: a native flat world has two or three more."""
+_VEHICLES = (
+    ("Rotorcraft", "copter"), ("Air", "aircraft"), ("Watercraft", "boat"), ("Sea", "boat"),
+    ("Human", "pedestrian"), ("Missile", "rocket"), ("Rocket", "rocket"), ("Ground", "car"),
+)  # fmt: skip
+"""Vehicles by the words of a type."""
+_MAX_OBJECTS = 100_000
+"""Most objects of a file."""
+_MAX_NAMED = 5
+"""Most of them that are named in the report."""
+_MAX_TEXT = 40
+"""Most characters of a name in the report: the file is hostile."""
+_READ = {"T", "Type", "Name", "Pilot", "CallSign"}
+"""Properties of an object that are used; the others are listed."""
+_TEXTS = {
+    "Color", "Coalition", "Country", "Group", "Registration", "Squawk", "Importance", "Slot", "Parent",
+    "Next", "ShortName", "LongName", "FullName", "Label", "Comments", "Debug", "Shape", "Visible", "Disabled",
+}  # fmt: skip
+"""Properties that are no measurement."""
+
+
+@dataclass
+class _Object:
+    """An object from its first line to its end.
+
+    Attributes
+    ----------
+    key : bytes
+        Its number.
+    texts : dict
+        Name, type and pilot.
+    now : list
+        The latest place [°], [m] and attitude [°].
+    fixes, roll, pitch, yaw
+        All of them, each [°], [m].
+    """
+
+    key: bytes
+    texts: dict[str, str] = field(default_factory=dict)
+    now: list[float] = field(default_factory=lambda: [UNKNOWN] * 6)
+    fixes: Fixes = field(default_factory=Fixes)
+    roll: array[float] = field(default_factory=lambda: array("d"))
+    pitch: array[float] = field(default_factory=lambda: array("d"))
+    yaw: array[float] = field(default_factory=lambda: array("d"))
+
+    @property
+    def vehicle(self) -> str:
+        words = self.texts.get("Type", "").split("+")
+        return next((vehicle for word, vehicle in _VEHICLES if word in words), "")
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        named = [self.texts[one][:_MAX_TEXT] for one in ("Name", "Pilot", "CallSign") if self.texts.get(one)]
+        return f"{', '.join(named) or 'an object'} ({self.key.decode('ascii', 'replace')[:_MAX_TEXT]})"
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file starts like ACMI, or is a zip file of one."""
+    return _HEAD.match(head) is not None or (head.startswith(_ZIP) and _ENDING in head[:_ZIP_NAME])
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the flight of the object in the air that has most positions.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, is of another version, or has too few positions.
+    """
+    path = one_file(paths, NAME, fixed=units)
+    data = _text(path, whole(path, MAX_BYTES))
+    version = _VERSION.search(data[:1000])
+    if _HEAD.match(data) is None or version is None or not version[1].startswith(_VERSIONS.encode()):
+        said = version[1].decode() if version else "none"
+        raise MissionError(f"{path}: {NAME} of version {said}; accepted is {_VERSIONS}x")
+    objects = _Objects()
+    for line, text in _lines(data):
+        objects.accept(text, line)
+    return _flight(path, objects)
+
+
+def _text(path: Path, data: bytes) -> bytes:
+    """Return the text of a file, or of the first recording in a zip file."""
+    if not data.startswith(_ZIP):
+        return data
+    most = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            name = next((one for one in archive.namelist() if one.lower().endswith(_ENDING.decode())), "")
+            with archive.open(name) as member:
+                text = member.read(most + 1)
+    except KeyError:
+        raise MissionError(
+            f"{path}: the zip file has no {_ENDING.decode()} file in it; accepted is one"
+        ) from None
+    except (
+        zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError, RuntimeError,
+    ) as error:  # fmt: skip
+        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
+    if len(text) > most:
+        raise MissionError(
+            f"{path}: grows more than {MAX_RATIO} times when decompressed, beyond {most / 2**20:.0f} MB; "
+            "accepted are recordings"
+        )
+    return text
+
+
+def _lines(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Iterate over lines with their numbers; one that goes on in the next counts once."""
+    line, at = 1, 0
+    for found in _LINE.finditer(data):
+        line += data.count(b"\n", at, found.start())
+        at = found.start()
+        yield line, found[0].rstrip(b"\r")
+
+
+class _Objects:
+    """The objects of a file, as its lines come."""
+
+    def __init__(self) -> None:
+        self.all: list[_Object] = []
+        self.texts: dict[str, str] = {}
+        self.unused: dict[str, None] = {}
+        self.broken = self.first_broken = 0
+        self._now = UNKNOWN
+        self._alive: dict[bytes, _Object] = {}
+
+    def accept(self, text: bytes, line: int) -> None:
+        """Take a line."""
+        if text.startswith(b"#"):
+            self._now = number(text[1:].strip())
+        elif text.startswith(b"-"):
+            self._alive.pop(text[1:].strip(), None)
+        elif not text.startswith(b"//") and b"," in text:
+            key, *parts = _PART.split(text)
+            self._change(key.strip(), parts, line)
+
+    def _change(self, key: bytes, parts: Sequence[bytes], line: int) -> None:
+        """Take what has changed of an object, or of all: number 0."""
+        if key == b"0":
+            for part in parts:
+                name, _, value = part.partition(b"=")
+                self.texts[name.decode("utf-8", "replace")[:_MAX_TEXT]] = value.decode("utf-8", "replace")
+            return
+        one = self._alive.get(key)
+        if one is None:
+            if len(self.all) >= _MAX_OBJECTS:
+                return
+            one = self._alive[key] = _Object(key)
+            self.all.append(one)
+        for part in parts:
+            name, _, value = part.partition(b"=")
+            if name == b"T":
+                self._move(one, value, line)
+                continue
+            word = name.decode("utf-8", "replace")[:_MAX_TEXT]
+            if word in _READ:
+                one.texts[word] = value.decode("utf-8", "replace").replace("\\,", ",")
+            elif len(self.unused) < _MAX_OBJECTS:
+                self.unused[word] = None
+
+    def _move(self, one: _Object, value: bytes, line: int) -> None:
+        cells = value.split(b"|")
+        known = _FIELDS.get(len(cells))
+        if known is None:
+            self.broken += 1
+            self.first_broken = self.first_broken or line
+            return
+        changed = False
+        for at in known:
+            if cells[at].strip():
+                one.now[at] = number(cells[at])
+                changed = True
+        longitude, latitude, height, *euler = one.now
+        if changed and one.fixes.add(self._now, latitude, longitude, height, line):
+            for column, angle in zip((one.roll, one.pitch, one.yaw), euler, strict=True):
+                column.append(angle)
+
+
+def _flight(path: Path, objects: _Objects) -> RawFlight:
+    """Return the flight of the object that is read."""
+    moving = [one for one in objects.all if one.fixes.line]
+    if not moving:
+        raise MissionError(
+            f"{path}: none of its {len(objects.all)} objects has a position; accepted is a recording with T="
+        )
+    flown = [one for one in moving if "Air" in one.texts.get("Type", "").split("+")]
+    best = max(flown or moving, key=lambda one: len(one.fixes.line))
+    east, north = (number(objects.texts.get(f"Reference{name}", "0")) for name in ("Longitude", "Latitude"))
+    fixes = best.fixes
+    fixes.longitude[:] = array("d", (np.array(fixes.longitude) + np.nan_to_num(east)).tobytes())
+    fixes.latitude[:] = array("d", (np.array(fixes.latitude) + np.nan_to_num(north)).tobytes())
+    euler = np.radians(np.column_stack([np.frombuffer(one) for one in (best.roll, best.pitch, best.yaw)]))
+    unread = Dropped("with a T of another number of components", objects.broken, objects.first_broken)
+    track = fixes.track(
+        path,
+        NAME,
+        units_of_the_format({"Longitude": "°", "Latitude": "°", "Altitude": "m"}),
+        unread=unread,
+        remarks=_remarks(objects, best, len(moving)),
+        vehicle=best.vehicle,
+    )
+    return replace(track, euler=euler).flight()
+
+
+def _remarks(objects: _Objects, best: _Object, moving: int) -> tuple[str, ...]:
+    began = objects.texts.get("ReferenceTime", "")[:_MAX_TEXT]
+    remarks = [f"Time counts from {began or 'a reference that the file does not name'}.", SEA_LEVEL]
+    if moving > 1:
+        remarks.append(
+            f"The flight is that of {best.label}, which of {moving} objects has most positions of those in "
+            "the air."
+        )
+    unused = [name for name in objects.unused if name not in _TEXTS]
+    if unused:
+        more = f" and {len(unused) - _MAX_NAMED} more" if len(unused) > _MAX_NAMED else ""
+        remarks.append(f"Not read: {', '.join(unused[:_MAX_NAMED])}{more}.")
+    return tuple(remarks)

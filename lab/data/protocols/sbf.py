@@ -1,0 +1,159 @@
+"""Septentrio SBF: positions and velocities of a receiver, in geodetic or Cartesian form.
+
+PVTGeodetic makes a fix; PVTCartesian makes one until a PVTGeodetic is seen. HAccuracy is twice the rms of the
+horizontal distance and VAccuracy twice σ of the height, in cm. The time is that of GPS, counted from 1980.
+Other blocks, among them those of an IMU and of attitudes, are not read.
+
+References
+----------
+Septentrio, *mosaic-X5 Reference Guide*: SBF outline, PVTGeodetic (4007), PVTCartesian (4006).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.parameters.units import WEEK
+from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem
+from lab.data.protocols.rows import Rows
+from lab.data.protocols.samples import (
+    FIX_2D,
+    FIX_3D,
+    FIX_DIFFERENTIAL,
+    FIX_RTK,
+    FIX_RTK_FLOAT,
+    NAN,
+    NO_FIX,
+    Vector,
+)
+from lab.data.protocols.sending import merged, sent_fix
+from lab.motion.frames import ecef
+
+SYNC = b"$@"
+_HEAD, _STEP = 8, 4  # bytes of a header, and of which the length of a block is a multiple
+_GEODETIC, _CARTESIAN = 4007, 4006  # numbers of blocks
+_NUMBER = 0x1FFF  # bits of a number; the others are the revision
+_PVT = struct.Struct("<IH2B3d5fdf4B2HI")
+_QUALITY = struct.Struct("<2BH3HB")
+_UNKNOWN = -2e10
+"""What stands for a number that is not known, exact in four bytes, too."""
+_NO_TIME, _NO_WEEK, _NO_COUNT, _NO_ACCURACY = 2**32 - 1, 2**16 - 1, 2**8 - 1, 2**16 - 1
+_MILLISECOND, _CENTIMETRE = 1e-3, 1e-2
+_TWO_SIGMA = 2.0
+"""σ in an accuracy."""
+_MODE, _IS_2D = 0x0F, 0x80  # bits of the kind of a solution, and of one without a height
+_KINDS = {
+    1: FIX_3D, 2: FIX_DIFFERENTIAL, 3: FIX_3D, 4: FIX_RTK, 5: FIX_RTK_FLOAT, 6: FIX_DIFFERENTIAL, 7: FIX_RTK,
+    8: FIX_RTK_FLOAT, 10: FIX_DIFFERENTIAL,
+}  # fmt: skip
+"""Kinds of fixes, by the kind of a solution."""
+
+
+class Sbf(Framing):
+    """Framing of blocks, with a CRC of 16 bits."""
+
+    first = SYNC[:1]
+    longest = 8192
+
+    def __init__(self) -> None:
+        self._is_geodetic = False
+
+    def size(self, data: bytearray, at: int) -> int:
+        """Return the bytes of the block that begins at a place, `MORE` or `NONE`."""
+        head = data[at : at + _HEAD]
+        if not head.startswith(SYNC[: len(head)]):
+            return NONE
+        if len(head) < _HEAD:
+            return MORE
+        size = head[6] | head[7] << 8
+        return size if _HEAD <= size <= self.longest and size % _STEP == 0 else NONE
+
+    def passes(self, frame: bytes) -> bool:
+        """Return whether the CRC is the one said."""
+        return crc16_xmodem(frame[_STEP:]) == frame[2] | frame[3] << 8
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Add the fix of a block; return whether it is one that is read."""
+        number = (frame[4] | frame[5] << 8) & _NUMBER
+        if number not in {_GEODETIC, _CARTESIAN} or len(frame) < _HEAD + _PVT.size:
+            return False
+        self._is_geodetic |= number == _GEODETIC
+        if number == _CARTESIAN and self._is_geodetic:
+            return True
+        stamp, week, mode, error, *numbers = _PVT.unpack_from(frame, _HEAD)
+        place, velocity = [_known(one) for one in numbers[:3]], [_known(one) for one in numbers[4:7]]
+        latitude, longitude, height = place
+        velocity_n: Vector = (velocity[0], velocity[1], -velocity[2])
+        if number == _CARTESIAN and all(map(math.isfinite, place)):
+            latitude, longitude, height = ecef.geodetic(np.array([place]))[0].tolist()
+            axes = ecef.axes(np.array([latitude]), np.array([longitude]))[0]
+            velocity_n = (np.array(velocity) @ axes).tolist()
+        kind = _KINDS.get(mode & _MODE, NO_FIX) if error == 0 else NO_FIX
+        week_time = stamp * _MILLISECOND if stamp != _NO_TIME else NAN
+        satellites = numbers[12]
+        horizontal = vertical = NAN
+        if len(frame) >= _HEAD + _PVT.size + _QUALITY.size:
+            *_, h_accuracy, v_accuracy, _ = _QUALITY.unpack_from(frame, _HEAD + _PVT.size)
+            horizontal, vertical = _accuracy(h_accuracy) / math.sqrt(2), _accuracy(v_accuracy)
+        rows.add_fix(
+            end,
+            week * WEEK + week_time if week != _NO_WEEK else NAN,
+            week_time,
+            NAN,
+            latitude,
+            longitude,
+            height,
+            velocity_n,
+            horizontal,
+            vertical,
+            NAN,
+            satellites if satellites != _NO_COUNT else -1,
+            FIX_2D if kind != NO_FIX and mode & _IS_2D else kind,
+        )
+        return True
+
+
+def _known(value: float) -> float:
+    return value if math.isfinite(value) and value != _UNKNOWN else NAN
+
+
+def _accuracy(count: int) -> float:
+    """Return σ [m]; NaN for an accuracy that is not known."""
+    return count * _CENTIMETRE / _TWO_SIGMA if count != _NO_ACCURACY else NAN
+
+
+class SbfEncoder:
+    """Writes fixes as PVTGeodetic; an `Encoder`. Samples of an IMU are not sent."""
+
+    name = "septentrio"
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of fixes; what is not known is sent as the protocol says."""
+        return merged(imu[:0], fix, lambda _: b"", _fix)
+
+
+def _fix(row: np.void) -> bytes:
+    fix = sent_fix(row)
+    modes = {kind: mode for mode, kind in reversed(_KINDS.items())}
+    mode = modes.get(fix.kind, 0 if fix.kind <= NO_FIX else 1) | (_IS_2D if fix.kind == FIX_2D else 0)
+    week, seconds = divmod(float(row["time"]), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
+    place = [row[name] for name in ("latitude", "longitude", "height")]
+    numbers = [float(one) if math.isfinite(one) else _UNKNOWN for one in (*place, 0.0, *row["velocity_n"])]
+    if numbers[-1] != _UNKNOWN:
+        numbers[-1] = -numbers[-1]
+    body = _PVT.pack(
+        round(seconds / _MILLISECOND), int(week) % _NO_WEEK, mode, 0 if mode else 1, *numbers, _UNKNOWN, 0.0,
+        0.0, 0, 0, fix.satellites, 0, 0, 0, 0,
+    )  # fmt: skip
+    horizontal, vertical = (
+        min(round(_TWO_SIGMA * one / _CENTIMETRE), _NO_ACCURACY - 1) if one > 0 else _NO_ACCURACY
+        for one in (fix.horizontal_sigma * math.sqrt(2), fix.vertical_sigma)
+    )
+    body += _QUALITY.pack(0, 0, 0, 0, horizontal, vertical, 0)
+    size = -(-(_HEAD + len(body)) // _STEP) * _STEP
+    rest = struct.pack("<2H", _GEODETIC | 2 << 13, size) + body.ljust(size - _HEAD, b"\0")
+    return SYNC + crc16_xmodem(rest).to_bytes(2, "little") + rest

@@ -1,0 +1,106 @@
+"""Septentrio SBF: a published block has the values that its parser states; files are flights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pymap3d
+import pytest
+from live_streams import decoded, fixes, motion
+from writers import sbf as writer
+
+from lab.data.formats import read_raw
+from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.framing import crc16_xmodem
+from lab.data.protocols.recognition import recognise
+from lab.data.protocols.sbf import SbfEncoder
+from lab.missions import MissionError, mission
+from lab.motion.truth.trajectory import Trajectory
+
+# PVTCartesian with its values as semuconsulting/pysbf2 states them (tests/test_parse.py).
+BLOCK = bytes.fromhex(
+    "2440b759a60f6000589b730c3f0904001d0e5817fc044d41e6e48be6ea2902c1981928b218755341a6dd414251900138b486"
+    "713ac09385bbf90295d0e3afe66e4b6cde3f03e0563e000010408f028f020d093250000000002b007a0088000001"
+)
+BROKEN = BLOCK[:2] + b"\x5e\x62" + BLOCK[4:]
+PLACE = (3803640.1823747293, -148797.3625715144, 5100642.783697508)
+VELOCITY = (3.0890401831129566e-05, 0.000921349273994565, -0.004076451063156128)
+
+
+def checked(body: bytes) -> bytes:
+    """Return a block with its check, of what follows it."""
+    return b"$@" + crc16_xmodem(body).to_bytes(2, "little") + body
+
+
+def test_a_published_block_has_its_values():
+    (fix,) = decoded(decoder_of("septentrio"), BLOCK).fix
+    latitude, longitude, height = pymap3d.ecef2geodetic(*PLACE, deg=False)
+    assert (fix["latitude"], fix["longitude"]) == pytest.approx((latitude, longitude), abs=1e-13)
+    assert fix["height"] == pytest.approx(height, abs=1e-6)
+    east, north, up = pymap3d.ecef2enuv(*VELOCITY, np.degrees(latitude), np.degrees(longitude))
+    assert fix["velocity_n"] == pytest.approx((north, east, -up), abs=1e-9)
+    assert (fix["week_time"], fix["time"]) == (208_903.0, 2367 * 604_800 + 208_903.0)
+    # RTK with fixed ambiguities; HAccuracy 1.22 m is twice the rms of the distance, VAccuracy 1.36 m 2 σ.
+    assert (fix["fix_type"], fix["satellites"]) == (6, 16)
+    assert fix["horizontal_sigma"] == pytest.approx(1.22 / 2 / np.sqrt(2))
+    assert fix["vertical_sigma"] == pytest.approx(0.68)
+    decoder = decoder_of("septentrio")
+    assert not len(decoded(decoder, BROKEN).fix)
+    assert decoder.statistics.failed == 1
+
+
+def test_the_geodetic_form_is_preferred_and_errors_have_no_position():
+    geodetic = SbfEncoder().encode(motion(0), fixes(3))
+    found = decoded(decoder_of("septentrio"), geodetic + BLOCK).fix
+    assert len(found) == 3
+    body = bytearray(BLOCK[4:])
+    body[11] = 2  # Error: not enough satellites
+    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(body))).fix
+    assert fix["fix_type"] == 1
+    assert np.isnan(fix["latitude"])
+    # An older block without accuracies, and one with numbers that are not known.
+    old = bytearray(BLOCK[4:88])
+    old[2:4] = (88).to_bytes(2, "little")
+    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(old))).fix
+    assert np.isnan(fix["horizontal_sigma"])
+    unknown = bytearray(BLOCK[4:])
+    unknown[4:10] = b"\xff" * 6
+    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(unknown))).fix
+    assert np.isnan(fix["time"])
+
+
+def test_what_is_sent_is_read():
+    sent = fixes(20)
+    found = decoded(decoder_of("septentrio"), SbfEncoder().encode(motion(10), sent)).fix
+    for name in ("latitude", "longitude", "height"):
+        np.testing.assert_allclose(found[name], sent[name], atol=1e-12)
+    np.testing.assert_allclose(found["velocity_n"], sent["velocity_n"], atol=1e-5)
+    np.testing.assert_allclose(found["time"], sent["time"], atol=1e-3)
+    assert found["fix_type"].tolist() == sent["fix_type"].tolist()
+
+
+def test_the_protocol_is_recognised():
+    (first, *_) = recognise(4 * BLOCK)
+    assert first.name == "septentrio"
+
+
+@pytest.mark.parametrize("name", ["Septentrio SBF", "NovAtel OEM"])
+def test_a_file_is_a_flight(tmp_path, name):
+    from writers import WRITERS
+
+    (tmp_path / "flight.bin").write_bytes(b"noise" + WRITERS[name](mission("montreal").recording)[:-3])
+    flight = read_raw(tmp_path / "flight.bin")
+    assert flight.format == name
+    since = flight.time - (writer.START % 604_800)
+    truth = Trajectory.from_recording(mission("montreal").recording, 100.0).at(since)
+    np.testing.assert_allclose(flight.latitude, truth.latitude, atol=1e-9)
+    np.testing.assert_allclose(flight.height, truth.height, atol=1e-3)
+    np.testing.assert_allclose(flight.velocity_n, truth.velocity_n, atol=1e-4)
+    # The flight goes on over the end of the week.
+    assert np.diff(flight.time) == pytest.approx(0.2, abs=2e-3)
+
+
+def test_blocks_without_a_position_are_no_flight(tmp_path):
+    body = (4027).to_bytes(2, "little") + (16).to_bytes(2, "little") + bytes(8)
+    (tmp_path / "raw.sbf").write_bytes(200 * checked(body))
+    with pytest.raises(MissionError, match="Septentrio"):
+        read_raw(tmp_path / "raw.sbf")
