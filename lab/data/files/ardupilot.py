@@ -23,6 +23,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
+from lab.data.clock.faults import increasing
 from lab.data.files import sdlog2
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.data.files.dataflash_text import DataFlashText, is_text
@@ -365,7 +366,7 @@ def _gnss(
     fine = _fixed(gps) & np.isfinite(place).all(axis=1) & is_position(place) & np.isfinite(time)
     if "TimeUS" not in gps:
         # A fix that was logged twice has the time of the week of the first.
-        fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
+        fine[fine] = increasing(time[fine])
     number = instances[1] + 1
     names = f"GPS{number}_DELAY_MS", "GPS_DELAY_MS" if number == 1 else f"GPS_DELAY_MS{number}"
     late = max(parameters.get(name, 0.0) for name in names)

@@ -16,13 +16,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
+from lab.data.clock.faults import increasing
 from lab.data.files.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.data.files.inertial_attitude import inertial_attitude
 from lab.data.files.table import Header, head_lines, plain
@@ -148,10 +148,10 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     """Return the flight with rates and attitude at its times, as far as both files go."""
     imu = _columns(path, IMU, units)
     imu_time = imu.values["time"]
-    increases = _increases(imu_time)
+    increases = increasing(imu_time)
     imu_time = imu_time[increases]
     both = (flight.time >= imu_time[0]) & (flight.time <= imu_time[-1])
-    kept = both & _increases(flight.time)
+    kept = both & increasing(flight.time)
     if kept.sum() < MIN_SAMPLES:
         raise MissionError(
             f"{path}: goes from {imu_time[0]:.4f} to {imu_time[-1]:.4f} s, and the file of insgns-gps from "
@@ -169,10 +169,6 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
         body_rate=_at(flight.time, imu_time, rate) if rate.any() else None,
         units=(*flight.units, *imu.units.values()),
     )
-
-
-def _increases(time: FloatArray) -> NDArray[np.bool_]:
-    return np.append(True, time[1:] > np.maximum.accumulate(time)[:-1])
 
 
 def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:

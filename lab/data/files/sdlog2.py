@@ -21,6 +21,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
+from lab.data.clock.faults import increasing
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
@@ -229,7 +230,7 @@ def _gnss(log: _Messages, gps: Mapping[str, FloatArray]) -> GnssLog:
     fine = np.isfinite(time) & np.isfinite(place).all(axis=1) & is_position(place)
     if log.fixed is not None:
         fine &= log.fixed
-    fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
+    fine[fine] = increasing(time[fine])
     late = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", log.parameters.get("PE_POS_DELAY_MS", 0.0))
     return GnssLog(
         time=time[fine],

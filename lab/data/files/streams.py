@@ -19,6 +19,7 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import LATITUDES, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import estimator_resets
+from lab.data.clock.faults import increasing
 from lab.data.log.sensor_log import MAX_LEVER_ARM
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
 from lab.motion.frames.rotation import euler_from_quaternion
@@ -107,8 +108,7 @@ class Stream:
         if valid is not None:
             kept &= valid
         at = np.flatnonzero(kept)
-        later = time[at] > np.concatenate(([-np.inf], np.maximum.accumulate(time[at])[:-1]))
-        kept[at[~later]] = False
+        kept[at[~increasing(time[at])]] = False
         lost = 0 if kept.all() else int(np.argmin(kept)) + 1
         counted = None if counter is None else counter[kept]
         return cls(what, time[kept], values[kept], len(time), lost, counted)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.faults import increasing
 from lab.data.rebuild.quantisation import value_step
 from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured
 from lab.data.rebuild.row_repair import NO_FIX
@@ -229,7 +230,7 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
         Samples, such as heights [m].
     """
     # Time stamps are not repaired yet; the curve needs those that increase.
-    forward = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+    forward = increasing(time)
     t, y = time[forward] - time[0], values[forward, None]
     if len(t) < MIN_SAMPLES:
         return np.zeros_like(time)

@@ -12,6 +12,7 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.estimator_resets import JUMP, jumps, reported_step
+from lab.data.clock.faults import usual_step
 from lab.data.rebuild.raw_flight import Dropped, RawFlight, Reset
 from lab.motion.frames import ecef
 
@@ -271,11 +272,7 @@ def reset_places(raw: RawFlight) -> NDArray[np.intp]:
 
 def bridged_gap(raw: RawFlight, longest_gap: float) -> float:
     """Return the longest pause [s] that is bridged: `longest_gap`, and at least five usual steps."""
-    return max(longest_gap, _MIN_GAP_STEPS * _usual(np.diff(raw.time)))
-
-
-def _usual(steps: NDArray[np.float64]) -> float:
-    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return max(longest_gap, _MIN_GAP_STEPS * usual_step(raw.time))
 
 
 def longest_stretch(
@@ -305,7 +302,7 @@ def longest_stretch(
         If no stretch has samples enough.
     """
     steps = np.diff(raw.time)
-    usual = _usual(steps)
+    usual = usual_step(raw.time)
     cut = steps > bridged_gap(raw, longest_gap)
     if raw.latitude is not None and raw.longitude is not None:
         cut |= _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)

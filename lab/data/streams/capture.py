@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.data.clock.device_clock import FORWARD
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import DECODERS, decoder_of
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.recognition import recognise, sound_frames
@@ -193,7 +193,7 @@ def _arrivals(
     times, ends = times[order], ends[order]
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    steps[(steps < 0) | (steps > FORWARD)] = usual  # the clock was set
+    steps[(steps < 0) | (steps > LIMITS.forward)] = usual  # the clock was set
     since = np.concatenate(([0.0], np.cumsum(steps)))
     last = np.append(np.diff(np.floor(since / _PIECE)) > 0, True)
     return ends[last], since[last]
