@@ -22,11 +22,7 @@ from lab.base.arrays import FloatArray, IntArray
 from lab.base.parameters.units import DAY
 from lab.data.clock.faults import increasing
 from lab.data.files.dataflash_file import Log
-
-Messages = dict[str, FloatArray]
-
-TIME = "time [s]"
-"""Key of the time that a log's messages are given; no message can have a field of this name."""
+from lab.data.files.streams import TIME, Messages
 
 _GPS = "GPS"
 _AVERAGED = 2.0
