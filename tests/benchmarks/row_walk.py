@@ -1,8 +1,9 @@
 """Row walk: the functions that one row of a csv goes through, from the file to the flight for the navigator.
 
-``python -m tests.benchmarks.row_walk [FILE...]`` imports a flight, or without files one with vertical velocities, and
-prints each function with its calls, and then how many functions in how many rooms run at all, and how many of
-them hand the row on: what they return, or yield, holds as many rows as the file, or the bytes of the last one.
+``python -m tests.benchmarks.row_walk [FILE...]`` imports a flight, or without files one with vertical
+velocities. It prints each function with its calls, and then how many functions in how many rooms run at all,
+and how many of them hand the row on: what they return, or yield, holds as many rows as the file, or the text
+of the last one.
 Properties, comprehensions and generators count as functions. A room is a folder.
 """
 
