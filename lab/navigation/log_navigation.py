@@ -11,6 +11,7 @@ the σ that follows from theirs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -284,15 +285,8 @@ def used_fixes(
         R[rows, 3 + axis, :] = 0.0
         R[rows, :, 3 + axis] = 0.0
         R[rows, 3 + axis, 3 + axis] = UNKNOWN**2
-    known = GnssLog(
-        gnss.time,
-        gnss.position,
-        np.where(unknown, velocity_of_positions(gnss.time, gnss.position), gnss.velocity_n),
-        gnss.position_sigma,
-        gnss.velocity_sigma,
-        gnss.lever_arm,
-        gnss.latency,
-    )
+    velocity = np.where(unknown, velocity_of_positions(gnss.time, gnss.position), gnss.velocity_n)
+    known = replace(gnss, velocity_n=velocity)
     return known, R, np.diagonal(R, axis1=1, axis2=2).copy()
 
 

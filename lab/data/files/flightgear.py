@@ -159,8 +159,7 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
         )
     dropped = imu.dropped
     for reason, lost in (("outside the time of insgns-imu", ~both), ("back in time", both & ~kept)):
-        if lost.any():
-            dropped += (Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1),)
+        dropped += Dropped.of(reason, lost)
     flight = flight.rows(kept, dropped)
     rate = np.column_stack([imu.values[key][increases] for key in ("p", "q", "r")])
     force = np.column_stack([imu.values[key][increases] for key in ("fx", "fy", "fz")])

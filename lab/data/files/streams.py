@@ -310,15 +310,8 @@ def gnss_of(
     if once:
         fine[fine] = increasing(time[fine])
     level, vertical, speed = (unknown[:, 0] if one is None else believed_sigma(one) for one in sigmas)
-    return GnssLog(
-        time=time[fine],
-        position=place[fine],
-        velocity_n=velocity[fine],
-        position_sigma=np.column_stack((level, level, vertical))[fine],
-        velocity_sigma=np.column_stack((speed, speed, speed))[fine],
-        lever_arm=lever_arm,
-        latency=latency,
-    )
+    of_position, of_velocity = np.column_stack((level, level, vertical)), np.column_stack((speed,) * 3)
+    return GnssLog(time, place, velocity, of_position, of_velocity, lever_arm, latency).rows(fine)
 
 
 def checked_log(path: Path, imu: Stream, gnss: GnssLog, auxiliary: AuxiliaryData) -> SensorLog:
@@ -438,14 +431,11 @@ def flight_of(
 
 def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[Flags, list[Dropped]]:
     """Return at which times of a stream all others are known, and the report on the other times."""
-    kept, dropped = np.ones(len(base.time), dtype=bool), []
+    kept, dropped = np.ones(len(base.time), dtype=bool), list[Dropped]()
     for other in others:
         known = other.known(base.time)
-        lost = kept & ~known
-        if lost.any():
-            reason = f"{base.what} while the {other.what} was not logged"
-            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
-            kept &= known
+        dropped += Dropped.of(f"{base.what} while the {other.what} was not logged", kept & ~known)
+        kept &= known
     return kept, dropped
 
 

@@ -24,7 +24,7 @@ from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import increasing
 from lab.data.rebuild.quantisation import value_step
-from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured
+from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured, listed
 from lab.data.rebuild.row_repair import NO_FIX
 from lab.data.rebuild.sample_times import prediction_error
 from lab.data.rebuild.smoothing import (
@@ -186,10 +186,8 @@ class Track:
         )
 
     def _keep(self, kept: NDArray[np.bool_], fine: NDArray[np.bool_], reason: str) -> None:
-        lost = kept & ~fine
-        if lost.any():
-            self._lost.append(Dropped(reason, int(lost.sum()), int(self.lines[np.argmax(lost)])))
-            kept &= fine
+        self._lost.extend(Dropped.of(reason, kept & ~fine, self.lines))
+        kept &= fine
 
     @staticmethod
     def _has(kept: NDArray[np.bool_], values: FloatArray) -> bool:
@@ -199,8 +197,7 @@ class Track:
     def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
         if kept.sum() >= MIN_SAMPLES:
             return
-        lost = (*self.dropped, *self._lost)
-        why = "; ".join(f"{drop.count} from row {drop.first_row} on: {drop.reason}" for drop in lost)
+        why = listed((*self.dropped, *self._lost))
         raise MissionError(
             f"{self.path}: {kept.sum()} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
             f"accepted is a track of at least {MIN_SAMPLES} points with time and position"

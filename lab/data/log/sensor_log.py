@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import UsualInterval, equal_runs, filled, over_rollovers
 from lab.data.clock.limits import LIMITS
@@ -76,6 +76,12 @@ class GnssLog:
     velocity_sigma: FloatArray
     lever_arm: FloatArray
     latency: float
+
+    def rows(self, rows: Flags | slice, zero: float = 0.0) -> GnssLog:
+        """Return some of the fixes, their stamps counted from a time [s]."""
+        arrays = ("position", "velocity_n", "position_sigma", "velocity_sigma")
+        some = {name: getattr(self, name)[rows] for name in arrays}
+        return replace(self, time=self.time[rows] - zero, **some)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,7 +204,7 @@ def repaired(
         values[np.searchsorted(time, stamps[1:][whole]) - 1] = samples[1:][whole]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
-    fixes = _picked(gnss, gnss_rows, epoch)
+    fixes = gnss.rows(gnss_rows, epoch)
     repairs += coverage_remarks(stamps, gnss.time[gnss_rows] - gnss.latency)
     repairs += constant_axes_remarks(name, samples, fixes.position)
     _report_missing(fixes, repairs)
@@ -348,18 +354,6 @@ def _without_gaps(
         f"{clock_text(time[longest])} to {clock_text(time[longest + 1])} s of the file's clock."
     )
     return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
-
-
-def _picked(gnss: GnssLog, rows: NDArray[np.bool_], epoch: float) -> GnssLog:
-    return GnssLog(
-        time=gnss.time[rows] - epoch,
-        position=gnss.position[rows],
-        velocity_n=gnss.velocity_n[rows],
-        position_sigma=gnss.position_sigma[rows],
-        velocity_sigma=gnss.velocity_sigma[rows],
-        lever_arm=gnss.lever_arm,
-        latency=gnss.latency,
-    )
 
 
 def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:

@@ -370,7 +370,6 @@ def _gps_track(
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
     known, place = _fixed(gps), _place(gps)
     lines = np.arange(1, len(known) + 1)
-    lost = int((~known).sum())
     return Track(
         path=path,
         format=NAME,
@@ -383,7 +382,7 @@ def _gps_track(
         lines=lines[known],
         columns=units_of_the_format(_TRACK_UNITS),
         rows_read=len(known),
-        dropped=(Dropped("without a fix", lost, int(lines[~known][0])),) if lost else (),
+        dropped=Dropped.of("without a fix", ~known),
         remarks=("The vehicle sent no solution of its estimator: the track of its GPS is used.", *remarks),
         vehicle=kind,
     )

@@ -401,7 +401,5 @@ def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
     words
         Why.
     """
-    if not mask.any():
-        return []
-    first = int(np.argmax(mask))
-    return [Dropped(f"{words}, first at {raw.time[first]:.12g} s", int(mask.sum()), first + 1)]
+    first = f", first at {raw.time[np.argmax(mask)]:.12g} s" if mask.any() else ""
+    return list(Dropped.of(f"{words}{first}", mask))
