@@ -176,11 +176,10 @@ def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
 
 def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, force: FloatArray) -> RawFlight:
     """Return the flight with the attitude reconstructed from rates and forces, and a remark on it."""
-    assert flight.latitude is not None and flight.longitude is not None and flight.height is not None
-    assert flight.velocity_n is not None
+    place = flight.position
+    assert place is not None and flight.velocity_n is not None
     found = None
     if rate.any() and force.any():
-        place = np.column_stack((flight.latitude, flight.longitude, flight.height))
         found = inertial_attitude(flight.time, place, flight.velocity_n, imu_time, rate, force)
     if found is None or not found.heading_uncertainty < MOST_UNCERTAIN:
         remark = (

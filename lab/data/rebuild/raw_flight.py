@@ -208,6 +208,14 @@ class RawFlight:
             object.__setattr__(self, name, value)
 
     @property
+    def position(self) -> FloatArray | None:
+        """Latitude, longitude [rad] and height [m] (n, 3), zero without heights; None without positions."""
+        if self.latitude is None or self.longitude is None:
+            return None
+        height = np.zeros_like(self.latitude) if self.height is None else self.height
+        return np.stack((self.latitude, self.longitude, height), axis=-1)
+
+    @property
     def quantities(self) -> tuple[str, ...]:
         """Names of the arrays the file has."""
         return tuple(
