@@ -15,7 +15,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.data.clock.limits import LIMITS
-from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.displacement import velocity_of_positions
 
 _PARAMETERS = 6
 """Three weights of the gyros, their bias, offset and rate."""
@@ -169,10 +169,7 @@ def _turns(
     if time.size < LIMITS.legs or not (np.diff(time) > 0).all():
         return (np.empty(0),) * 3
     if np.isnan(velocity).any():
-        per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
-        north = np.gradient(position[:, 0], time) * per_latitude
-        east = np.gradient(np.unwrap(position[:, 1]), time) * per_longitude
-        velocity = np.column_stack((north, east))
+        velocity = velocity_of_positions(time, position)[:, :2]
     # Fixes more often than once in half a second show the course no better.
     step = max(1, round(0.5 / float(np.median(np.diff(time)))))
     time, velocity = time[::step], velocity[::step]
