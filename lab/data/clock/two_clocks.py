@@ -19,8 +19,8 @@ from lab.motion.frames.displacement import velocity_of_positions
 
 _PARAMETERS = 6
 """Three weights of the gyros, their bias, offset and rate."""
-_ROUNDS = 20
-"""Most steps of Gauss and Newton to the best offset and rate. A plain choice: three are mostly enough."""
+_ROUNDS = 10
+"""Steps of Gauss and Newton to the best offset and rate. A plain choice: three are mostly enough."""
 
 
 class ClockRate(NamedTuple):
@@ -143,21 +143,23 @@ class _Legs(NamedTuple):
     def refined(self, offset: float, rate: float, free: int = 2) -> tuple[tuple[float, float], float]:
         """Return the best offset and rate near some, and σ of the rate; with one free, the rate stays."""
         steps = LIMITS.offset_step * np.array((1.0, 1 / float(self.end[-1] - self.start[0])))
-        best = np.array((offset, rate))
+        best, reach = np.array((offset, rate)), 1.0
         for _ in range(_ROUNDS):
-            left = self.left(*best)
-            slopes = [
-                (self.left(*best + step) - self.left(*best - step)) / 2 for step in np.diag(steps)[:free]
-            ]
-            inverse = np.linalg.pinv(np.transpose(slopes))
-            change = np.clip(-inverse @ left, -1, 1)
-            better = best + steps * np.append(change, (0.0,) * (2 - free))
-            if self.cost(*better) >= np.sum(left**2):
-                break
-            best = better
-        variance = LIMITS.correlated * np.sum(left**2) / max(self.turn.size - _PARAMETERS, 1)
-        sigma = steps[free - 1] * np.sqrt(variance * np.sum(inverse[-1] ** 2))
+            change = np.clip(-self._inverse(best, reach * steps[:free]) @ self.left(*best), -1, 1)
+            better = best + reach * steps * np.append(change, (0.0,) * (2 - free))
+            if self.cost(*better) < self.cost(*best):
+                best = better
+            else:
+                reach /= 2
+        variance = LIMITS.correlated * self.cost(*best) / max(self.turn.size - _PARAMETERS, 1)
+        sigma = steps[free - 1] * np.sqrt(variance * np.sum(self._inverse(best, steps[:free])[-1] ** 2))
         return (float(best[0]), float(best[1])), float(sigma)
+
+    def _inverse(self, place: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the inverse of the change of what is left by steps of the offset, or of offset and rate."""
+        each = np.eye(steps.size, 2) * np.append(steps, 0.0)[:2]
+        slopes = [(self.left(*place + step) - self.left(*place - step)) / 2 for step in each]
+        return np.asarray(np.linalg.pinv(np.transpose(slopes)))
 
 
 def _turns(
