@@ -20,7 +20,7 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.clock.sheet_stamps import set_backs
+from lab.data.clock.faults import set_backs
 from lab.data.files.unit_names import UNITS
 from lab.data.formats import log_reader_of
 from lab.data.sheets.column_names import VECTORS

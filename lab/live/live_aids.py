@@ -16,6 +16,7 @@ from lab.base.aid_table import AIDS, FURTHER, SENT
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
+from lab.data.clock.faults import increasing
 from lab.data.streams.live_log import magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.motion.frames.magnetic_field import magnetic_declination
@@ -178,7 +179,7 @@ class LiveAids:
         magnetic : (n, 3) array
             Field in b [T]; NaN, or zero in all axes, where it was not measured.
         """
-        good = time > np.maximum.accumulate(np.append(self._newest, time))[:-1]
+        good = increasing(time, self._newest)
         self._newest = max(self._newest, *time.tolist()) if time.size else self._newest
         found = magnetometer_of(time[good], magnetic[good])
         if found is None:

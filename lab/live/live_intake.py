@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.parameters.counted import counted, were
+from lab.data.clock.faults import increasing
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.data.log.pressure_height import Heights
@@ -91,8 +92,7 @@ class FixIntake:
         earliest = float(stream.fixes.column("time")[-1]) if len(stream.fixes) else -np.inf
         if stream.filter is not None:
             earliest = max(earliest, stream.filter.reach)
-        usable = np.where(good, time, -np.inf)
-        good &= usable > np.maximum.accumulate(np.append(earliest, usable))[:-1]
+        good &= increasing(np.where(good, time, np.nan), earliest)
         self.refused += int((~good).sum())
         rows = rows[good]
         if not rows.size:

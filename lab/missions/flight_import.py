@@ -286,12 +286,12 @@ def own_solution(reader: Reader, path: Path, epoch: float) -> tuple[Comparison, 
         raw = reader.read((path,), {})
     except MissionError:
         return ()
-    if raw.euler is None or raw.latitude is None or raw.longitude is None or raw.height is None:
+    place = raw.position
+    if raw.euler is None or place is None or raw.height is None:
         return ()  # without an attitude it is the receiver's and no estimator's
     rows = np.append(True, np.diff(raw.time) > 0)[: len(raw.time)]
     if rows.sum() < 2 or (np.diff(raw.time[rows]) <= 0).any():
         return ()
-    place = np.column_stack((raw.latitude, raw.longitude, raw.height))
     velocity = np.full_like(place, np.nan) if raw.velocity_n is None else raw.velocity_n
     name = f"the autopilot's own solution ({reader.name})"
     return (Comparison(raw.time[rows] - epoch, place[rows], velocity[rows], raw.euler[rows], name),)

@@ -11,6 +11,7 @@ the σ that follows from theirs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import GnssLog, SensorLog
-from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.displacement import velocity_of_positions
 from lab.navigation import navigator as linear
 from lab.navigation.aiding import aids_of, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
@@ -284,15 +285,8 @@ def used_fixes(
         R[rows, 3 + axis, :] = 0.0
         R[rows, :, 3 + axis] = 0.0
         R[rows, 3 + axis, 3 + axis] = UNKNOWN**2
-    known = GnssLog(
-        gnss.time,
-        gnss.position,
-        np.where(unknown, velocity_of_positions(gnss.time, gnss.position), gnss.velocity_n),
-        gnss.position_sigma,
-        gnss.velocity_sigma,
-        gnss.lever_arm,
-        gnss.latency,
-    )
+    velocity = np.where(unknown, velocity_of_positions(gnss.time, gnss.position), gnss.velocity_n)
+    known = replace(gnss, velocity_n=velocity)
     return known, R, np.diagonal(R, axis1=1, axis2=2).copy()
 
 
@@ -411,20 +405,3 @@ def start_fixes(fixes: Fixes, measured: FloatArray, variances: FloatArray) -> tu
     with np.errstate(divide="ignore"):
         derived = np.sqrt(2) * sigma[:, :3] / over[:, None]
     return fixes, np.where(unknown, derived, sigma[:, 3:])
-
-
-def velocity_of_positions(time: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the velocity (m, 3) north, east, down from differences of positions; down is zero [m/s].
-
-    Parameters
-    ----------
-    time : (m,) array
-        At least two times [s].
-    position : (m, 3) array
-        Latitude, longitude [rad] and height [m].
-    """
-    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
-    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
-    north = np.gradient(latitude, time) * per_latitude
-    east = np.gradient(longitude, time) * per_longitude
-    return np.stack((north, east, np.zeros_like(north)), axis=-1)

@@ -79,7 +79,7 @@ def save_preview(read: FlightImport, path: Path) -> None:
 def _track(read: FlightImport) -> figure:
     """Return the ground track in metres north and east of the start, equal scales."""
     recording, raw = read.recording, read.flight.raw
-    made = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    made = recording.position
     fig = plain_figure(
         "Ground track",
         "east of the start [m]",
@@ -93,9 +93,8 @@ def _track(read: FlightImport) -> figure:
     fig.toolbar.active_scroll = zoom
     fig.min_border_left = 80
     glyphs: dict[str, GlyphRenderer[Any]] = {}
-    if raw.latitude is not None and raw.longitude is not None:
-        height = np.zeros_like(raw.latitude) if raw.height is None else raw.height
-        recorded = np.stack((raw.latitude, raw.longitude, height), axis=-1)
+    recorded = raw.position
+    if recorded is not None:
         east, north = _map(made[:1], recorded)
         glyphs["recorded"] = fig.scatter(east, north, size=4, color=FIXES, line_color=None, alpha=0.6)
     east, north = _map(made[:1], made)

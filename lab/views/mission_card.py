@@ -8,8 +8,9 @@ from itertools import groupby
 import numpy as np
 
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.limits import LIMITS
 from lab.data.log.log_section import piece
-from lab.data.log.sensor_log import MAX_GAP, SensorLog
+from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport
 from lab.missions.catalogue import mission as find_mission
 from lab.missions.log_mission import LogMission
@@ -97,7 +98,7 @@ def _gaps(log: SensorLog) -> str:
     if len(log.gaps):
         parts.append(f"{len(log.gaps)}, {np.diff(log.gaps, axis=1).sum():.3g} s in all, filled")
     if len(log.breaks):
-        parts.append(f"{len(log.breaks)} of more than {MAX_GAP:g} s")
+        parts.append(f"{len(log.breaks)} of more than {LIMITS.longest_filled:g} s")
     return "; ".join(parts) or "none"
 
 

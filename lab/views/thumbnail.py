@@ -42,8 +42,7 @@ def picture(mission: Mission, width: int = WIDTH) -> str:
     if isinstance(mission, LogMission):
         return thumbnail(mission.log.gnss.time, mission.log.gnss.position, width)
     flight = mission.recording
-    position = np.stack((flight.latitude, flight.longitude, flight.height), axis=-1)
-    return thumbnail(flight.time, position, width)
+    return thumbnail(flight.time, flight.position, width)
 
 
 def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str:

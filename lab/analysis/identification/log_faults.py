@@ -18,11 +18,10 @@ from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES, SAME, ImuAxes, level, signed
-from lab.data.clock.usual_interval import UsualInterval
+from lab.data.clock.faults import UsualInterval
+from lab.data.clock.limits import LIMITS
 from lab.data.log.sensor_log import SensorLog
 
-_LOST = 1.5
-"""Interval in usual ones from which a sample is lost in it: halfway between one and two."""
 _WORTH = 0.05
 """Part of the time that is lost from which that may be what is wrong: a few samples are one manoeuvre."""
 
@@ -150,7 +149,7 @@ def _of_losses(log: SensorLog) -> Iterator[LogFault]:
     """Yield lost samples: what the IMU moved by in long intervals is not what its samples show."""
     dt = np.diff(log.time)
     usual = UsualInterval().accept(dt)
-    long = dt > _LOST * usual
+    long = dt > LIMITS.missing * usual
     at, filled = log.time[1:], np.zeros(dt.size, np.bool_)
     for start, end in log.gaps:
         filled |= (at > start + 1e-9) & (at <= end + 1e-9)

@@ -19,8 +19,8 @@ from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
 from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, SAME, ImuAxes, about_down, others
 from lab.data.checks.window_matches import WindowMatches
-from lab.data.log.sensor_log import GnssLog, SensorLog
-from lab.motion.frames.displacement import metres_per_radian
+from lab.data.log.sensor_log import SensorLog
+from lab.motion.frames.displacement import velocity_of_positions
 
 VELOCITY_SIGMA = 0.1
 """σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
@@ -113,7 +113,7 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
     time = gnss.time - gnss.latency
     velocity = gnss.velocity_n[:, :2]
     if not np.isfinite(velocity).all(axis=1).any() and time.size > 1:
-        velocity = velocity_of_positions(gnss)
+        velocity = velocity_of_positions(gnss.time, gnss.position)[:, :2]
     speed = np.linalg.norm(velocity, axis=1)
     sigma = gnss.velocity_sigma[:, :2].max(axis=1, initial=0.0)
     sigma = np.where(np.isfinite(sigma), sigma, VELOCITY_SIGMA)
@@ -134,13 +134,6 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
                 and time[piece[-1]] - time[piece[0]] > limits.LOG.shortest_stretch
             ):
                 yield _Stretch(time[piece], course[piece])
-
-
-def velocity_of_positions(gnss: GnssLog) -> FloatArray:
-    """Return the horizontal velocity (m, 2) of fixes by their positions [m/s]."""
-    north, east = metres_per_radian(gnss.position[:, 0], 0.0)
-    steps = (gnss.position[:, 0], north), (np.unwrap(gnss.position[:, 1]), east)
-    return np.stack([np.gradient(angle, gnss.time) * scale for angle, scale in steps], axis=-1)
 
 
 def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:

@@ -104,7 +104,7 @@ class CheckLimits:
         Relative difference of two samples that are equal: rates are increments over their interval.
     samples_at_end : int
         Fewest samples in a row at the end: four equal rows are a sensor polled too often
-        (`sensor_log.MAX_REPEAT`).
+        (`ClockLimits.polled`).
     levels : int
         Fewest different values between the median of the others and the end: coarse sensors at rest show
         two or three.

@@ -23,7 +23,6 @@ from lab.data.checks.gyro_check import (
     are_explained,
     check_course,
     check_velocities,
-    velocity_of_positions,
 )
 from lab.data.checks.likeness import UNITS, nearest
 from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
@@ -32,6 +31,7 @@ from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
+from lab.motion.frames.displacement import velocity_of_positions
 from lab.motion.frames.rotation import wrap
 from lab.motion.kinematics.running_turns import turned
 
@@ -187,7 +187,7 @@ def motion_of(log: SensorLog) -> FixMotion:
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
     if np.isnan(velocity).any():
-        velocity = velocity_of_positions(gnss)
+        velocity = velocity_of_positions(gnss.time, gnss.position)[:, :2]
     velocity, time = velocity[at], time[at]
     speed = np.linalg.norm(velocity, axis=1)
     rise = -np.nan_to_num(gnss.velocity_n[at, 2]) / np.maximum(speed, limits.LOG.course_speed)

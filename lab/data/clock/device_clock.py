@@ -3,8 +3,8 @@
 Bytes arrive late by a delay that varies, but never early, so the least delay within a second shows the offset
 of the two clocks. A loop of second order follows offset and drift: intervals between samples change by parts
 in a million only, whatever single arrivals do. How late the first samples were, the first second shows; the
-mapping makes up for that at `MADE_UP`, and takes it for no drift. It depends on the times alone, so a replay
-gives the same bits.
+mapping makes up for that at `ClockLimits.made_up`, and takes it for no drift. It depends on the times alone,
+so a replay gives the same bits.
 """
 
 from __future__ import annotations
@@ -15,30 +15,7 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-
-LOOK = 1.0
-"""Time over which the least delay is taken [s]: long against a busy host, short against the drift."""
-SLOWEST = 0.1
-"""Bandwidth of the loop when it has settled [rad/s]: the drift of a crystal changes within minutes."""
-FASTEST = 0.7
-"""Bandwidth at the start [rad/s]: below one over `LOOK`, beyond which the loop swings."""
-MAX_DRIFT = 5e-3
-"""Largest drift that is followed: a NEO-M8U ran 0.3 % slow, crystals 0.01 %."""
-MAX_SLEW = 5e-3
-"""Largest change of the pace beside the drift, which a gyro shows as a scale factor of 0.5 %."""
-FEWEST = 5
-"""Fewest least delays with a σ of the drift: fewer are mostly those with which the mapping began."""
-NARROWED = 3.0
-"""σ of the drift in that of a loop with a constant band: this one's narrows. Measured on simulated delays of
-a quiet and a busy host and of a network: 95 % of the errors were within 1.7 σ."""
-MADE_UP = 4e-3
-"""Change of the pace that makes up for a late beginning: with a crystal's drift, it is below `MAX_SLEW`."""
-STEP = 0.25
-"""Jump of the device's clock against the host's that says that it was set [s]; and least delay from which
-samples of a counted stream are missing: a busy host is not late by so much for all of `LOOK`."""
-FORWARD = 3600.0
-"""Largest step of the device's clock that may be a silence [s]; a larger one says that it was set."""
-
+from lab.data.clock.limits import LIMITS
 
 _OLDER = 7
 """Values of a state in recordings from before the beginning could be late."""
@@ -57,7 +34,7 @@ class DeviceClock:
     drift : float
         How much faster the device's clock runs than the host's, as a part of 1.
     drift_sigma : float
-        σ of the drift, from how the least delays scatter; infinite before there are `FEWEST`.
+        σ of the drift, from how the least delays scatter; infinite before there are enough.
     delay : float
         Least delay in the last second that ended, against the mapping [s].
     steps : int
@@ -110,11 +87,11 @@ class DeviceClock:
         except (TypeError, ValueError, OverflowError):
             return clock
         pace, slope = given[3:5]
-        if not (abs(slope) <= MAX_DRIFT and abs(pace - 1) <= MAX_DRIFT + MAX_SLEW):
+        if not (abs(slope) <= LIMITS.drift and abs(pace - 1) <= LIMITS.drift + LIMITS.slew):
             return clock
         clock._device, clock._host, clock._begun, clock._pace, clock._slope = given[:5]
         clock._least, clock._look_ends = given[5:7]
-        clock._owed = min(max(given[7], -STEP), 0.0) if math.isfinite(given[7]) else math.nan
+        clock._owed = min(max(given[7], -LIMITS.step), 0.0) if math.isfinite(given[7]) else math.nan
         clock.drift = 1 / (1 + slope) - 1
         return clock
 
@@ -136,7 +113,7 @@ class DeviceClock:
     def _made_up(self, steps: FloatArray) -> FloatArray:
         """Return how much earlier times are than by the pace alone, for a late beginning; at most 0 [s]."""
         owed = 0.0 if math.isnan(self._owed) else self._owed
-        return np.asarray(np.maximum(owed, -MADE_UP * np.maximum(steps, 0.0)))
+        return np.asarray(np.maximum(owed, -LIMITS.made_up * np.maximum(steps, 0.0)))
 
     def mapped(self, device: FloatArray, arrival: float) -> tuple[FloatArray, bool]:
         """Return times of the host for times of the device, and whether the mapping began anew.
@@ -150,23 +127,23 @@ class DeviceClock:
         """
         last = float(device[-1])
         step = last - self._device
-        if not 0.0 < step < FORWARD:
+        if not 0.0 < step < LIMITS.forward:
             return self._anchored(device, arrival), True
         steps = device - self._device
         made_up = self._made_up(steps)
         times = self._host + self._pace * steps + made_up
         late = arrival - float(times[-1])
-        if late < -STEP and step > STEP:
+        if late < -LIMITS.step and step > LIMITS.step:
             return self._anchored(device, arrival), True
         self._device, self._host = last, float(times[-1])
         if not math.isnan(self._owed):
             self._owed -= float(made_up[-1])
             late -= self._owed
         self._least = min(self._least, late)
-        if arrival >= self._look_ends + LOOK:  # a silence: what was held back comes late
-            self._look_ends = arrival + LOOK
+        if arrival >= self._look_ends + LIMITS.look:  # a silence: what was held back comes late
+            self._look_ends = arrival + LIMITS.look
         elif arrival >= self._look_ends:
-            if self.counted and self._least > STEP:
+            if self.counted and self._least > LIMITS.step:
                 return self._anchored(device, arrival), True
             self._follow(arrival)
         return times, False
@@ -178,7 +155,7 @@ class DeviceClock:
         times = arrival + (1 + self._slope) * (device - last)
         self._device, self._host, self._begun = last, arrival, arrival
         self._pace = 1 + self._slope
-        self._least, self._look_ends = math.inf, arrival + LOOK
+        self._least, self._look_ends = math.inf, arrival + LIMITS.look
         self._looks, self._scatter, self.drift_sigma, self._owed = 0, 0.0, math.inf, math.nan
         return times
 
@@ -187,27 +164,29 @@ class DeviceClock:
         least = self._least
         if math.isnan(self._owed):
             self._owed = 0.0
-            if -STEP < least < 0:  # nothing comes early: the beginning was late
+            if -LIMITS.step < least < 0:  # nothing comes early: the beginning was late
                 self._owed, least = least, 0.0
-        band = max(SLOWEST, min(FASTEST, 2 / max(arrival - self._begun, LOOK)))
-        slew = min(max(math.sqrt(2) * band * least, -MAX_SLEW), MAX_SLEW)
-        if abs(least) < STEP:
-            self._slope = min(max(self._slope + band**2 * least * LOOK, -MAX_DRIFT), MAX_DRIFT)
+        band = max(LIMITS.slowest, min(LIMITS.fastest, 2 / max(arrival - self._begun, LIMITS.look)))
+        slew = min(max(math.sqrt(2) * band * least, -LIMITS.slew), LIMITS.slew)
+        if abs(least) < LIMITS.step:
+            self._slope = min(max(self._slope + band**2 * least * LIMITS.look, -LIMITS.drift), LIMITS.drift)
         elif least > 0:  # a network that is slow is no drift
             slew = 0.0
         self._pace = 1 + self._slope + slew
         self.drift = 1 / (1 + self._slope) - 1
         self.delay = least
         self._judge(least, band)
-        self._least, self._look_ends = math.inf, arrival + LOOK
+        self._least, self._look_ends = math.inf, arrival + LIMITS.look
 
     def _judge(self, least: float, band: float) -> None:
         """Take the σ of the drift from the scatter of the least delays that the loop remembers.
 
-        White delays of variance s² make a variance of the slope of LOOK·band³·s²/(2√2) in a loop with a
+        White delays of variance s² make a variance of the slope of look·band³·s²/(2√2) in a loop with a
         damping of 1/√2: Gardner, Phaselock Techniques, on the noise of the integrator.
         """
         self._looks += 1
-        self._scatter += max(1 / self._looks, band * LOOK) * (least**2 - self._scatter)
-        if self._looks >= FEWEST:
-            self.drift_sigma = NARROWED * math.sqrt(LOOK * band**3 * self._scatter / (2 * math.sqrt(2)))
+        self._scatter += max(1 / self._looks, band * LIMITS.look) * (least**2 - self._scatter)
+        if self._looks >= LIMITS.fewest_delays:
+            self.drift_sigma = LIMITS.narrowed * math.sqrt(
+                LIMITS.look * band**3 * self._scatter / (2 * math.sqrt(2))
+            )

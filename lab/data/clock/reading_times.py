@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from lab.base.aid_table import SENT
 from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.faults import increasing
+from lab.data.clock.limits import LIMITS
 from lab.data.clock.timed_samples import TIMED_READING
 
 Rows = NDArray[np.void]
@@ -16,11 +18,6 @@ Rows = NDArray[np.void]
 NO_READINGS: Final = np.empty(0, TIMED_READING)
 """No readings."""
 NO_READINGS.setflags(write=False)
-LATENCY: Final = 0.1
-"""How much earlier than they arrive fixes and readings are taken to be valid, if their device has not the
-clock of the IMU [s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
-STALE: Final = 5.0
-"""Largest difference between the times of a fix or a reading and of a sample by the same clock [s]."""
 _QUANTITIES: Final = tuple(aid.live for aid in SENT)
 _SIGMAS: Final = (np.radians(0.01), np.radians(60.0))
 """σ of a heading that are believed [rad]: the best receivers reach 0.03° over 10 m between their antennas;
@@ -31,7 +28,7 @@ class ReadingTimes:
     """Times the readings of one stream; of each quantity, those not later than all before are dropped.
 
     A reading in the frame of a sample has the time of that sample. Otherwise, its time is that of the clock
-    of the IMU, or of the receiver, or of its arrival less `LATENCY`.
+    of the IMU, or of the receiver, or of its arrival less `ClockLimits.latency`.
     """
 
     def __init__(self) -> None:
@@ -74,22 +71,19 @@ class ReadingTimes:
         believed = (sigma > _SIGMAS[0]) & (sigma < _SIGMAS[1])
         made["heading_sigma"] = np.where(believed & np.isfinite(rows["heading"]), sigma, np.nan)
         for name in _QUANTITIES:
-            there = np.flatnonzero(np.isfinite(made[name]))
-            for at in there.tolist():
-                if made["time"][at] > self._latest[name]:
-                    self._latest[name] = float(made["time"][at])
-                else:
-                    made[name][at] = np.nan
+            time = np.where(np.isfinite(made[name]), made["time"], np.nan)
+            made[name][~increasing(time, self._latest[name])] = np.nan
+            self._latest[name] = float(np.fmax.reduce(time, initial=self._latest[name]))
         return np.asarray(made[np.logical_or.reduce([np.isfinite(made[name]) for name in _QUANTITIES])])
 
 
 def _time(row: np.void, arrival: float, clock: DeviceClock, fix_clock: DeviceClock, last: float) -> float:
     """Return the time of a reading that is in no frame of a sample [s]."""
     own, week = float(row["time"]), float(row["week_time"])
-    if np.isfinite(own) and np.isfinite(clock.offset) and abs(own - last) < STALE:
+    if np.isfinite(own) and np.isfinite(clock.offset) and abs(own - last) < LIMITS.stale:
         return clock.offset + own
     by_receiver = fix_clock.predicted(week if np.isfinite(week) else float(row["utc"]))
     said = np.isfinite(week) or np.isfinite(row["utc"])
-    if said and abs(by_receiver - arrival) < STALE:  # NaN is not
-        return by_receiver - LATENCY
-    return arrival - LATENCY
+    if said and abs(by_receiver - arrival) < LIMITS.stale:  # NaN is not
+        return by_receiver - LIMITS.latency
+    return arrival - LIMITS.latency

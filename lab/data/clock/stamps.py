@@ -18,6 +18,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DAY
+from lab.data.clock.faults import continued
 
 _HOURS_EAST = {
     "Z": 0, "UTC": 0, "UT": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2,
@@ -96,7 +97,7 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
     """
     sample = next((text for text in texts if text), "")
     if _CLOCK.fullmatch(sample):
-        return onwards(np.array([_clock(text) for text in texts]), DAY)
+        return continued(np.array([_clock(text) for text in texts]), DAY, DAY / 2)
     if _OF_HOUR.fullmatch(sample):
         return np.array([_of_hour(text) for text in texts])
     if _IN_LETTERS.fullmatch(sample):
@@ -133,15 +134,7 @@ def seconds_of_digits(values: FloatArray) -> FloatArray | None:
     last = (hours == _HOURS - 1) & (minutes == _SIXTY - 1)
     if (seconds[known] >= _SIXTY + last[known]).any() or (minutes[known] >= _SIXTY).any():
         return None
-    return onwards(np.asarray(hours * _HOUR + minutes * _SIXTY + seconds), DAY)
-
-
-def onwards(seconds: FloatArray, period: float) -> FloatArray:
-    """Return times of day, or of the hour, that go on after its end."""
-    known = np.flatnonzero(np.isfinite(seconds))
-    back = np.diff(seconds[known]) < -period / 2
-    seconds[known[1:]] += period * np.cumsum(back)
-    return seconds
+    return continued(np.asarray(hours * _HOUR + minutes * _SIXTY + seconds), DAY, DAY / 2)
 
 
 def over_leap_second(time: FloatArray, of_day: bool) -> tuple[FloatArray, bool]:

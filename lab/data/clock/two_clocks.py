@@ -1,4 +1,4 @@
-"""Two clocks: whether those of an IMU and of its receiver run equally fast, and count the same weeks.
+"""Two clocks: whether those of an IMU and of its receiver run equally fast.
 
 The fixes turn as a weighted sum of the gyros does, whatever the axes: the part about the vertical. If the
 stamps of
@@ -8,59 +8,19 @@ searched over the first minutes with turns and followed over the rest, each time
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.units import DAY
-from lab.motion.frames.displacement import metres_per_radian
+from lab.data.clock.limits import LIMITS
+from lab.motion.frames.displacement import velocity_of_positions
 
-
-@dataclass(frozen=True)
-class ClockLimits:
-    """When two clocks are said to run at different rates."""
-
-    fastest: float = 0.03
-    """Largest difference of the rates that is searched: cheap IMUs keep their rate to 1 to 3 %."""
-    offset: float = 2.0
-    """Largest offset at the first turn that is searched [s]; logs with more are refused."""
-    begin: float = 240.0
-    """Time over which both are searched first [s]: at 1 %, the offset grows by 2.4 s."""
-    fewest: int = 30
-    """Fewest legs with a course; three parameters of the gyros, offset and rate are found from them."""
-    speed: float = 3.0
-    """Speed from which a course is known [m/s]."""
-    leg: float = 3.0
-    """Longest time between fixes [s]."""
-    likeness: float = 0.9
-    """Part of the variance of the turns that the gyros must explain."""
-    explained: float = 0.25
-    """Part of what a constant offset leaves unexplained that the rate must explain."""
-    sigmas: float = 6.0
-    """Rate from which it is said, in its σ."""
-    least: float = 5e-4
-    """Smallest difference of the rates that is said: crystals keep 0.01 %."""
-    apart: float = 0.15
-    """Smallest growth of the offset over the log that is said [s]."""
-    rollover: float = 1024 * 7 * DAY
-    """Time after which the week number of GPS begins again: it has ten bits [s]."""
-    rollovers: int = 3
-    """Most of these that a receiver is behind: the third is in 2038."""
-    beside: float = 60.0
-    """Largest time beside a rollover at which stamps go on [s]."""
-
-
-LIMITS = ClockLimits()
-"""The limits in use."""
-
-_OFFSET_STEP = 0.2
-"""Steps of the search [s]: turns last for seconds."""
 _PARAMETERS = 6
 """Three weights of the gyros, their bias, offset and rate."""
-_CORRELATED = 2.0
-"""Factor on the variance of residuals, which are correlated from leg to leg."""
+_ROUNDS = 10
+"""Steps of Gauss and Newton to the best offset and rate. A plain choice: three are mostly enough."""
 
 
 class ClockRate(NamedTuple):
@@ -118,7 +78,7 @@ def clock_rate(
     start, end, turn = _turns(fix_time, position, velocity_n)
     inside = (start > time[0] + LIMITS.offset) & (end < time[-1] - LIMITS.offset)
     start, end, turn = start[inside], end[inside], turn[inside]
-    if turn.size < LIMITS.fewest or not np.std(turn) > 0:
+    if turn.size < LIMITS.legs or not np.std(turn) > 0:
         return None
     lively = np.flatnonzero(np.abs(turn) > np.std(turn))
     start, end, turn = start[lively[0] :], end[lively[0] :], turn[lively[0] :]
@@ -127,65 +87,29 @@ def clock_rate(
     span = float(end[-1] - start[0])
     known = min(LIMITS.begin, span)
     first = legs.until(known)
-    if first.turn.size < LIMITS.fewest:
+    if first.turn.size < LIMITS.legs:
         return None
-    offsets = np.arange(-LIMITS.offset, LIMITS.offset + _OFFSET_STEP / 2, _OFFSET_STEP)
-    rates = (
-        np.linspace(-1, 1, 2 * int(np.ceil(LIMITS.fastest * known / (2 * _OFFSET_STEP))) + 1) * LIMITS.fastest
-    )
-    found = min(((a, b) for a in offsets for b in rates), key=lambda one: first.left(*one))
+    offsets = np.linspace(-1, 1, 2 * round(LIMITS.offset / LIMITS.offset_step) + 1) * LIMITS.offset
+    count = int(np.ceil(LIMITS.ratio * known / (2 * LIMITS.offset_step)))
+    rates = np.linspace(-1, 1, 2 * count + 1) * LIMITS.ratio
+    found = min(itertools.product(offsets, rates), key=lambda one: first.cost(*one))
     while True:
-        found = _refined(legs.until(known), *found)
+        found, sigma = legs.until(known).refined(*found)
         if known >= span:
             break
         known = min(2 * known, span)
-    constant = min(((a, 0.0) for a in offsets), key=lambda one: legs.left(*one))
-    constant = _refined(legs, *constant, fixed=True)
-    left, without = legs.left(*found), legs.left(*constant)
-    total = float(np.sum((turn - turn.mean()) ** 2))
+    constant, _ = legs.refined(
+        *min(itertools.product(offsets, (0.0,)), key=lambda one: legs.cost(*one)), free=1
+    )
+    left, without = legs.cost(*found), legs.cost(*constant)
     offset, rate = found
-    sigma = _sigma(legs, offset, rate)
     if (
-        left > (1 - LIMITS.likeness) * total
+        left > (1 - LIMITS.likeness) * float(np.sum((turn - turn.mean()) ** 2))
         or left > (1 - LIMITS.explained) * without
         or abs(rate) < max(LIMITS.least, LIMITS.sigmas * sigma, LIMITS.apart / span)
     ):
         return None
     return ClockRate(1 + rate, sigma, offset, offset + rate * span)
-
-
-def over_rollovers(time: FloatArray, weeks_of: FloatArray) -> tuple[FloatArray, str]:
-    """Return stamps that go on where their week number begins again, in the weeks of others, and a remark.
-
-    Parameters
-    ----------
-    time : (m,) array
-        Stamps of a receiver [s]; NaN where unknown.
-    weeks_of : (n,) array
-        Stamps of the IMU [s].
-    """
-    known = np.flatnonzero(np.isfinite(time))
-    others = weeks_of[np.isfinite(weeks_of)]
-    if known.size == 0 or others.size == 0:
-        return time, ""
-    period, beside = LIMITS.rollover, LIMITS.beside
-    stamps = time[known]
-    again = np.abs(np.diff(stamps) + period) < beside
-    moved = np.concatenate(([0.0], period * np.cumsum(again)))
-    middle = float(np.median(stamps + moved))
-    first, last = float(others.min()), float(others.max())
-    behind = round(((first + last) / 2 - middle) / period)
-    if abs(behind) > LIMITS.rollovers or not first - beside < middle + behind * period < last + beside:
-        behind = 0
-    if not behind and not again.any():
-        return time, ""
-    result = time.copy()
-    result[known] = stamps + moved + behind * period
-    return result, (
-        "The stamps of the GPS are off by 1,024 weeks or a multiple, after which the week number of GPS "
-        "begins "
-        "again: they are taken in the weeks of the IMU."
-    )
 
 
 class _Legs(NamedTuple):
@@ -202,15 +126,40 @@ class _Legs(NamedTuple):
         count = int(np.searchsorted(self.end, self.start[0] + length, side="right"))
         return self._replace(start=self.start[:count], end=self.end[:count], turn=self.turn[:count])
 
-    def left(self, offset: float, rate: float) -> float:
-        """Return the sum of squares of the turns that the gyros leave, if late by an offset that grows."""
+    def left(self, offset: float, rate: float) -> FloatArray:
+        """Return what the gyros leave of the turns, if they are late by an offset that grows."""
         at = [one + offset + rate * (one - self.start[0]) for one in (self.start, self.end)]
         sensed = np.column_stack(
             [np.interp(at[1], self.time, axis) - np.interp(at[0], self.time, axis) for axis in self.angle.T]
             + [self.end - self.start]  # the bias
         )
         weights, *_ = np.linalg.lstsq(sensed, self.turn, rcond=None)
-        return float(np.sum((self.turn - sensed @ weights) ** 2))
+        return np.asarray(self.turn - sensed @ weights)
+
+    def cost(self, offset: float, rate: float) -> float:
+        """Return the sum of squares of what is left."""
+        return float(np.sum(self.left(offset, rate) ** 2))
+
+    def refined(self, offset: float, rate: float, free: int = 2) -> tuple[tuple[float, float], float]:
+        """Return the best offset and rate near some, and σ of the rate; with one free, the rate stays."""
+        steps = LIMITS.offset_step * np.array((1.0, 1 / float(self.end[-1] - self.start[0])))
+        best, reach = np.array((offset, rate)), 1.0
+        for _ in range(_ROUNDS):
+            change = np.clip(-self._inverse(best, reach * steps[:free]) @ self.left(*best), -1, 1)
+            better = best + reach * steps * np.append(change, (0.0,) * (2 - free))
+            if self.cost(*better) < self.cost(*best):
+                best = better
+            else:
+                reach /= 2
+        variance = LIMITS.correlated * self.cost(*best) / max(self.turn.size - _PARAMETERS, 1)
+        sigma = steps[free - 1] * np.sqrt(variance * np.sum(self._inverse(best, steps[:free])[-1] ** 2))
+        return (float(best[0]), float(best[1])), float(sigma)
+
+    def _inverse(self, place: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the inverse of the change of what is left by steps of the offset, or of offset and rate."""
+        each = np.eye(steps.size, 2) * np.append(steps, 0.0)[:2]
+        slopes = [(self.left(*place + step) - self.left(*place - step)) / 2 for step in each]
+        return np.asarray(np.linalg.pinv(np.transpose(slopes)))
 
 
 def _turns(
@@ -219,13 +168,10 @@ def _turns(
     """Return from when to when, and by how much, the course changes between fixes."""
     known = np.isfinite(time)
     time, position, velocity = time[known], position[known], velocity_n[known, :2]
-    if time.size < LIMITS.fewest or not (np.diff(time) > 0).all():
+    if time.size < LIMITS.legs or not (np.diff(time) > 0).all():
         return (np.empty(0),) * 3
     if np.isnan(velocity).any():
-        per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
-        north = np.gradient(position[:, 0], time) * per_latitude
-        east = np.gradient(np.unwrap(position[:, 1]), time) * per_longitude
-        velocity = np.column_stack((north, east))
+        velocity = velocity_of_positions(time, position)[:, :2]
     # Fixes more often than once in half a second show the course no better.
     step = max(1, round(0.5 / float(np.median(np.diff(time)))))
     time, velocity = time[::step], velocity[::step]
@@ -234,42 +180,3 @@ def _turns(
     turn = (turn + np.pi) % (2 * np.pi) - np.pi
     used = fast[1:] & fast[:-1] & (np.diff(time) < LIMITS.leg) & (np.abs(turn) < 1)
     return time[:-1][used], time[1:][used], turn[used]
-
-
-def _refined(legs: _Legs, offset: float, rate: float, *, fixed: bool = False) -> tuple[float, float]:
-    """Return the best offset and rate near some."""
-    from scipy.optimize import minimize  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
-
-    scale = _OFFSET_STEP / float(legs.end[-1] - legs.start[0])
-
-    def at(steps: FloatArray) -> tuple[float, float]:
-        return offset + _OFFSET_STEP * float(steps[0]), rate if fixed else rate + scale * float(steps[1])
-
-    def cost(steps: FloatArray) -> float:
-        return legs.left(*at(steps))
-
-    start = np.zeros(1 if fixed else 2)
-    found = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-9, "maxfev": 120})
-    return at(found.x)
-
-
-def _sigma(legs: _Legs, offset: float, rate: float) -> float:
-    """Return σ of the rate from the curvature of the sum of squares."""
-    h = _OFFSET_STEP
-    k = h / float(legs.end[-1] - legs.start[0])
-
-    def at(i: int, j: int) -> float:
-        return legs.left(offset + i * h, rate + j * k)
-
-    middle = at(0, 0)
-    curvature = np.array(
-        [
-            [at(1, 0) + at(-1, 0) - 2 * middle, (at(1, 1) + at(-1, -1) - at(1, -1) - at(-1, 1)) / 4],
-            [0.0, at(0, 1) + at(0, -1) - 2 * middle],
-        ]
-    )
-    curvature[1, 0] = curvature[0, 1]
-    if not (np.linalg.eigvalsh(curvature) > 0).all():
-        return float("inf")
-    variance = _CORRELATED * middle / max(legs.turn.size - _PARAMETERS, 1)
-    return float(k * np.sqrt(2 * variance * np.linalg.inv(curvature)[1, 1]))

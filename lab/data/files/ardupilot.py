@@ -22,29 +22,39 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
-from lab.data.checks.log_check import check_log
 from lab.data.files import sdlog2
-from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log
+from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log, parameters_of
 from lab.data.files.dataflash_text import DataFlashText, is_text
-from lab.data.files.dataflash_time import TIME, Messages, MessageTimes
+from lab.data.files.dataflash_time import MessageTimes
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
+    SWITCHED_ON,
+    TIME,
+    Messages,
     Stream,
-    believed_lever_arm,
+    attitude_of,
+    attitude_of_angles,
+    checked_log,
+    columns_of,
     first_usable,
     flight_of,
     geoid_height,
+    gnss_of,
     gps_delay,
-    is_attitude,
     is_position,
+    lever_arm_of,
+    most_frequent,
+    not_decoded,
+    place_of,
+    usable_imu,
+    without_fix,
 )
 from lab.data.files.track import slope
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
-from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, RawFlight
-from lab.motion.frames.rotation import quaternion_from_euler
 
 _MICROTESLA = 0.1
 """Microteslas in a milligauss."""
@@ -93,33 +103,32 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     path = one_file(paths, NAME, fixed=units)
     log, times = _log(path, _FLIGHT)
     gps = _messages(times, "GPS")
-    filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
+    filtered = [
+        Stream.of_fields("velocity", _messages(times, name), "VN", "VE", "VD")
+        for name in ("XKF1", "NKF1", "EKF1")
+    ]
     velocity = first_usable((*filtered, _gps_velocity(gps)))
     position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
-    parameters = _parameters(log)
+    parameters = parameters_of(log)
     geoid = _geoid(times, parameters)
     if position is not None and geoid is not None:
         position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
     climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
-    attitude = _attitude(times)
     remarks = [_clock_remark(times), *_instance_remarks(times)]
     remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
     if climb:
         remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
-    remarks += _lost_remarks(log)
-    try:
-        flight = flight_of(
-            path,
-            NAME,
-            velocity,
-            position,
-            attitude,
-            units=units_of_the_format(_UNITS),
-            remarks=tuple(remarks),
-            vehicle=_vehicle(log, parameters),
-        )
-    except MissionError as error:
-        raise MissionError(f"{error}. {_what_there_is(log, times, gps)}") from None
+    flight = flight_of(
+        path,
+        NAME,
+        velocity,
+        position,
+        _attitude(times),
+        units=units_of_the_format(_UNITS),
+        remarks=(*remarks, *not_decoded(log.lost_bytes)),
+        vehicle=_vehicle(log, parameters),
+        there_is=lambda: _what_there_is(log, times, gps),
+    )
     return replace(flight, made=(VERTICAL_VELOCITY,)) if climb else flight
 
 
@@ -132,46 +141,30 @@ def read_log(path: Path) -> SensorLog:
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
     log, times = _log(path, _SENSORS)
-    imu = _stream("IMU", times, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
     gps = _messages(times, "GPS")
-    if imu is None or not imu.usable or gps is None:
-        missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
-        raise MissionError(
-            f"{path}: the log does not have {missing} with a time; accepted are logs with both. "
-            f"{_what_there_is(log, times, gps)}"
-        )
-    parameters = _parameters(log)
+    missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
+    said = f"the log does not have {missing} with a time; accepted are logs with both."
+    imu = usable_imu(path, None if gps is None else _imu(times), f"{said} {_what_there_is(log, times, gps)}")
+    assert gps is not None
+    parameters = parameters_of(log)
     instances = int(_counts(times, "IMU")[0]), int(_counts(times, "GPS")[0])
     gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times, parameters), parameters, instances)
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
-    auxiliary = AuxiliaryData(_vehicle(log, parameters), compass, headings)
-    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
-    check_log(made)
-    remarks = [*_instance_remarks(times), *_lost_remarks(log)]
+    made = checked_log(path, imu, gnss, AuxiliaryData(_vehicle(log, parameters), compass, headings))
+    remarks = [*_instance_remarks(times), *not_decoded(log.lost_bytes)]
     remarks += [_clock_remark(times)] if times.unstamped else []
     return replace(made, repairs=(*made.repairs, *remarks))
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    _, times = _log(path, _SENSORS)
-    imu = _stream("IMU", times, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-    if imu is None or not imu.usable:
-        raise MissionError(f"{path}: the log does not have an IMU (IMU) with a time")
-    return imu
+    return usable_imu(path, _imu(_log(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time")
 
 
-def _parameters(log: Log) -> dict[str, float]:
-    names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
-    values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
-    return dict(zip(names, values.tolist(), strict=False))
-
-
-def _lost_remarks(log: Log) -> list[str]:
-    lost = log.lost_bytes
-    return [f"{lost} bytes of the file could not be decoded and are left out."] if lost else []
+def _imu(times: MessageTimes) -> Stream | None:
+    return Stream.of_fields("IMU", _messages(times, "IMU"), "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
 
 def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
@@ -183,9 +176,7 @@ def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
 
 
 def _clock_remark(times: MessageTimes) -> str:
-    remark = "Time counts from when the autopilot was switched on."
-    if times.of_week:
-        remark = "Time is that of the GPS week: the log has no other."
+    remark = "Time is that of the GPS week: the log has no other." if times.of_week else SWITCHED_ON
     if times.unstamped:
         remark += (
             f" The messages {' and '.join(times.unstamped)} have no time: they are timed by their order "
@@ -206,8 +197,7 @@ def _what_there_is(log: Log, times: MessageTimes, gps: Messages | None) -> str:
 
 
 def _no_fix(gps: Messages) -> str:
-    highest = int(np.nan_to_num(gps["Status"]).max(initial=0.0)) if "Status" in gps else 0
-    return f"none of the {len(gps[TIME])} GPS messages has a fix with a position (Status {highest} at most)"
+    return without_fix("GPS messages", len(gps[TIME]), "Status", gps.get("Status"))
 
 
 def _messages(times: MessageTimes, name: str) -> Messages | None:
@@ -252,24 +242,9 @@ def _instance_remarks(times: MessageTimes) -> list[str]:
     return remarks
 
 
-def _values(messages: Messages | None, *names: str) -> FloatArray | None:
-    if messages is None or not set(names) <= set(messages):
-        return None
-    return np.column_stack([messages[name] for name in names])
-
-
-def _stream(what: str, times: MessageTimes, name: str, *fields: str) -> Stream | None:
-    messages = _messages(times, name)
-    values = _values(messages, *fields)
-    if messages is None or values is None:
-        return None
-    return Stream.of(what, messages[TIME], values)
-
-
 def _place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    values = _values(messages, "Lat", "Lng", "Alt")
-    return None if values is None else np.column_stack((np.radians(values[:, :2]), values[:, 2]))
+    return place_of(messages, "Lat", "Lng", "Alt")
 
 
 def _position(times: MessageTimes, name: str) -> Stream | None:
@@ -311,7 +286,7 @@ def _gps_position(gps: Messages | None) -> Stream | None:
 
 def _over_ground(gps: Messages) -> FloatArray | None:
     """Return velocity north, east, down of speed, course and vertical speed; NaN down if that is missing."""
-    values = _values(gps, "Spd", "GCrs")
+    values = columns_of(gps, "Spd", "GCrs")
     if values is None:
         return None
     speed, angle = values[:, 0], np.radians(values[:, 1])
@@ -335,16 +310,12 @@ def _gps_velocity(gps: Messages | None) -> Stream | None:
 
 def _attitude(times: MessageTimes) -> Stream | None:
     """Return the attitude as quaternions: the filter's own, unless ATT is logged more often."""
-    att = _stream("attitude", times, "ATT", "Roll", "Pitch", "Yaw")
-    found = []
-    if att is not None and att.usable:
-        values = quaternion_from_euler(np.radians(att.values))
-        found.append(Stream(att.what, att.time, values, att.read, att.first_lost))
-    for name in ("XKQ", "NKQ"):
-        stream = _stream("attitude", times, name, "Q1", "Q2", "Q3", "Q4")
-        if stream is not None and stream.usable:
-            found.append(Stream.of("attitude", stream.time, stream.values, is_attitude(stream.values)))
-    return max((one for one in found[::-1] if one.usable), key=lambda one: round(one.rate), default=None)
+    found = [
+        attitude_of(Stream.of_fields("attitude", _messages(times, name), "Q1", "Q2", "Q3", "Q4"))
+        for name in ("NKQ", "XKQ")
+    ]
+    att = Stream.of_fields("attitude", _messages(times, "ATT"), "Roll", "Pitch", "Yaw")
+    return most_frequent((*found, attitude_of_angles(att, np.radians(1.0))))
 
 
 def _gnss(
@@ -354,31 +325,18 @@ def _gnss(
     parameters: Mapping[str, float],
     instances: tuple[int, int],
 ) -> GnssLog:
-    count = len(gps[TIME])
-    unknown = np.full((count, 3), np.nan)
-    time, place, velocity = gps[TIME], _place(gps), _over_ground(gps)
-    place = unknown if place is None else place
-    place = place + np.array((0.0, 0.0, geoid or 0.0))
-    level, vertical, speed = (
-        believed_sigma(_nearest(time, accuracy, name)) for name in ("HAcc", "VAcc", "SAcc")
-    )
-    fine = _fixed(gps) & np.isfinite(place).all(axis=1) & is_position(place) & np.isfinite(time)
-    if "TimeUS" not in gps:
-        # A fix that was logged twice has the time of the week of the first.
-        fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
+    time, place = gps[TIME], _place(gps)
+    if place is not None:
+        place[:, 2] += geoid or 0.0
     number = instances[1] + 1
     names = f"GPS{number}_DELAY_MS", "GPS_DELAY_MS" if number == 1 else f"GPS_DELAY_MS{number}"
     late = max(parameters.get(name, 0.0) for name in names)
     late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
-    return GnssLog(
-        time=time[fine],
-        position=place[fine],
-        velocity_n=(unknown if velocity is None else velocity)[fine],
-        position_sigma=np.column_stack((level, level, vertical))[fine],
-        velocity_sigma=np.column_stack((speed, speed, speed))[fine],
-        lever_arm=_lever_arm(parameters, *instances),
-        latency=gps_delay(1e-3 * late),
-    )
+    sigmas = [_nearest(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")]
+    of_imu = f"INS_POS{instances[0] + 1}_"
+    arm = lever_arm_of(parameters, ((f"GPS{number}_POS_", of_imu), (f"GPS_POS{number}_", of_imu)))
+    delay, once = gps_delay(1e-3 * late), "TimeUS" not in gps
+    return gnss_of(time, place, _over_ground(gps), sigmas, _fixed(gps), arm, delay, once=once)
 
 
 def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
@@ -391,16 +349,6 @@ def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArr
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(at[before] - time) < np.abs(at[after] - time), before, after)
     return np.where(np.abs(at[nearest] - time) <= _MAX_GPA_AGE, values[nearest], np.nan)
-
-
-def _lever_arm(parameters: Mapping[str, float], imu: int, gps: int) -> FloatArray:
-    """Return the lever arm from an IMU to the antenna of a receiver that the parameters give [m]."""
-    arm = [
-        parameters.get(f"GPS{gps + 1}_POS_{axis}", parameters.get(f"GPS_POS{gps + 1}_{axis}", 0.0))
-        - parameters.get(f"INS_POS{imu + 1}_{axis}", 0.0)
-        for axis in "XYZ"
-    ]
-    return believed_lever_arm(arm)
 
 
 def _vehicle(log: Log, parameters: Mapping[str, float]) -> str:
@@ -421,12 +369,13 @@ def magnetometer_of(messages: Messages | None) -> Magnetometer | None:
     messages
         The messages MAG of one compass, with their times.
     """
-    names = ("MagX", "MagY", "MagZ")
-    if messages is None or not set(names) <= set(messages):
+    field = columns_of(messages, "MagX", "MagY", "MagZ")
+    if messages is None or field is None:
         return None
-    field = np.column_stack([messages[name] for name in names]) * _MICROTESLA
     healthy = messages.get("Health", np.ones(len(field))) != 0
-    stream = Stream.of("magnetometer", messages[TIME], field, healthy & (field != 0).any(axis=1))
+    stream = Stream.of(
+        "magnetometer", messages[TIME], field * _MICROTESLA, healthy & (field != 0).any(axis=1)
+    )
     return Magnetometer(stream.time, stream.values) if stream.usable else None
 
 

@@ -222,6 +222,13 @@ class DataFlashFile:
                 self._kinds.append(kinds[number] or Kind(name, length, letters, layout))
 
 
+def parameters_of(log: Log) -> dict[str, float]:
+    """Return the parameters of the autopilot; 0 for those that are no number."""
+    names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
+    values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
+    return dict(zip(names, np.nan_to_num(values).tolist(), strict=False))
+
+
 def _layout(form: str, columns: str, length: int) -> tuple[dict[str, str], np.dtype[np.void] | None]:
     """Return the letter of each field, and the layout of a message; None if it contradicts the length."""
     names = columns.split(",")

@@ -20,12 +20,9 @@ import numpy as np
 
 from lab.base.arrays import FloatArray, IntArray
 from lab.base.parameters.units import DAY
+from lab.data.clock.faults import increasing
 from lab.data.files.dataflash_file import Log
-
-Messages = dict[str, FloatArray]
-
-TIME = "time [s]"
-"""Key of the time that a log's messages are given; no message can have a field of this name."""
+from lab.data.files.streams import TIME, Messages
 
 _GPS = "GPS"
 _AVERAGED = 2.0
@@ -98,9 +95,7 @@ class MessageTimes:
         place, time = np.concatenate(places), np.concatenate(times)
         order = np.argsort(place, kind="stable")
         place, time = place[order], time[order]
-        fine = np.isfinite(time)
-        place, time = place[fine], time[fine]
-        later = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+        later = increasing(time)
         return place[later], time[later]
 
     def _of_week(self, gps: Messages, places: IntArray) -> FloatArray | None:

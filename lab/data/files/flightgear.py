@@ -16,13 +16,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
+from lab.data.clock.faults import increasing
 from lab.data.files.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.data.files.inertial_attitude import inertial_attitude
 from lab.data.files.table import Header, head_lines, plain
@@ -148,10 +148,10 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     """Return the flight with rates and attitude at its times, as far as both files go."""
     imu = _columns(path, IMU, units)
     imu_time = imu.values["time"]
-    increases = _increases(imu_time)
+    increases = increasing(imu_time)
     imu_time = imu_time[increases]
     both = (flight.time >= imu_time[0]) & (flight.time <= imu_time[-1])
-    kept = both & _increases(flight.time)
+    kept = both & increasing(flight.time)
     if kept.sum() < MIN_SAMPLES:
         raise MissionError(
             f"{path}: goes from {imu_time[0]:.4f} to {imu_time[-1]:.4f} s, and the file of insgns-gps from "
@@ -159,8 +159,7 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
         )
     dropped = imu.dropped
     for reason, lost in (("outside the time of insgns-imu", ~both), ("back in time", both & ~kept)):
-        if lost.any():
-            dropped += (Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1),)
+        dropped += Dropped.of(reason, lost)
     flight = flight.rows(kept, dropped)
     rate = np.column_stack([imu.values[key][increases] for key in ("p", "q", "r")])
     force = np.column_stack([imu.values[key][increases] for key in ("fx", "fy", "fz")])
@@ -171,21 +170,16 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     )
 
 
-def _increases(time: FloatArray) -> NDArray[np.bool_]:
-    return np.append(True, time[1:] > np.maximum.accumulate(time)[:-1])
-
-
 def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(times, time, column) for column in vectors.T])
 
 
 def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, force: FloatArray) -> RawFlight:
     """Return the flight with the attitude reconstructed from rates and forces, and a remark on it."""
-    assert flight.latitude is not None and flight.longitude is not None and flight.height is not None
-    assert flight.velocity_n is not None
+    place = flight.position
+    assert place is not None and flight.velocity_n is not None
     found = None
     if rate.any() and force.any():
-        place = np.column_stack((flight.latitude, flight.longitude, flight.height))
         found = inertial_attitude(flight.time, place, flight.velocity_n, imu_time, rate, force)
     if found is None or not found.heading_uncertainty < MOST_UNCERTAIN:
         remark = (

@@ -36,7 +36,7 @@ from lab.data.files.fields import (
 from lab.data.files.fixes import NO_FIX, UtcClock
 from lab.data.files.table import NO_NUMBER, Header, find_header, plain
 from lab.data.files.unit_names import unit_of
-from lab.data.rebuild.raw_flight import Dropped, RawFlight
+from lab.data.rebuild.raw_flight import Dropped, RawFlight, listed
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 
@@ -208,13 +208,11 @@ def _timed(path: Path, columns: Columns, header: Header) -> tuple[Columns, Float
     ]
     kept = fixed & np.isfinite(time)
     for lost, reason in ((~fixed, NO_FIX), (fixed & ~kept, "without a date and time that can be read")):
-        if lost.any():
-            dropped.append(Dropped(reason, int(lost.sum()), int(columns.lines[np.argmax(lost)])))
+        dropped += Dropped.of(reason, lost, columns.lines)
     if kept.sum() < MIN_SAMPLES:
-        why = "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
         raise MissionError(
-            f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({why}); accepted are at least "
-            f"{MIN_SAMPLES}"
+            f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({listed(dropped)}); accepted are "
+            f"at least {MIN_SAMPLES}"
         )
     values = {key: value[kept] for key, value in columns.values.items()}
     left = replace(columns, values=values, lines=columns.lines[kept], dropped=tuple(dropped))

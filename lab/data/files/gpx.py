@@ -95,11 +95,6 @@ class _Points:
             )
         kept = self._continued(segments)
         lines = np.array(self._lines, dtype=np.int64)
-        dropped = []
-        if not kept.all():
-            dropped.append(
-                Dropped("of a shorter track or segment", int((~kept).sum()), int(lines[np.argmin(kept)]))
-            )
         values = {name: np.array(column)[kept] for name, column in self._columns.items()}
         timed = np.isfinite(values["time"])
         if not timed.any():
@@ -119,7 +114,7 @@ class _Points:
             lines=lines[kept],
             columns=units_of_the_format(_UNITS),
             rows_read=len(segments),
-            dropped=tuple(dropped),
+            dropped=Dropped.of("of a shorter track or segment", ~kept, lines),
             remarks=self._remarks(values["ele"], broken),
             vehicle=self._vehicle,
         )

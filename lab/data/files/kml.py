@@ -62,10 +62,6 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             f"{path}: the track from row {row} on has {times} times (when) and {places} places (gx:coord); "
             "accepted are as many of one as of the other, since they go together in order"
         )
-    dropped: tuple[Dropped, ...] = ()
-    if not kept.all():
-        first = fixes.line[int(np.argmin(kept))]
-        dropped = (Dropped("of a shorter track", int((~kept).sum()), int(first)),)
     remarks = [*tracks.clock.remarks, *_about_height(fixes, kept, tracks.modes.get(chosen, ""))]
     remarks += tracks.copies.values()
     if tracks.unused:
@@ -77,7 +73,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         NAME,
         units_of_the_format({"latitude": "°", "longitude": "°", "height": "m"}),
         rows=kept,
-        dropped=dropped,
+        dropped=Dropped.of("of a shorter track", ~kept, fixes.line),
         remarks=tuple(remarks),
     ).flight()
 

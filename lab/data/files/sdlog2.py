@@ -15,30 +15,38 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
-from lab.data.checks.log_check import check_log
-from lab.data.files.dataflash_file import MAGIC, DataFlashFile
+from lab.data.files.dataflash_file import MAGIC, DataFlashFile, parameters_of
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
+    SWITCHED_ON,
+    TIME,
+    Messages,
     Stream,
+    attitude_of,
+    attitude_of_angles,
+    checked_log,
+    columns_of,
     first_usable,
     flight_of,
+    gnss_of,
     gps_delay,
-    is_attitude,
     is_position,
+    not_decoded,
+    place_of,
+    usable_imu,
+    without_fix,
 )
 from lab.data.files.ulog import on_map
 from lab.data.log.auxiliary_data import AuxiliaryData
-from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import MAV_TYPES
 from lab.data.rebuild.raw_flight import RawFlight
-from lab.motion.frames.rotation import quaternion_from_euler
 
 NAME = "PX4 sdlog2"
 
@@ -81,22 +89,17 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             log.position("GPS position", "GPS", valid=log.fixed),
         )
     )
-    remarks = ["Time counts from when the autopilot was switched on.", SEA_LEVEL]
-    if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
-    try:
-        return flight_of(
-            path,
-            NAME,
-            velocity,
-            position,
-            _attitude(log),
-            units=units_of_the_format(_UNITS),
-            remarks=tuple(remarks),
-            vehicle=log.vehicle,
-        )
-    except MissionError as error:
-        raise MissionError(f"{error}. {log.what_there_is()}") from None
+    return flight_of(
+        path,
+        NAME,
+        velocity,
+        position,
+        _attitude(log),
+        units=units_of_the_format(_UNITS),
+        remarks=(SWITCHED_ON, SEA_LEVEL, *not_decoded(log.lost_bytes)),
+        vehicle=log.vehicle,
+        there_is=log.what_there_is,
+    )
 
 
 def read_log(path: Path) -> SensorLog:
@@ -108,27 +111,25 @@ def read_log(path: Path) -> SensorLog:
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
     log = _Messages(path, _SENSORS)
-    imu = log.stream("IMU", "IMU", "GyroX", "GyroY", "GyroZ", "AccX", "AccY", "AccZ")
     gps = log.messages("GPS")
-    if imu is None or not imu.usable or gps is None:
-        missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
-        raise MissionError(
-            f"{path}: the log does not have {missing}; accepted are logs with both. {log.what_there_is()}"
-        )
-    gnss = _gnss(log, gps)
+    missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
+    said = f"the log does not have {missing}; accepted are logs with both. {log.what_there_is()}"
+    imu = usable_imu(path, None if gps is None else log.imu, said)
+    assert gps is not None
+    velocity = columns_of(gps, "VelN", "VelE", "VelD")
+    late = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", log.parameters.get("PE_POS_DELAY_MS", 0.0))
+    sigmas = gps.get("EPH"), gps.get("EPV"), None
+    gnss = gnss_of(
+        gps[TIME], _place(gps), velocity, sigmas, log.fixed, np.zeros(3), gps_delay(late), once=True
+    )
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=AuxiliaryData(log.vehicle))
-    check_log(made)
-    return made
+    return checked_log(path, imu, gnss, AuxiliaryData(log.vehicle))
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    imu = _Messages(path, _SENSORS).stream("IMU", "IMU", "GyroX", "GyroY", "GyroZ", "AccX", "AccY", "AccZ")
-    if imu is None or not imu.usable:
-        raise MissionError(f"{path}: the log does not have an IMU (IMU)")
-    return imu
+    return usable_imu(path, _Messages(path, _SENSORS).imu, "the log does not have an IMU (IMU)")
 
 
 class _Messages:
@@ -142,40 +143,37 @@ class _Messages:
         self.lost_bytes = self._log.lost_bytes
         self._stamps = (self._log.numbers("TIME") or {}).get("StartTime", np.empty(0)) * 1e-6
         self._stamped = self._log.places("TIME")
-        names = [name.rstrip("\0") for name in self._log.texts("PARM", "Name")]
-        values = (self._log.numbers("PARM") or {}).get("Value", np.empty(0))
-        self.parameters = dict(zip(names, np.nan_to_num(values).tolist(), strict=False))
+        self.parameters = parameters_of(self._log)
 
     @property
     def vehicle(self) -> str:
         return MAV_TYPES.get(self.parameters.get("MAV_TYPE", 0.0), "")
 
-    def messages(self, name: str) -> dict[str, FloatArray] | None:
-        return self._log.numbers(name) if len(self._stamps) else None
-
-    def time(self, name: str) -> FloatArray:
-        """Return when the messages of a name were written: what the clock message before each says [s]."""
+    def messages(self, name: str) -> Messages | None:
+        """Return messages with the time that the clock message before each says."""
+        found = self._log.numbers(name) if len(self._stamps) else None
+        if found is None:
+            return None
         before = np.searchsorted(self._stamped, self._log.places(name)) - 1
-        return np.where(before >= 0, self._stamps[np.maximum(before, 0)], np.nan)
+        return {**found, TIME: np.where(before >= 0, self._stamps[np.maximum(before, 0)], np.nan)}
 
-    def stream(
-        self, what: str, name: str, *fields: str, valid: NDArray[np.bool_] | None = None
-    ) -> Stream | None:
-        messages = self.messages(name)
-        if messages is None or not set(fields) <= set(messages):
-            return None
-        return Stream.of(what, self.time(name), np.column_stack([messages[field] for field in fields]), valid)
-
-    def position(self, what: str, name: str, valid: NDArray[np.bool_] | None = None) -> Stream | None:
-        messages = self.messages(name)
-        place = None if messages is None else _place(messages)
-        if place is None:
-            return None
-        fine = is_position(place) if valid is None else is_position(place) & valid
-        return Stream.of(what, self.time(name), place, fine)
+    def stream(self, what: str, name: str, *fields: str, valid: Flags | None = None) -> Stream | None:
+        return Stream.of_fields(what, self.messages(name), *fields, valid=valid)
 
     @property
-    def fixed(self) -> NDArray[np.bool_] | None:
+    def imu(self) -> Stream | None:
+        return self.stream("IMU", "IMU", "GyroX", "GyroY", "GyroZ", "AccX", "AccY", "AccZ")
+
+    def position(self, what: str, name: str, valid: Flags | None = None) -> Stream | None:
+        messages = self.messages(name)
+        place = _place(messages)
+        if messages is None or place is None:
+            return None
+        fine = is_position(place) if valid is None else is_position(place) & valid
+        return Stream.of(what, messages[TIME], place, fine)
+
+    @property
+    def fixed(self) -> Flags | None:
         gps = self.messages("GPS")
         return None if gps is None or "Fix" not in gps else gps["Fix"] >= FIX_3D
 
@@ -186,16 +184,13 @@ class _Messages:
         return f"{said}; {self.no_fix()}" if self.fixed is not None and not self.fixed.any() else said
 
     def no_fix(self) -> str:
-        gps = self.messages("GPS") or {"Fix": np.zeros(0)}
-        highest = int(np.nan_to_num(gps.get("Fix", np.zeros(0))).max(initial=0.0))
-        return f"no message of the GPS has a fix with a position (Fix {highest} at most)"
+        gps = self.messages("GPS") or {TIME: np.empty(0)}
+        return without_fix("messages of the GPS", len(gps[TIME]), "Fix", gps.get("Fix"))
 
 
-def _place(messages: Mapping[str, FloatArray]) -> FloatArray | None:
+def _place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    if not {"Lat", "Lon", "Alt"} <= set(messages):
-        return None
-    return np.column_stack((np.radians(messages["Lat"]), np.radians(messages["Lon"]), messages["Alt"]))
+    return place_of(messages, "Lat", "Lon", "Alt")
 
 
 def _local_position(log: _Messages) -> Stream | None:
@@ -209,34 +204,7 @@ def _local_position(log: _Messages) -> Stream | None:
 
 def _attitude(log: _Messages) -> Stream | None:
     """Return the attitude as quaternions; until 2015 only the angles were logged."""
-    stream = log.stream("attitude", "ATT", "qw", "qx", "qy", "qz")
-    if stream is not None:
-        stream = Stream.of("attitude", stream.time, stream.values, is_attitude(stream.values))
-    angles = log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")
-    if (stream is None or not stream.usable) and angles is not None and angles.usable:
-        stream = Stream.of("attitude", angles.time, quaternion_from_euler(angles.values))
-    return first_usable((stream,))
-
-
-def _gnss(log: _Messages, gps: Mapping[str, FloatArray]) -> GnssLog:
-    time, place = log.time("GPS"), _place(gps)
-    unknown = np.full((len(time), 3), np.nan)
-    place = unknown if place is None else place
-    velocity = unknown
-    if {"VelN", "VelE", "VelD"} <= set(gps):
-        velocity = np.column_stack([gps[name] for name in ("VelN", "VelE", "VelD")])
-    level, vertical = (believed_sigma(gps.get(name, unknown[:, 0])) for name in ("EPH", "EPV"))
-    fine = np.isfinite(time) & np.isfinite(place).all(axis=1) & is_position(place)
-    if log.fixed is not None:
-        fine &= log.fixed
-    fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
-    late = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", log.parameters.get("PE_POS_DELAY_MS", 0.0))
-    return GnssLog(
-        time=time[fine],
-        position=place[fine],
-        velocity_n=velocity[fine],
-        position_sigma=np.column_stack((level, level, vertical))[fine],
-        velocity_sigma=unknown[fine],
-        lever_arm=np.zeros(3),
-        latency=gps_delay(late),
+    quaternions = attitude_of(log.stream("attitude", "ATT", "qw", "qx", "qy", "qz"))
+    return first_usable(
+        (quaternions, attitude_of_angles(log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")))
     )

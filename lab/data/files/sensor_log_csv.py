@@ -293,12 +293,8 @@ class LogFiles:
 
     def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
         table, _ = _read(path, (TIME, *FIELD), repairs)
-        field = np.stack([table[column.name] for column in FIELD], axis=-1)
-        known = np.isfinite(field).all(axis=1)
-        time = table["t_s"][known]
-        if (np.diff(time) < 0).any():
-            raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
-        return Magnetometer(time, field[known] @ self._axes().T, float(np.radians(self.declination)))
+        time, field = _known(path, table["t_s"], np.stack([table[column.name] for column in FIELD], axis=-1))
+        return Magnetometer(time, field @ self._axes().T, float(np.radians(self.declination)))
 
     def _axes(self) -> FloatArray:
         """Return the matrix that takes vectors in the axes of the IMU to b."""
@@ -438,18 +434,20 @@ def _read_headings(path: Path, repairs: list[str]) -> Headings:
     table, rows = _read(path, (TIME, replace(HEADING[0], required=True), HEADING[1]), repairs)
     heading, sigma = np.radians(columns_or_nan(table, HEADING, rows)).T
     known = np.isfinite(heading)
-    time = table["t_s"][known]
-    if (np.diff(time) < 0).any():
-        raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
-    return Headings(time, heading[known], sigma[known])
+    time, heading = _known(path, table["t_s"], heading)
+    return Headings(time, heading, sigma[known])
 
 
 def _read_series(path: Path, name: str, repairs: list[str]) -> Series:
     """Return the readings of a sensor of the aid table; empty cells are left out."""
     (column,) = (aid.column for aid in SERIES if aid.name == name)
     table, _ = _read(path, (TIME, column), repairs)
-    known = np.isfinite(table[column.name])
-    time = table["t_s"][known]
-    if (np.diff(time) < 0).any():
+    return Series(*_known(path, table["t_s"], table[column.name]))
+
+
+def _known(path: Path, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the times and values of rows (n,) or (n, m) without empty cells; refuse time that runs back."""
+    known = np.isfinite(values) if values.ndim == 1 else np.isfinite(values).all(axis=1)
+    if (np.diff(time[known]) < 0).any():
         raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
-    return Series(time, table[column.name][known])
+    return time[known], values[known]

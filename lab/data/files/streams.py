@@ -6,7 +6,7 @@ gaps or across resets are left out, not interpolated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,12 +16,15 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from lab.base.arrays import Flags, FloatArray
-from lab.base.files.bounds import LATITUDES, MIN_SAMPLES
+from lab.base.files.bounds import LATITUDES, LONGITUDES, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import estimator_resets
-from lab.data.log.sensor_log import MAX_LEVER_ARM
+from lab.data.checks.log_check import check_log
+from lab.data.clock.faults import increasing
+from lab.data.log.auxiliary_data import AuxiliaryData
+from lab.data.log.sensor_log import MAX_LEVER_ARM, GnssLog, SensorLog, believed_sigma, repaired
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
-from lab.motion.frames.rotation import euler_from_quaternion
+from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler
 
 MAX_LOG_BYTES = 512 * 2**20
 """Largest binary log accepted, as stored and as decompressed [bytes]."""
@@ -34,6 +37,13 @@ MAX_GEOID_HEIGHT = 200.0
 """Largest height of the geoid over the ellipsoid that is believed [m]: EGM2008 has -107 to 86 m."""
 _MAX_NORM_ERROR = 0.1
 """Largest error of a quaternion's norm: rounded ones are off by less than 1e-3, damaged ones by anything."""
+
+Messages = Mapping[str, FloatArray]
+"""The fields of the messages of one kind, by name, and their time under `TIME`."""
+TIME = "time [s]"
+"""Key of the time of messages; none of their fields can have this name."""
+SWITCHED_ON = "Time counts from when the autopilot was switched on."
+"""What readers of autopilots say of their time."""
 
 _RECEIVER = "GPS"
 _MAX_VALUE = 1e12
@@ -79,6 +89,23 @@ class Stream:
     resets: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     @classmethod
+    def of_fields(
+        cls,
+        what: str,
+        messages: Messages | None,
+        *names: str,
+        valid: Flags | None = None,
+        counter: FloatArray | None = None,
+    ) -> Stream | None:
+        """Return fields of messages as a stream; None without messages, or if a field is missing."""
+        values = columns_of(messages, *names)
+        return (
+            None
+            if messages is None or values is None
+            else cls.of(what, messages[TIME], values, valid, counter)
+        )
+
+    @classmethod
     def of(
         cls,
         what: str,
@@ -108,8 +135,7 @@ class Stream:
         if valid is not None:
             kept &= valid
         at = np.flatnonzero(kept)
-        later = time[at] > np.concatenate(([-np.inf], np.maximum.accumulate(time[at])[:-1]))
-        kept[at[~later]] = False
+        kept[at[~increasing(time[at])]] = False
         lost = 0 if kept.all() else int(np.argmin(kept)) + 1
         counted = None if counter is None else counter[kept]
         return cls(what, time[kept], values[kept], len(time), lost, counted)
@@ -178,17 +204,39 @@ class Stream:
         return found
 
 
+def columns_of(messages: Messages | None, *names: str) -> FloatArray | None:
+    """Return fields of messages side by side (n, k); None without messages, or if one is missing."""
+    if messages is None or not set(names) <= set(messages):
+        return None
+    return np.column_stack([messages[name] for name in names])
+
+
+def place_of(messages: Messages | None, *names: str) -> FloatArray | None:
+    """Return latitude, longitude [rad] and height [m] (n, 3) of fields in ° and m; None if one is missing."""
+    place = columns_of(messages, *names)
+    return None if place is None else place * (np.radians(1.0), np.radians(1.0), 1.0)
+
+
 def is_position(place: FloatArray) -> Flags:
     """Return which latitudes, longitudes [rad] (n, 2 or more) are known and on the Earth.
 
     Autopilots log zeros before their first fix.
     """
-    return np.asarray((np.abs(place[:, 0]) <= np.radians(LATITUDES[1])) & (place[:, :2] != 0).any(axis=1))
+    on_earth = np.abs(place[:, :2]) <= np.radians((LATITUDES[1], LONGITUDES[1]))
+    return np.asarray(on_earth.all(axis=1) & (place[:, :2] != 0).any(axis=1))
 
 
-def is_attitude(quaternions: FloatArray) -> Flags:
-    """Return which quaternions (n, 4) have a norm near 1."""
-    return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < _MAX_NORM_ERROR)
+def attitude_of(quaternions: Stream | None) -> Stream | None:
+    """Return the quaternions, scalar first, whose norm is near 1."""
+    if quaternions is None:
+        return None
+    fine = np.abs(np.linalg.norm(quaternions.values, axis=1) - 1) < _MAX_NORM_ERROR
+    return Stream.of(quaternions.what, quaternions.time, quaternions.values, fine, quaternions.counter)
+
+
+def attitude_of_angles(angles: Stream | None, unit: float = 1.0) -> Stream | None:
+    """Return roll, pitch, yaw in a unit [rad] as quaternions."""
+    return None if angles is None else replace(angles, values=quaternion_from_euler(unit * angles.values))
 
 
 def geoid_height(heights: FloatArray) -> float | None:
@@ -208,6 +256,96 @@ def believed_lever_arm(lever_arm: Sequence[float]) -> FloatArray:
     return arm if bool((np.abs(arm) <= MAX_LEVER_ARM).all()) else np.zeros(3)
 
 
+def lever_arm_of(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str]]) -> FloatArray:
+    """Return the lever arm from the IMU to the antenna that parameters give [m].
+
+    Parameters
+    ----------
+    parameters
+        Those of the autopilot.
+    pairs
+        Beginnings of the names of the places of antenna and IMU; the first is taken whose antenna has one.
+    """
+    for antenna, imu in pairs:
+        if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
+            of_antenna, of_imu = (
+                np.array([parameters.get(f"{name}{axis}", 0.0) for axis in "XYZ"]) for name in (antenna, imu)
+            )
+            return believed_lever_arm(of_antenna - of_imu)
+    return np.zeros(3)
+
+
+def gnss_of(
+    time: FloatArray,
+    place: FloatArray | None,
+    velocity: FloatArray | None,
+    sigmas: Sequence[FloatArray | None],
+    fixed: Flags | None,
+    lever_arm: FloatArray,
+    latency: float,
+    *,
+    once: bool = False,
+) -> GnssLog:
+    """Return the fixes of a receiver, without messages that have no time or no position on the Earth.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Time of the messages [s].
+    place, velocity : (n, 3) arrays or None
+        Latitude, longitude [rad], height [m]; velocity north, east, down [m/s]; NaN where unknown.
+    sigmas
+        σ of the position horizontally and vertically [m], and of the velocity [m/s], (n,) each, or None.
+    fixed : (n,) array or None
+        Which messages have a fix; None if they do not say.
+    lever_arm, latency
+        As of `GnssLog`.
+    once
+        Whether a fix that was logged again has the time of the first, and is left out.
+    """
+    unknown = np.full((len(time), 3), np.nan)
+    place, velocity = (unknown if one is None else one for one in (place, velocity))
+    fine = np.isfinite(time) & np.isfinite(place).all(axis=1) & is_position(place)
+    if fixed is not None:
+        fine &= fixed
+    if once:
+        fine[fine] = increasing(time[fine])
+    level, vertical, speed = (unknown[:, 0] if one is None else believed_sigma(one) for one in sigmas)
+    of_position, of_velocity = np.column_stack((level, level, vertical)), np.column_stack((speed,) * 3)
+    return GnssLog(time, place, velocity, of_position, of_velocity, lever_arm, latency).rows(fine)
+
+
+def checked_log(path: Path, imu: Stream, gnss: GnssLog, auxiliary: AuxiliaryData) -> SensorLog:
+    """Return an IMU and fixes as a sensor log, repaired and checked; may raise a `MissionError`."""
+    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
+    check_log(made)
+    return made
+
+
+def usable_imu(path: Path, imu: Stream | None, words: str) -> Stream:
+    """Return an IMU; `MissionError` if it cannot be used."""
+    if imu is None or not imu.usable:
+        raise MissionError(f"{path}: {words}")
+    return imu
+
+
+def not_decoded(count: int) -> list[str]:
+    """Return the remark on bytes of a file that are no messages; none without any."""
+    return [f"{count} bytes of the file could not be decoded and are left out."] if count else []
+
+
+def without_fix(what: str, count: int, field_name: str, kinds: FloatArray | None) -> str:
+    """Return that none of some messages has a fix, with the best kind of fix there is."""
+    best = 0 if kinds is None else int(np.nan_to_num(kinds).max(initial=0.0))
+    return f"none of the {count} {what} has a fix with a position ({field_name} {best} at most)"
+
+
+def most_frequent(streams: Sequence[Stream | None]) -> Stream | None:
+    """Return the usable stream with the highest rate, the first of equal ones; None without any."""
+    usable = (one for one in streams if one is not None and one.usable)
+    return max(usable, key=lambda one: round(one.rate), default=None)
+
+
 def first_usable(streams: Sequence[Stream | None]) -> Stream | None:
     """Return the first stream that can be used; None if none can be."""
     return next((stream for stream in streams if stream is not None and stream.usable), None)
@@ -221,8 +359,9 @@ def flight_of(
     attitude: Stream | None,
     *,
     units: tuple[ColumnUnit, ...],
-    remarks: tuple[str, ...],
+    remarks: Sequence[str],
     vehicle: str,
+    there_is: Callable[[], str] | None = None,
 ) -> RawFlight:
     """Return the flight of a log, at the times of velocity or attitude, whichever is logged more often.
 
@@ -240,17 +379,20 @@ def flight_of(
         Quaternions, scalar first; None if the log has none.
     units, remarks, vehicle
         As of `RawFlight`.
+    there_is
+        Says what the log has, for messages.
 
     Raises
     ------
     MissionError
         If there is no velocity or no position, or they have no time in common.
     """
+    said = "" if there_is is None else f". {there_is()}"
     if velocity is None or position is None:
         missing = "velocity" if velocity is None else "position"
         raise MissionError(
             f"{path}: the log has no {missing} that can be used; accepted are logs of a navigation solution "
-            "or of a GPS receiver with its velocity"
+            f"or of a GPS receiver with its velocity{said}"
         )
     velocity, position, attitude = _watched(velocity, position, attitude)
     base = attitude if attitude is not None and attitude.rate > velocity.rate else velocity
@@ -261,7 +403,7 @@ def flight_of(
     if len(time) < MIN_SAMPLES:
         raise MissionError(
             f"{path}: {' and '.join(stream.what for stream in used)} have {len(time)} times in common; "
-            f"accepted are at least {MIN_SAMPLES}"
+            f"accepted are at least {MIN_SAMPLES}{said}"
         )
     place = _position_at(position, time)
     euler = None
@@ -281,7 +423,7 @@ def flight_of(
         rows_read=base.read + sum(other.read - len(other.time) for other in others),
         dropped=(*(drop for stream in used for drop in stream.lost), *unknown),
         units=units,
-        remarks=remarks,
+        remarks=tuple(remarks),
         vehicle=vehicle,
         rates=_slower(base, velocity, position, attitude),
         resets=_resets(velocity, position, attitude),
@@ -290,14 +432,11 @@ def flight_of(
 
 def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[Flags, list[Dropped]]:
     """Return at which times of a stream all others are known, and the report on the other times."""
-    kept, dropped = np.ones(len(base.time), dtype=bool), []
+    kept, dropped = np.ones(len(base.time), dtype=bool), list[Dropped]()
     for other in others:
         known = other.known(base.time)
-        lost = kept & ~known
-        if lost.any():
-            reason = f"{base.what} while the {other.what} was not logged"
-            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
-            kept &= known
+        dropped += Dropped.of(f"{base.what} while the {other.what} was not logged", kept & ~known)
+        kept &= known
     return kept, dropped
 
 

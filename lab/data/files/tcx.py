@@ -55,10 +55,6 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     activities = np.array(points.of_activity, dtype=np.int64)
     chosen = int(np.bincount(activities, minlength=1).argmax())
     kept = activities == chosen
-    dropped: tuple[Dropped, ...] = ()
-    if not kept.all():
-        first = points.fixes.line[int(np.argmin(kept))]
-        dropped = (Dropped("of a shorter activity", int((~kept).sum()), int(first)),)
     remarks = list(points.clock.remarks)
     if np.isfinite(np.array(points.fixes.height)[kept]).any():
         remarks.append(SEA_LEVEL)
@@ -73,7 +69,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         NAME,
         units_of_the_format({"LatitudeDegrees": "°", "LongitudeDegrees": "°", "AltitudeMeters": "m"}),
         rows=kept,
-        dropped=dropped,
+        dropped=Dropped.of("of a shorter activity", ~kept, points.fixes.line),
         remarks=tuple(remarks),
         vehicle=points.sports[chosen],
     ).flight()

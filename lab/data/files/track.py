@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.faults import increasing
 from lab.data.rebuild.quantisation import value_step
-from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured
+from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured, listed
 from lab.data.rebuild.row_repair import NO_FIX
 from lab.data.rebuild.sample_times import prediction_error
 from lab.data.rebuild.smoothing import (
@@ -185,10 +186,8 @@ class Track:
         )
 
     def _keep(self, kept: NDArray[np.bool_], fine: NDArray[np.bool_], reason: str) -> None:
-        lost = kept & ~fine
-        if lost.any():
-            self._lost.append(Dropped(reason, int(lost.sum()), int(self.lines[np.argmax(lost)])))
-            kept &= fine
+        self._lost.extend(Dropped.of(reason, kept & ~fine, self.lines))
+        kept &= fine
 
     @staticmethod
     def _has(kept: NDArray[np.bool_], values: FloatArray) -> bool:
@@ -198,8 +197,7 @@ class Track:
     def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
         if kept.sum() >= MIN_SAMPLES:
             return
-        lost = (*self.dropped, *self._lost)
-        why = "; ".join(f"{drop.count} from row {drop.first_row} on: {drop.reason}" for drop in lost)
+        why = listed((*self.dropped, *self._lost))
         raise MissionError(
             f"{self.path}: {kept.sum()} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
             f"accepted is a track of at least {MIN_SAMPLES} points with time and position"
@@ -229,7 +227,7 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
         Samples, such as heights [m].
     """
     # Time stamps are not repaired yet; the curve needs those that increase.
-    forward = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+    forward = increasing(time)
     t, y = time[forward] - time[0], values[forward, None]
     if len(t) < MIN_SAMPLES:
         return np.zeros_like(time)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.limits import LIMITS
 from lab.data.log.log_remarks import clock_text, span_text
-from lab.data.log.sensor_log import MAX_GAP, MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
+from lab.data.log.sensor_log import MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
 
 _LISTED = 5
 """Most stretches that a remark lists."""
@@ -95,14 +96,7 @@ def _cut(log: SensorLog, span: FloatArray, remarks: tuple[str, ...]) -> SensorLo
         time=time - zero,
         dtheta=log.dtheta[first : last - 1],
         dvelocity=log.dvelocity[first : last - 1],
-        gnss=replace(
-            gnss,
-            time=gnss.time[rows] - zero,
-            position=gnss.position[rows],
-            velocity_n=gnss.velocity_n[rows],
-            position_sigma=gnss.position_sigma[rows],
-            velocity_sigma=gnss.velocity_sigma[rows],
-        ),
+        gnss=gnss.rows(rows, zero),
         reference=None if log.reference is None else log.reference.later(-zero),
         gaps=gaps - zero,
         breaks=np.empty((0, 2)),
@@ -122,8 +116,8 @@ def _remarks(
     count = "1 gap" if len(log.breaks) == 1 else f"{len(log.breaks)} gaps"
     asked_for = " of the requested stretch" if asked else ""
     text = (
-        f"The IMU has {count} of more than {MAX_GAP:g} s, up to {longest:.4g} s long: only the longest "
-        f"piece{asked_for} is navigated, {taken} of the file's clock."
+        f"The IMU has {count} of more than {LIMITS.longest_filled:g} s, up to {longest:.4g} s long: only the "
+        f"longest piece{asked_for} is navigated, {taken} of the file's clock."
     )
     others = [
         f"{clock_text(clock[i, 0])} to {clock_text(clock[i, 1])} s" for i in usable.tolist() if i != best

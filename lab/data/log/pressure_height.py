@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.clock.faults import increasing
 
 PERIOD: Final = 1.0
 """Time between the readings that are used [s]: that of the barometer in `lab.sensors.barometer`."""
@@ -62,7 +63,7 @@ class Heights:
             all before are left out.
         """
         time = rows["time"]
-        good = time > np.maximum.accumulate(np.append(self._newest, time))[:-1]
+        good = increasing(time, self._newest)
         self._newest = max(self._newest, *time.tolist()) if time.size else self._newest
         good &= (rows["pressure"] > ACCEPTED[0]) & (rows["pressure"] < ACCEPTED[1])  # NaN is not
         rows = rows[good]

@@ -14,16 +14,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.data.clock.two_clocks import over_rollovers
-from lab.data.clock.usual_interval import UsualInterval
+from lab.data.clock.faults import UsualInterval, equal_runs, filled, over_rollovers
+from lab.data.clock.limits import LIMITS
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
 from lab.data.log.log_remarks import clock_text, constant_axes_remarks, coverage_remarks, span_text
 from lab.data.log.spikes import spikes
 
-MAX_GAP = 2.0
-"""Longest gap of the IMU that is filled [s]: the motion in a longer one is unknown."""
 MIN_OVERLAP = 5.0
 """Shortest time in which both the IMU and the receiver recorded [s]."""
 MIN_IMU_SAMPLES = 10
@@ -33,11 +31,6 @@ MAX_LEVER_ARM = 100.0
 SIGMAS = (1e-6, 1e6)
 """σ of a fix that are believed [m], [m/s]: receivers write 0 or a huge number for one they do not know."""
 
-GAP_STEPS = 2.5
-"""Interval between samples of the IMU, in usual ones, from which samples are missing in it."""
-MAX_REPEAT = 4
-"""Longest run of equal samples that is a sensor polled too often; a longer one is a sensor at rest, or
-stuck."""
 _MOVING = 0.5
 """Speed from which two fixes cannot be equal [m/s]: loggers write the latest fix again, and receivers that
 lose the signal freeze. A receiver that holds its position has no speed. At 10 Hz it moves by 5 cm, five steps
@@ -83,6 +76,12 @@ class GnssLog:
     velocity_sigma: FloatArray
     lever_arm: FloatArray
     latency: float
+
+    def rows(self, rows: Flags | slice, zero: float = 0.0) -> GnssLog:
+        """Return some of the fixes, their stamps counted from a time [s]."""
+        arrays = ("position", "velocity_n", "position_sigma", "velocity_sigma")
+        some = {name: getattr(self, name)[rows] for name in arrays}
+        return replace(self, time=self.time[rows] - zero, **some)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -196,7 +195,7 @@ def repaired(
     rates = samples[1:] / since[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
     stamps, usual = time, UsualInterval().accept(dt)
-    wide = (dt > GAP_STEPS * usual) | (since < dt)
+    wide = (dt > LIMITS.filled * usual) | (since < dt)
     time, rates, gaps, breaks = _without_gaps(name, time, rates, usual, wide, repairs)
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
@@ -205,7 +204,7 @@ def repaired(
         values[np.searchsorted(time, stamps[1:][whole]) - 1] = samples[1:][whole]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
-    fixes = _picked(gnss, gnss_rows, epoch)
+    fixes = gnss.rows(gnss_rows, epoch)
     repairs += coverage_remarks(stamps, gnss.time[gnss_rows] - gnss.latency)
     repairs += constant_axes_remarks(name, samples, fixes.position)
     _report_missing(fixes, repairs)
@@ -267,11 +266,9 @@ def _without_repeats(
     time, samples = time[kept], samples[kept]
     if increments:  # two equal increments are two movements
         return time, samples
-    same = np.append(False, (np.diff(samples, axis=0) == 0).all(axis=1))[: time.size]
-    start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
+    start, length = equal_runs(samples)
     # A sensor that shows one value for longer is at rest, or stuck, and not polled too fast.
-    runs = np.bincount(start, minlength=same.size)[start]
-    kept = ~(same & (runs <= MAX_REPEAT))
+    kept = (start == np.arange(time.size)) | (length > LIMITS.polled)
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
     return time[kept], samples[kept]
 
@@ -337,8 +334,8 @@ def _without_gaps(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
-    at = np.flatnonzero(wide & (dt <= MAX_GAP))
-    broken = np.flatnonzero(wide & (dt > MAX_GAP))
+    at = np.flatnonzero(wide & (dt <= LIMITS.longest_filled))
+    broken = np.flatnonzero(wide & (dt > LIMITS.longest_filled))
     breaks = np.stack((time[broken], time[broken + 1]), axis=-1)
     if not at.size:
         return time, rates, np.empty((0, 2)), breaks
@@ -348,9 +345,7 @@ def _without_gaps(
             f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MAX_FILLED} times as many samples "
             "as there are"
         )
-    filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in at]
-    times = np.sort(np.concatenate((time, *filled)))
-    rates = np.stack([np.interp(times, time, column) for column in rates.T], axis=-1)
+    times, rates = filled(time, rates, usual, at)
     count = "1 gap" if at.size == 1 else f"{at.size} gaps"
     longest = int(at[np.argmax(dt[at])])
     repairs.append(
@@ -359,18 +354,6 @@ def _without_gaps(
         f"{clock_text(time[longest])} to {clock_text(time[longest + 1])} s of the file's clock."
     )
     return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
-
-
-def _picked(gnss: GnssLog, rows: NDArray[np.bool_], epoch: float) -> GnssLog:
-    return GnssLog(
-        time=gnss.time[rows] - epoch,
-        position=gnss.position[rows],
-        velocity_n=gnss.velocity_n[rows],
-        position_sigma=gnss.position_sigma[rows],
-        velocity_sigma=gnss.velocity_sigma[rows],
-        lever_arm=gnss.lever_arm,
-        latency=gnss.latency,
-    )
 
 
 def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:

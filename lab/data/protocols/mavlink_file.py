@@ -23,23 +23,32 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.checks.log_check import check_log
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
 from lab.data.files.streams import (
     FIX_3D,
     MAX_LOG_BYTES,
+    SWITCHED_ON,
+    TIME,
+    Messages,
     Stream,
-    believed_lever_arm,
+    attitude_of,
+    attitude_of_angles,
+    checked_log,
+    columns_of,
     first_usable,
     flight_of,
     geoid_height,
+    gnss_of,
     gps_delay,
-    is_attitude,
     is_position,
+    lever_arm_of,
+    most_frequent,
+    usable_imu,
+    without_fix,
 )
 from lab.data.files.track import Track
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Series
-from lab.data.log.sensor_log import SINCE_1970, GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import SINCE_1970, GnssLog, SensorLog
 from lab.data.log.vehicle import MAV_TYPES
 from lab.data.protocols.mavlink import (
     ACCELEROMETER,
@@ -56,7 +65,6 @@ from lab.data.protocols.mavlink import (
     frame_size,
 )
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
-from lab.motion.frames.rotation import quaternion_from_euler
 
 NAME = "MAVLink tlog"
 
@@ -76,8 +84,6 @@ _GROUND_STATION = 6
 """MAV_TYPE_GCS."""
 _UNITS = {"lat, lon": "°", "alt": "m", "vx, vy, vz": "m/s", "roll, pitch, yaw": "rad"}
 _TRACK_UNITS = {"lat": "°", "lon": "°", "alt": "m", "vel": "m/s", "cog": "°"}
-
-Messages = dict[str, FloatArray]
 
 
 def recognises(head: bytes) -> bool:
@@ -133,7 +139,7 @@ def read_log(path: Path) -> SensorLog:
         pymavlink is not installed.
     """
     _, vehicle = _vehicle(path)
-    gps, imu = vehicle.numbers("GPS_RAW_INT"), _imu(vehicle)
+    gps, imu = _messages(vehicle, "GPS_RAW_INT"), _imu(vehicle)
     if gps is None or imu is None:
         missing = "a GPS (GPS_RAW_INT)" if gps is None else f"an IMU ({', '.join(_IMUS)})"
         raise MissionError(
@@ -150,17 +156,13 @@ def read_log(path: Path) -> SensorLog:
     if not len(fixes.time):
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
     auxiliary = AuxiliaryData(_kind(vehicle), headings=_headings(vehicle), odometer=_wheels(vehicle))
-    made = repaired(str(path), imu.time, imu.values, fixes, auxiliary=auxiliary)
-    check_log(made)
-    return made
+    return checked_log(path, imu, fixes, auxiliary)
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    imu = _imu(_vehicle(path)[1])
-    if imu is None:
-        raise MissionError(f"{path}: the vehicle did not send an IMU ({', '.join(_IMUS)})")
-    return imu
+    said = f"the vehicle did not send an IMU ({', '.join(_IMUS)})"
+    return usable_imu(path, _imu(_vehicle(path)[1]), said)
 
 
 def _vehicle(path: Path) -> tuple[Telemetry, Vehicle]:
@@ -210,7 +212,7 @@ def _others(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
 
 def _remarks(log: Telemetry, geoid: float | None) -> tuple[str, ...]:
     began = f"{datetime.fromtimestamp(log.started, UTC):%Y-%m-%d %H:%M} UTC"
-    remarks = [f"Time counts from when the autopilot was switched on. The log begins at {began}."]
+    remarks = [f"{SWITCHED_ON} The log begins at {began}."]
     remarks.append(
         SEA_LEVEL
         if geoid is None
@@ -228,10 +230,11 @@ def _listed(vehicle: Vehicle) -> str:
     return ", ".join(f"{count} {name}" for name, count in vehicle.counts.items())
 
 
-def _since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
-    """Return the time of messages since the autopilot was switched on [s]; NaN where it is not known."""
-    if "time_boot_ms" in messages:
-        return messages["time_boot_ms"]
+def _messages(vehicle: Vehicle, name: str) -> Messages | None:
+    """Return messages with the time since the autopilot was switched on [s]; NaN where it is not known."""
+    messages = vehicle.numbers(name)
+    if messages is None or "time_boot_ms" in messages:
+        return messages and {**messages, TIME: messages["time_boot_ms"]}
     time = messages["time_usec"].copy()
     of_day = time > SINCE_1970
     if of_day.any():
@@ -240,16 +243,12 @@ def _since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
         known = np.empty(0) if clock is None else clock["time_unix_usec"] - clock["time_boot_ms"]
         known = known[known > SINCE_1970]
         time[of_day] -= np.median(known) if known.size else np.nan
-    return np.where(messages["time_usec"] > 0, time, np.nan)
+    return {**messages, TIME: np.where(messages["time_usec"] > 0, time, np.nan)}
 
 
 def _place(messages: Messages) -> FloatArray:
     """Return latitude, longitude [rad] and height above sea level [m], (n, 3), of messages."""
-    return _columns(messages, "lat", "lon", "alt")
-
-
-def _columns(messages: Messages, *fields: str) -> FloatArray:
-    return np.column_stack([messages[name] for name in fields])
+    return np.column_stack([messages[name] for name in ("lat", "lon", "alt")])
 
 
 def _fixed(gps: Messages) -> Flags:
@@ -269,12 +268,11 @@ def _imu(vehicle: Vehicle) -> Stream | None:
     """Return angular rate [rad/s] and specific force [m/s²], from the message that is sent most often."""
     found = []
     for name in _IMUS:
-        messages = vehicle.numbers(name)
-        if messages is None:
-            continue
+        messages = _messages(vehicle, name) or {}
         first = messages["id"] == messages["id"].min() if "id" in messages else None
-        values = _columns(messages, *GYRO, *ACCELEROMETER)
-        stream = Stream.of("IMU", _since_boot(vehicle, messages), values, first)
+        stream = Stream.of_fields("IMU", messages, *GYRO, *ACCELEROMETER, valid=first)
+        if stream is None:
+            continue
         # Raw numbers may be counts of any size; those of ArduPilot are mrad/s and thousandths of g.
         size = float(np.median(np.linalg.norm(stream.values[:, 3:], axis=1))) if stream.usable else 0.0
         if ONE_G[0] < size / STANDARD_GRAVITY < ONE_G[1]:
@@ -284,29 +282,22 @@ def _imu(vehicle: Vehicle) -> Stream | None:
 
 def _gnss(vehicle: Vehicle, gps: Messages) -> GnssLog:
     """Return the fixes of GPS_RAW_INT; it has no vertical velocity."""
-    time, place, speed, course = _since_boot(vehicle, gps), _place(gps), gps["vel"], gps["cog"]
+    place, speed, course = _place(gps), gps["vel"], gps["cog"]
     place[:, 2] += _geoid(vehicle) or 0.0
-    velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(len(time), np.nan)))
-    level, vertical, rate = (believed_sigma(gps[name]) for name in ("h_acc", "v_acc", "vel_acc"))
-    fine = _fixed(gps) & np.isfinite(time)
-    return GnssLog(
-        time=time[fine],
-        position=place[fine],
-        velocity_n=velocity[fine],
-        position_sigma=np.column_stack((level, level, vertical))[fine],
-        velocity_sigma=np.column_stack((rate, rate, rate))[fine],
-        lever_arm=_lever_arm(vehicle.parameters),
-        latency=gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS)),
-    )
+    velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(len(speed), np.nan)))
+    sigmas = [gps[name] for name in ("h_acc", "v_acc", "vel_acc")]
+    delay = gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS))
+    arm = lever_arm_of(vehicle.parameters, ARMS)
+    return gnss_of(gps[TIME], place, velocity, sigmas, gps["fix_type"] >= FIX_3D, arm, delay)
 
 
 def _headings(vehicle: Vehicle) -> Headings | None:
     """Return the headings of the first receiver with two antennas that has any."""
     for name in RECEIVERS:
-        gps = vehicle.numbers(name)
+        gps = _messages(vehicle, name)
         if gps is not None:
             values = np.column_stack((gps["yaw"], np.nan_to_num(gps["hdg_acc"])))
-            found = Stream.of("heading", _since_boot(vehicle, gps), values)
+            found = Stream.of("heading", gps[TIME], values)
             if len(found.time):
                 heading, sigma = found.values.T
                 return Headings(found.time, heading, np.where(sigma > 0, sigma, np.nan))
@@ -315,71 +306,49 @@ def _headings(vehicle: Vehicle) -> Headings | None:
 
 def _wheels(vehicle: Vehicle) -> Series | None:
     """Return the mean speed of the wheels between two messages, at the time in the middle."""
-    messages = vehicle.numbers("WHEEL_DISTANCE")
-    if messages is None:
+    messages = _messages(vehicle, "WHEEL_DISTANCE")
+    distances = columns_of(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
+    if messages is None or distances is None:
         return None
-    count, distances = messages["count"], _columns(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
+    count = messages["count"]
     turning = np.arange(distances.shape[1]) < count[:, None]
     mean = np.where(turning, distances, 0.0).sum(axis=1) / np.maximum(count, 1)
-    moved = Stream.of("wheels", _since_boot(vehicle, messages), mean, count > 0)
+    moved = Stream.of("wheels", messages[TIME], mean, count > 0)
     step, way = np.diff(moved.time), np.diff(moved.values[:, 0])
     near = step < LONGEST_STEP
     return Series((moved.time[1:] - step / 2)[near], (way / step)[near]) if near.any() else None
 
 
-def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
-    """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
-    for antenna, imu in ARMS:
-        if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
-            return believed_lever_arm(
-                [
-                    parameters.get(f"{antenna}{axis}", 0.0) - parameters.get(f"{imu}{axis}", 0.0)
-                    for axis in "XYZ"
-                ]
-            )
-    return np.zeros(3)
-
-
-def _stream(what: str, vehicle: Vehicle, name: str, *fields: str) -> Stream | None:
-    messages = vehicle.numbers(name)
-    if messages is None:
-        return None
-    return Stream.of(what, _since_boot(vehicle, messages), _columns(messages, *fields))
-
-
 def _velocity(vehicle: Vehicle) -> Stream | None:
     """Return velocity north, east, down [m/s], from the message that is sent more often."""
     found = [
-        _stream("local velocity", vehicle, "LOCAL_POSITION_NED", "vx", "vy", "vz"),
-        _stream("velocity", vehicle, "GLOBAL_POSITION_INT", "vx", "vy", "vz"),
+        Stream.of_fields(what, _messages(vehicle, name), "vx", "vy", "vz")
+        # The local one is no whole number of cm/s, so it is taken when both come as often.
+        for what, name in (("local velocity", "LOCAL_POSITION_NED"), ("velocity", "GLOBAL_POSITION_INT"))
     ]
-    usable = [one for one in found if one is not None and one.usable]
-    # The local one is no whole number of cm/s, so it is taken when both come as often.
-    return max(usable, key=lambda one: round(one.rate), default=None)
+    return most_frequent(found)
 
 
 def _position(vehicle: Vehicle, geoid: float | None) -> Stream | None:
-    messages = vehicle.numbers("GLOBAL_POSITION_INT")
+    messages = _messages(vehicle, "GLOBAL_POSITION_INT")
     if messages is None:
         return None
     place = _place(messages)
     valid = is_position(place)
     place[:, 2] += geoid or 0.0
-    return first_usable((Stream.of("position", _since_boot(vehicle, messages), place, valid),))
+    return first_usable((Stream.of("position", messages[TIME], place, valid),))
 
 
 def _attitude(vehicle: Vehicle) -> Stream | None:
     """Return the attitude as quaternions, from the message that is sent more often."""
-    found = []
-    euler = _stream("attitude", vehicle, "ATTITUDE", "roll", "pitch", "yaw")
-    whole_turn = _stream("attitude", vehicle, "ATTITUDE_QUATERNION", "q1", "q2", "q3", "q4")
-    if whole_turn is not None:
-        fine = is_attitude(whole_turn.values)
-        found.append(Stream.of("attitude", whole_turn.time, whole_turn.values, fine))
-    if euler is not None:
-        values = quaternion_from_euler(euler.values)
-        found.append(Stream(euler.what, euler.time, values, euler.read, euler.first_lost))
-    return max((one for one in found if one.usable), key=lambda one: round(one.rate), default=None)
+    quaternions = _messages(vehicle, "ATTITUDE_QUATERNION")
+    angles = Stream.of_fields("attitude", _messages(vehicle, "ATTITUDE"), "roll", "pitch", "yaw")
+    return most_frequent(
+        (
+            attitude_of(Stream.of_fields("attitude", quaternions, "q1", "q2", "q3", "q4")),
+            attitude_of_angles(angles),
+        )
+    )
 
 
 def _no_fix(vehicle: Vehicle) -> str:
@@ -389,26 +358,22 @@ def _no_fix(vehicle: Vehicle) -> str:
     if gps is None:
         said += "no GPS_RAW_INT was sent"
     else:
-        said += (
-            f"none of the {len(gps['lat'])} messages GPS_RAW_INT has a three-dimensional fix (fix_type is "
-            f"{gps['fix_type'].max():.0f} at most)"
-        )
+        said += without_fix("messages GPS_RAW_INT", len(gps["lat"]), "fix_type", gps["fix_type"])
     return f"{said}; accepted are logs with positions. It has {_listed(vehicle)}"
 
 
 def _gps_track(
     path: Path, vehicle: Vehicle, geoid: float | None, remarks: tuple[str, ...], kind: str
 ) -> Track:
-    gps = vehicle.numbers("GPS_RAW_INT")
+    gps = _messages(vehicle, "GPS_RAW_INT")
     if gps is None or not _fixed(gps).any():
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
     known, place = _fixed(gps), _place(gps)
     lines = np.arange(1, len(known) + 1)
-    lost = int((~known).sum())
     return Track(
         path=path,
         format=NAME,
-        time=_since_boot(vehicle, gps)[known],
+        time=gps[TIME][known],
         latitude=np.degrees(place[known, 0]),
         longitude=np.degrees(place[known, 1]),
         height=place[known, 2] + (geoid or 0.0),
@@ -417,7 +382,7 @@ def _gps_track(
         lines=lines[known],
         columns=units_of_the_format(_TRACK_UNITS),
         rows_read=len(known),
-        dropped=(Dropped("without a fix", lost, int(lines[~known][0])),) if lost else (),
+        dropped=Dropped.of("without a fix", ~known),
         remarks=("The vehicle sent no solution of its estimator: the track of its GPS is used.", *remarks),
         vehicle=kind,
     )

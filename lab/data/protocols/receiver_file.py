@@ -272,9 +272,7 @@ def _track(
     rows_read = len(fixes) + sum(one.count for one in dropped)
     lines = places.of_ends(fixes["end"])
     kind = fixes["fix_type"]
-    if (kind == NO_FIX).any():
-        first = int(lines[np.argmax(kind == NO_FIX)])
-        dropped.append(Dropped("without a fix", int((kind == NO_FIX).sum()), first))
+    dropped += Dropped.of("without a fix", kind == NO_FIX, lines)
     known = kind != NO_FIX
     velocity, kind = fixes["velocity_n"][known], kind[known]
     named = {

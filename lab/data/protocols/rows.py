@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.base.aid_table import SENT
-from lab.data.clock.clock_watch import LARGEST_TIME
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import LimitCheck, Limits
 from lab.data.protocols.samples import (
@@ -67,7 +67,7 @@ class Rows:
         clipped: int = 0,
     ) -> None:
         """Take a sample of the IMU, or count it as refused; fields as of `IMU`."""
-        if abs(time) > LARGEST_TIME or not self._check.accepts(rate, force):
+        if abs(time) > LIMITS.largest or not self._check.accepts(rate, force):
             self._statistics.refused += 1
             return
         self._imu += packed_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
@@ -115,7 +115,7 @@ class Rows:
         **values: float,
     ) -> None:
         """Take a heading, a speed or another value, or count it as refused; fields as of `READING`."""
-        if abs(time) > LARGEST_TIME or any(abs(values[name]) > _LARGEST_READING[name] for name in values):
+        if abs(time) > LIMITS.largest or any(abs(values[name]) > _LARGEST_READING[name] for name in values):
             self._statistics.refused += 1
             return
         row = [values.get(aid.live, NAN) for aid in SENT]

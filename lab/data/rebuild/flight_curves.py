@@ -315,11 +315,10 @@ def offered(raw: RawFlight) -> dict[str, float]:
     if raw.velocity_n is not None:
         own = slice(window.start, window.stop, raw.every("velocity"))
         curves["velocity"] = roughness(spline_rates(raw.time[own], raw.velocity_n[own], 1))
-    if raw.latitude is not None and raw.longitude is not None:
-        height = np.zeros(len(raw.time)) if raw.height is None else raw.height
+    position = raw.position
+    if position is not None:
         own = slice(window.start, window.stop, raw.every("position"))
-        position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[own]
-        places = ecef.position(position)
+        places = ecef.position(position[own])
         curves["position"] = roughness(spline_rates(raw.time[own], places - places[0], 2))
     if raw.airspeed is not None and raw.euler is not None:
         curves["air data"] = roughness(spline_rates(time, air_velocity(raw)[window], 1))

@@ -111,7 +111,7 @@ def motion(rebuilt: Reconstruction) -> RebuiltMotion:
 
 def _force(recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Return specific force and acceleration in n (n, 3) [m/s²]."""
-    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    position = recording.position
     acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
     return specific_force(position, recording.velocity_n, acceleration), acceleration
 
@@ -213,10 +213,9 @@ def _beyond_limits(
 def _velocity_against_positions(flight: RepairedFlight) -> list[FlightFinding]:
     """Compare the displacement by positions with the integral of the recorded velocity."""
     raw = flight.raw
-    if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
+    position, velocity = raw.position, raw.velocity_n
+    if velocity is None or position is None:
         return []
-    height = np.zeros(len(raw.time)) if raw.height is None else raw.height
-    position, velocity = np.stack((raw.latitude, raw.longitude, height), axis=-1), raw.velocity_n
     if raw.height is None or VERTICAL_VELOCITY in raw.made:
         velocity = velocity * (1.0, 1.0, np.nan)
     found = []

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 
@@ -37,6 +38,31 @@ class Dropped:
     reason: str
     count: int
     first_row: int
+
+    @classmethod
+    def of(
+        cls, reason: str, lost: Flags, rows: Sequence[int] | NDArray[np.signedinteger[Any]] | None = None
+    ) -> tuple[Self, ...]:
+        """Return the report on rows (n,) that are lost; nothing if none is.
+
+        Parameters
+        ----------
+        reason
+            Why.
+        lost : (n,) array
+            Which rows are left out.
+        rows : (n,) array, optional
+            Their numbers; from 1 by default.
+        """
+        if not lost.any():
+            return ()
+        first = int(np.argmax(lost))
+        return (cls(reason, int(lost.sum()), first + 1 if rows is None else int(rows[first])),)
+
+
+def listed(dropped: Iterable[Dropped]) -> str:
+    """Return what was left out, in words."""
+    return "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
 
 
 @dataclass(frozen=True)
@@ -180,6 +206,14 @@ class RawFlight:
                 raise ValueError(f"{name}: {len(value)} values, not all finite or not {len(self.time)}")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+
+    @property
+    def position(self) -> FloatArray | None:
+        """Latitude, longitude [rad] and height [m] (n, 3), zero without heights; None without positions."""
+        if self.latitude is None or self.longitude is None:
+            return None
+        height = np.zeros_like(self.latitude) if self.height is None else self.height
+        return np.stack((self.latitude, self.longitude, height), axis=-1)
 
     @property
     def quantities(self) -> tuple[str, ...]:

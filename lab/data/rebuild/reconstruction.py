@@ -241,7 +241,7 @@ def _residuals(
 ) -> tuple[FloatArray | None, FloatArray | None, float | None]:
     """Return the residuals of the curve: position, velocity and attitude, where recorded."""
     raw, time = made.raw, recording.time
-    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    position = recording.position
     axes = SmoothAxes(recording.latitude)
     at = _interpolated(time, position, raw.time)
     off_position = off_velocity = off_attitude = None

@@ -12,6 +12,7 @@ from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.estimator_resets import JUMP, jumps, reported_step
+from lab.data.clock.faults import usual_step
 from lab.data.rebuild.raw_flight import Dropped, RawFlight, Reset
 from lab.motion.frames import ecef
 
@@ -149,8 +150,10 @@ def somewhere(raw: RawFlight) -> RawFlight:
             return raw
         remark = f"The positions are not used: all are {NO_FIX}."
         return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
-    others = place(raw.rows(~nowhere))
-    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _MAX_DISTANCE_FROM_ZERO:
+    places = place(raw)
+    assert places is not None
+    off = np.linalg.norm(places[~nowhere] - places[np.argmax(nowhere)], axis=1)
+    if off.min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
     return raw.rows(~nowhere, tuple(dropped_samples(raw, nowhere, f"a position {NO_FIX}")))
 
@@ -161,17 +164,14 @@ def fresh(raw: RawFlight) -> RawFlight:
     A logger that polls faster than the simulator steps writes the same state again with a new time; a paused
     simulator repeats it for longer.
     """
-    same = np.ones(len(raw.time) - 1, dtype=bool)
-    for name in raw.quantities:
-        if name != "time":
-            value = getattr(raw, name).reshape(len(raw.time), -1)
-            same &= (value[1:] == value[:-1]).all(axis=1)
-    if not same.any() or raw.latitude is None or raw.longitude is None:
+    again = _repeated(raw, "time")
+    places = place(raw) if again.any() else None
+    if places is None:
         return raw
-    first = np.concatenate(([True], ~same))
+    first = ~again
     starts = np.flatnonzero(first)
     ends = np.append(starts[1:], len(first)) - 1
-    moving = _moves(raw.time, place(raw), starts, ends)[np.cumsum(first) - 1]
+    moving = _moves(raw.time, places, starts, ends)[np.cumsum(first) - 1]
     stale = ~first & moving
     return raw.rows(~stale, tuple(dropped_samples(raw, stale, "the state of the row before at a later time")))
 
@@ -224,21 +224,26 @@ def _sorted(raw: RawFlight) -> RawFlight:
 
 def distinct(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything, time included."""
-    same = np.ones(len(raw.time) - 1, dtype=bool)
-    for name in raw.quantities:
-        value = getattr(raw, name).reshape(len(raw.time), -1)
-        same &= (value[1:] == value[:-1]).all(axis=1)
-    repeated = np.concatenate(([False], same))
+    repeated = _repeated(raw)
     return raw.rows(
         ~repeated, tuple(dropped_samples(raw, repeated, "the values of the row before, time included"))
     )
 
 
+def _repeated(raw: RawFlight, *but: str) -> Flags:
+    """Return which samples (n,) repeat the one before in everything, but for some quantities."""
+    same = np.ones(len(raw.time) - 1, dtype=bool)
+    for name in set(raw.quantities) - {*but}:
+        value = getattr(raw, name).reshape(len(raw.time), -1)
+        same &= (value[1:] == value[:-1]).all(axis=1)
+    return np.concatenate(([False], same))
+
+
 def without_spikes(raw: RawFlight) -> RawFlight:
     """Return the samples without single positions far from the path between their neighbours."""
-    if raw.latitude is None or raw.longitude is None or len(raw.time) < _MIN_FOR_SPIKE:
-        return raw
     places = place(raw)
+    if places is None or len(places) < _MIN_FOR_SPIKE:
+        return raw
     step = np.linalg.norm(np.diff(places, axis=0), axis=1)
     far = _too_far(step, np.diff(raw.time))
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
@@ -251,10 +256,9 @@ def without_spikes(raw: RawFlight) -> RawFlight:
 
 def with_jumps(raw: RawFlight) -> RawFlight:
     """Return the samples with the jumps of their positions as resets, if the file says of none."""
-    if raw.resets or raw.latitude is None or raw.longitude is None:
+    position = raw.position
+    if raw.resets or position is None:
         return raw
-    height = np.zeros_like(raw.latitude) if raw.height is None else raw.height
-    position = np.stack((raw.latitude, raw.longitude, height), axis=-1)
     found = [
         Reset(float(raw.time[at]), reported_step(JUMP, position, int(at)))
         for at in jumps(raw.time, position)[:_MAX_JUMPS]
@@ -271,11 +275,7 @@ def reset_places(raw: RawFlight) -> NDArray[np.intp]:
 
 def bridged_gap(raw: RawFlight, longest_gap: float) -> float:
     """Return the longest pause [s] that is bridged: `longest_gap`, and at least five usual steps."""
-    return max(longest_gap, _MIN_GAP_STEPS * _usual(np.diff(raw.time)))
-
-
-def _usual(steps: NDArray[np.float64]) -> float:
-    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return max(longest_gap, _MIN_GAP_STEPS * usual_step(raw.time))
 
 
 def longest_stretch(
@@ -304,19 +304,15 @@ def longest_stretch(
     MissionError
         If no stretch has samples enough.
     """
-    steps = np.diff(raw.time)
-    usual = _usual(steps)
-    cut = steps > bridged_gap(raw, longest_gap)
-    if raw.latitude is not None and raw.longitude is not None:
-        cut |= _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
-    cut[breaks - 1] = True
+    cut = _jumps(raw, breaks) | (np.diff(raw.time) > bridged_gap(raw, longest_gap))
     edges = np.concatenate(([0], np.flatnonzero(cut) + 1, [len(raw.time)]))
     lengths = np.where(np.diff(edges) >= MIN_SAMPLES, raw.time[edges[1:] - 1] - raw.time[edges[:-1]], -1.0)
     best = int(np.argmax(lengths))
     if lengths[best] <= 0:
         raise MissionError(
             f"no stretch of {MIN_SAMPLES} samples without a gap in time or a jump of the position: the "
-            f"samples are usually {usual:.3g} s apart; longer gaps are bridged with --set longest_gap=SECONDS"
+            f"samples are usually {usual_step(raw.time):.3g} s apart; longer gaps are bridged "
+            "with --set longest_gap=SECONDS"
         )
     kept = np.zeros(len(raw.time), dtype=bool)
     kept[edges[best] : edges[best + 1]] = True
@@ -355,12 +351,8 @@ def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tu
     longest_gap
         Longest pause between samples that is bridged so far [s].
     """
-    steps = np.diff(raw.time)
+    steps, jumps = np.diff(raw.time), _jumps(raw, breaks)
     bridged = bridged_gap(raw, longest_gap)
-    jumps = np.zeros(len(steps), dtype=bool)
-    if raw.latitude is not None and raw.longitude is not None:
-        jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
-    jumps[breaks - 1] = True
     pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= MAX_BRIDGED_GAP)]))
     if not pauses.size:
         return ()
@@ -377,6 +369,15 @@ def _longest(cut: Flags) -> int:
     return int(np.diff(edges).max())
 
 
+def _jumps(raw: RawFlight, breaks: NDArray[np.intp]) -> Flags:
+    """Return between which samples (n - 1,) the clock was set back, or the place jumps."""
+    places, jumps = place(raw), np.zeros(len(raw.time) - 1, dtype=bool)
+    if places is not None:
+        jumps = _too_far(np.linalg.norm(np.diff(places, axis=0), axis=1), np.diff(raw.time))
+    jumps[breaks - 1] = True
+    return jumps
+
+
 def _too_far(distance: FloatArray, steps: FloatArray) -> Flags:
     """Return which displacements between samples are too large for a vehicle."""
     speed = distance / np.maximum(steps, _MIN_STEP)
@@ -384,12 +385,10 @@ def _too_far(distance: FloatArray, steps: FloatArray) -> Flags:
     return np.asarray((distance > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
 
 
-def place(raw: RawFlight) -> FloatArray:
+def place(raw: RawFlight) -> FloatArray | None:
     """Return the positions in Earth-fixed axes (n, 3) [m]; without heights, those on the ellipsoid."""
-    assert raw.latitude is not None
-    assert raw.longitude is not None
-    height = np.zeros_like(raw.latitude) if raw.height is None else raw.height
-    return ecef.position(np.stack((raw.latitude, raw.longitude, height), axis=-1))
+    position = raw.position
+    return None if position is None else ecef.position(position)
 
 
 def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
@@ -404,7 +403,5 @@ def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
     words
         Why.
     """
-    if not mask.any():
-        return []
-    first = int(np.argmax(mask))
-    return [Dropped(f"{words}, first at {raw.time[first]:.12g} s", int(mask.sum()), first + 1)]
+    first = f", first at {raw.time[np.argmax(mask)]:.12g} s" if mask.any() else ""
+    return list(Dropped.of(f"{words}{first}", mask))

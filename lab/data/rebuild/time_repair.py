@@ -232,12 +232,11 @@ def _best(
 def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
     """Return the quantities by which times are judged, in Cartesian components without jumps."""
     evidence: dict[str, FloatArray] = {}
-    if raw.latitude is not None and raw.longitude is not None:
-        places = row_repair.place(raw)
+    position, places = raw.position, row_repair.place(raw)
+    if position is None or places is None:
+        position = np.zeros((len(raw.time), 3))
+    else:
         evidence["position"] = places - places[0]
-    position = np.zeros((len(raw.time), 3))
-    if raw.latitude is not None and raw.longitude is not None:
-        position[:, 0], position[:, 1] = raw.latitude, raw.longitude
     axes = SmoothAxes(position[:, 0])
     if raw.velocity_n is not None:
         evidence["velocity"] = axes.vectors(raw.velocity_n, position)

@@ -52,7 +52,7 @@ from lab.data.sheets.sheet_sources import (
     kitti_files,
     kitti_table,
 )
-from lab.motion.frames.displacement import metres_per_radian
+from lab.motion.frames.displacement import velocity_of_positions
 
 _Checked = Callable[[Imu, GnssLog], Oriented]
 """Returns the log of an IMU and fixes, or raises a `MissionError`."""
@@ -469,9 +469,7 @@ def along_track(gnss: GnssLog, speed: FloatArray) -> GnssLog | None:
         return None
     if not (np.diff(time) > 0).all():
         return None
-    per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
-    north = np.gradient(gnss.position[:, 0], time) * per_latitude
-    east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
+    north, east, _ = velocity_of_positions(time, gnss.position).T
     moved = np.hypot(north, east)
     fast = (moved > _FAST) & np.isfinite(speed)
     if not fast.any() or not _LIKE[0] < float(np.median(speed[fast] / moved[fast])) < _LIKE[1]:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
+from lab.data.clock.faults import increasing
 from lab.data.files.unit_names import UNITS
 from lab.data.log.auxiliary_data import Reference
 from lab.data.log.sensor_log import GnssLog, SensorLog
@@ -269,7 +270,7 @@ def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Mo
     """Return velocity and acceleration (n, 2), north and east, at even times."""
     none = _Motion(np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
     kept = np.isfinite(time) & np.asarray(np.isfinite(position[:, :2]).all(axis=1))
-    kept[kept] = np.append(True, np.diff(np.maximum.accumulate(time[kept])) > 0)[: kept.sum()]
+    kept[kept] = increasing(time[kept])
     t = time[kept]
     if t.size < _MIN_STEPS:
         return none

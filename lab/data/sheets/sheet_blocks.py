@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.data.clock.sheet_stamps import is_regular
+from lab.data.clock.faults import is_regular
 from lab.data.sheets.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
 from lab.data.sheets.sheet_clock import clock_of
 

@@ -18,13 +18,14 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY, LEAP_SECONDS
 from lab.data.checks.log_check import is_explained
-from lab.data.clock.sheet_stamps import distribute_stamps
+from lab.data.clock.coarse_stamps import distribute_stamps
+from lab.data.clock.faults import continued
+from lab.data.clock.limits import LIMITS
 from lab.data.clock.stamps import (
     IS_AMBIGUOUS,
     date_and_clock,
     has_zone,
     is_of_hour,
-    onwards,
     over_leap_second,
     seconds_of_digits,
 )
@@ -65,8 +66,6 @@ _DAYS_BEFORE_1970 = {"1900": (25_569.0, 36_526.0, 58_000.0), "year 0": (719_529.
 
 _COUNTER = 2.0**32
 """Values of a counter of 32 bits: microseconds begin again after 72 minutes."""
-_NEARLY = 0.9
-"""Part of the period of a counter by which its time falls back when it begins again."""
 
 
 class Clock(NamedTuple):
@@ -178,7 +177,7 @@ def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
     dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
     dated = len(dates) == len(_DATE_PARTS)
     used = [heading for heading, _ in (*(dates if dated else ()), *parts, *milliseconds)]
-    time = DAY * _days(*(values for _, values in dates)) + time if dated else onwards(time, DAY)
+    time = DAY * _days(*(values for _, values in dates)) + time if dated else continued(time, DAY, DAY / 2)
     clock = Clock(
         time, " + ".join(one.text for one in used), f"{'years' if dated else 'hours'} to seconds", False
     )
@@ -197,19 +196,19 @@ def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
     """Return time stamps that are text, with the date in a column beside if there is one."""
     text = sheet.texts[heading.text]
     if is_of_hour(text):
-        return Clock(onwards(values.copy(), _HOUR), heading.text, "minutes and seconds", False)
+        return Clock(continued(values, _HOUR, _HOUR / 2), heading.text, "minutes and seconds", False)
     dates = sheet.all_of("date")
     order = _order_of(text) or (_order_of(sheet.texts.get(dates[0][0].text, "")) if dates else "")
     of_day = bool(np.nanmax(values) < 2 * DAY)
     if not dates or not of_day:
         # Cells are read in parts, of which each begins at its own midnight.
-        time = onwards(values.copy(), DAY) if of_day else values
+        time = continued(values, DAY, DAY / 2) if of_day else values
         if has_zone(text):  # in UTC it may be of the day before or after
             time = time - DAY * np.floor(time[np.isfinite(time)][0] / DAY)
         return _leaping(Clock(time, heading.text, f"text{order}", False), of_day)
     date, day = dates[0]
     changes = np.ptp(day[np.isfinite(day)]) > 0
-    time = date_and_clock(day, values) if changes else day + onwards(values.copy(), DAY)
+    time = date_and_clock(day, values) if changes else day + continued(values, DAY, DAY / 2)
     return _leaping(Clock(time, f"{date.text} + {heading.text}", f"text{order}", False), False)
 
 
@@ -241,12 +240,12 @@ def _onwards(values: FloatArray, factor: float) -> FloatArray:
     time = values * factor
     known = np.flatnonzero(np.isfinite(time))
     largest = float(time[known].max())
-    period = next((one for one in (_COUNTER * factor, DAY, 7 * DAY) if _NEARLY * one < largest < one), 0.0)
+    period = next(
+        (one for one in (_COUNTER * factor, DAY, 7 * DAY) if LIMITS.turn * one < largest < one), 0.0
+    )
     if not period or time[known].min() < 0:
         return time
-    back = np.diff(time[known]) < -_NEARLY * period
-    time[known[1:]] += period * np.cumsum(back)
-    return time
+    return continued(time, period, (1 - LIMITS.turn) * period)
 
 
 def times_of(sheet: Sheet) -> list[Heading]:

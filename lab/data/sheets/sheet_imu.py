@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError, QuestionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
-from lab.data.clock.sheet_stamps import is_regular, set_backs, smooth
+from lab.data.clock.coarse_stamps import smooth
+from lab.data.clock.faults import increasing, is_regular, set_backs
 from lab.data.clock.stamps import ACCEPTED, ZONES
 from lab.data.files.unit_names import UNITS
 from lab.data.log.log_remarks import span_text
@@ -160,7 +161,7 @@ def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray,
     if not count or late.max() > _MAX_BACK:
         return rows, time[rows], []
     if steps := set_backs(time[rows]):
-        kept = np.diff(np.maximum.accumulate(time[rows]), prepend=-np.inf) > 0
+        kept = increasing(time[rows])
         sizes = " and ".join(
             f"by {size:.3f} s at {time[rows][row - 1] - time[rows][0]:.2f} s" for row, size in steps
         )

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.data.clock.device_clock import FORWARD
+from lab.data.clock.faults import usual_step
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import DECODERS, decoder_of
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples, joined
 from lab.data.protocols.text_lines import TextLines
-from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, read_header, records
+from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, opened, read_header, records
 from lab.data.streams.transport import Chunk, TransportError
 
 RATES = (0.1, 10_000.0)
@@ -132,11 +133,8 @@ def holds_samples(path: str | os.PathLike[str]) -> bool:
 
 def _begin(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
     """Return the first bytes of a file."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(size)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    with opened(path) as file:
+        return file.read(size)
 
 
 def _data(path: str | os.PathLike[str]) -> bytes:
@@ -147,10 +145,7 @@ def _data(path: str | os.PathLike[str]) -> bytes:
         raise RecordingError(
             f"{path}: has {size / 2**30:.1f} GiB; accepted are captures up to {LARGEST / 2**30:.0f} GiB"
         )
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return _begin(path, -1)
 
 
 def _recognised(path: str | os.PathLike[str]) -> str:
@@ -192,8 +187,7 @@ def _arrivals(
     order = np.argsort(ends, kind="stable")
     times, ends = times[order], ends[order]
     steps = np.diff(times)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    steps[(steps < 0) | (steps > FORWARD)] = usual  # the clock was set
+    steps[(steps < 0) | (steps > LIMITS.forward)] = usual_step(times)  # the clock was set
     since = np.concatenate(([0.0], np.cumsum(steps)))
     last = np.append(np.diff(np.floor(since / _PIECE)) > 0, True)
     return ends[last], since[last]

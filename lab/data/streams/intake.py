@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted, were
+from lab.data.clock.faults import UsualInterval, equal_runs, filled, increasing
+from lab.data.clock.limits import LIMITS
 from lab.data.clock.timed_samples import TIMED_IMU
-from lab.data.clock.usual_interval import FIRST_INTERVALS, UsualInterval
-from lab.data.log.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
 from lab.data.log.spikes import StreamSpikes
 from lab.data.streams.live_log import usable_imu
 
 MOST_FILLED: Final = 10_000
-"""Most samples that fill a gap: those of `MAX_GAP` at 5 kHz. A wrong clock could ask for any number."""
+"""Most samples that fill a gap: those of the longest gap at 5 kHz. A wrong clock could ask for any number."""
 BACK_ROWS: Final = 50
 """Refused rows without a good one between from which the clock has stepped back: single ones are errors."""
 
@@ -126,7 +126,7 @@ class Intake:
         """Yield increments from the row before on, once the usual interval is known."""
         if np.isnan(self._usual.now):
             rows = self._waiting = np.concatenate((self._waiting, rows))
-            if rows.size <= FIRST_INTERVALS:
+            if rows.size <= LIMITS.first_intervals:
                 return
             self._waiting = rows[:0]
         yield from self._joined(rows)
@@ -156,9 +156,7 @@ class Intake:
         """Drop the rows that are not later than all before; begin again if that happens to all of them."""
         if not rows.size:
             return rows
-        time = rows["time"]
-        highest = np.maximum.accumulate(np.append(self._newest(), time))[:-1]
-        good = time > highest
+        good = increasing(rows["time"], self._newest())
         if good.all():
             self._back = 0
             return rows
@@ -174,19 +172,16 @@ class Intake:
         self._long, self._back = False, 0
 
     def _without_repeats(self, rows: NDArray[np.void]) -> NDArray[np.void]:
-        """Drop repeated values up to `MAX_REPEAT` in a row; the last row's values may still be repeated."""
+        """Drop a few repeated values in a row; the last row's values may still be repeated."""
         if not rows.size:
             return rows
         before, rows = self._tail.size, np.concatenate((self._tail, rows))
-        values = _values(rows)
-        same = np.append(False, (values[1:] == values[:-1]).all(axis=1))
-        start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
-        runs = np.bincount(start, minlength=same.size)[start]
+        start, runs = equal_runs(_values(rows))
         if self._long and before:
-            runs[start == 0] = MAX_REPEAT + 1
-        dropped = same & (runs <= MAX_REPEAT)
+            runs[start == 0] = LIMITS.polled + 1
+        dropped = (start < np.arange(start.size)) & (runs <= LIMITS.polled)
         last = int(start[-1])
-        self._long = bool(runs[-1] > MAX_REPEAT)
+        self._long = bool(runs[-1] > LIMITS.polled)
         self._tail = rows[-1:] if self._long else rows[last:]
         if not self._long:
             dropped[last:] = False
@@ -219,11 +214,11 @@ class Intake:
         begins = not self._last.size
         self._last = rows[-1:]
         usual = self._usual.accept(dt)
-        wide = dt > GAP_STEPS * usual
+        wide = dt > LIMITS.filled * usual
         if self._dropped.size:
             wide |= np.diff(np.searchsorted(self._dropped, time)) > 0
             self._dropped = self._dropped[self._dropped > time[-1]]
-        broken = np.flatnonzero(wide & ((dt > MAX_GAP) | (dt > MOST_FILLED * usual)))
+        broken = np.flatnonzero(wide & ((dt > LIMITS.longest_filled) | (dt > MOST_FILLED * usual)))
         self._count(
             used=rows.size - (not begins),
             marked=int(rows["gap"][0 if begins else 1 :].sum()),
@@ -243,13 +238,10 @@ class Intake:
         time = rows["time"]
         values = _values(rows)
         magnetic = rows["magnetic"]
-        dt = np.diff(time)
         at = np.flatnonzero(wide)
         gaps = tuple((float(time[i]), float(time[i + 1])) for i in at)
         if at.size:
-            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in at]
-            times = np.sort(np.concatenate((time, *inner)))
-            values = np.stack([np.interp(times, time, column) for column in values.T], axis=-1)
+            times, values = filled(time, values, usual, at)
             field = np.full((times.size, 3), np.nan)
             field[np.searchsorted(times, time)] = magnetic
             self._count(gaps=at.size, filled=times.size - time.size)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lab.base.aid_table import SENT, SERIES
 from lab.base.arrays import FloatArray
+from lab.data.clock.faults import increasing
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.data.log.pressure_height import Heights
@@ -55,9 +56,9 @@ def log_of(
         If IMU and receiver have too little in common.
     """
     imu = imu[usable_imu(imu)]
-    imu = imu[_increasing(imu["time"])]
+    imu = imu[increasing(imu["time"])]
     fixes = fixes[usable_fixes(fixes)]
-    fixes = fixes[_increasing(fixes["time"])]
+    fixes = fixes[increasing(fixes["time"])]
     headings = readings[np.isfinite(readings["heading"])]
     barometer = barometer_of(imu, fixes)
     series = {} if barometer is None else {"barometer": barometer}
@@ -159,8 +160,3 @@ def usable_fixes(fixes: NDArray[np.void]) -> NDArray[np.bool_]:
     good = np.isfinite(fixes["time"]) & np.isfinite(fixes["longitude"]) & np.isfinite(fixes["height"])
     good &= np.abs(fixes["latitude"]) <= np.pi / 2  # NaN is not
     return np.asarray(good & ((fixes["fix_type"] >= FIX_3D) | (fixes["fix_type"] == UNSENT)))
-
-
-def _increasing(time: FloatArray) -> NDArray[np.bool_]:
-    """Return the mask (n,) of the times that are later than all before."""
-    return np.asarray(time > np.maximum.accumulate(np.append(-np.inf, time))[:-1])

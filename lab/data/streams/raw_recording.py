@@ -6,6 +6,7 @@ arrival, number of bytes, bytes. What was being written when the program ended i
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from lab.data.clock.limits import LIMITS
 from lab.data.streams.transport import Chunk
 
 SUFFIX = ".inslab"
@@ -36,8 +38,6 @@ DEVICE_LOST, NEW_AXES = "lost", "axes"
 
 _RECORD = struct.Struct("<BdI")
 _MAX_HEADER = 2**16  # [bytes]
-_MAX_TIME = 1e12
-"""Largest time that is believed [s]: 30 000 years."""
 _MAX_RECORD = 2**24
 """Largest record that is believed [bytes]: far more than arrives at once."""
 
@@ -174,9 +174,16 @@ def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     RecordingError
         If it cannot be read, or is none.
     """
+    with opened(path) as file:
+        return _header(file, path)
+
+
+@contextlib.contextmanager
+def opened(path: str | os.PathLike[str]) -> Generator[BinaryIO, None, None]:
+    """Open a file; raise `RecordingError` if it, or what is read of it then, cannot be read."""
     try:
         with Path(path).open("rb") as file:
-            return _header(file, path)
+            yield file
     except RecordingError:
         raise
     except OSError as error:
@@ -193,21 +200,18 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk], None, 
     RecordingError
         If it cannot be read, or is none.
     """
-    try:
-        with Path(path).open("rb") as file:
-            _header(file, path)
-            while len(head := file.read(_RECORD.size)) == _RECORD.size:
-                kind, arrival, size = _RECORD.unpack(head)
-                _check_record(kind, arrival, size, f"{path}: damaged at byte {file.tell() - _RECORD.size}")
-                data = file.read(size)
-                if len(data) < size:
-                    return True
-                yield kind, Chunk(arrival, data)
-            return bool(head)
-    except RecordingError:
-        raise
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    with opened(path) as file:
+        _header(file, path)
+        while len(head := file.read(_RECORD.size)) == _RECORD.size:
+            kind, arrival, size = _RECORD.unpack(head)
+            if kind not in (DATA, EVENT) or size > _MAX_RECORD or not abs(arrival) < LIMITS.largest:
+                where = f"{path}: damaged at byte {file.tell() - _RECORD.size}"
+                raise RecordingError(f"{where}; what stands before it is read")
+            data = file.read(size)
+            if len(data) < size:
+                return True
+            yield kind, Chunk(arrival, data)
+        return bool(head)
 
 
 def event_of(data: bytes) -> dict[str, Any]:
@@ -217,11 +221,6 @@ def event_of(data: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return event if isinstance(event, dict) else {}
-
-
-def _check_record(kind: int, arrival: float, size: int, where: str) -> None:
-    if kind not in (DATA, EVENT) or size > _MAX_RECORD or not abs(arrival) < _MAX_TIME:
-        raise RecordingError(f"{where}; what stands before it is read")
 
 
 def _header(file: BinaryIO, path: object) -> dict[str, Any]:

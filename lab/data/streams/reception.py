@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.counted import counted
-from lab.data.clock.clock_watch import COMPARED, ClockWatch, sent_again
+from lab.data.clock.clock_watch import ClockWatch, sent_again
 from lab.data.clock.device_clock import DeviceClock
-from lab.data.clock.reading_times import LATENCY, NO_READINGS, STALE, ReadingTimes
+from lab.data.clock.faults import increasing
+from lab.data.clock.limits import LIMITS
+from lab.data.clock.reading_times import NO_READINGS, ReadingTimes
 from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.column_map import ColumnMap
@@ -299,7 +301,7 @@ class Reception:
         values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
         before = np.full((1, 7), np.nan) if self._values is None else self._values
         fresh = ~sent_again(values, before)
-        self._values = np.concatenate((before, values[fresh]))[-COMPARED:]
+        self._values = np.concatenate((before, values[fresh]))[-LIMITS.compared :]
         if not fresh.all():
             self.watch.repeated += int((~fresh).sum())
             rows, device = rows[fresh], device[fresh]
@@ -413,7 +415,7 @@ class Reception:
         self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
 
     def _put(self, rows: Rows, times: FloatArray, arrival: float, gap: NDArray[np.bool_]) -> Rows:
-        kept = times > np.maximum.accumulate(np.concatenate(([self._latest], times[:-1])))
+        kept = increasing(times, self._latest)
         if not kept.all():  # the mapping began anew, or the host cannot tell them apart
             begins = not kept[0]
             rows, times, gap = rows[kept], times[kept], gap[kept]
@@ -440,15 +442,15 @@ class Reception:
             return _NO_FIX
         own = rows["time"]
         shared = np.isfinite(own).all() and np.isfinite(self.clock.offset)
-        if shared and abs(own[-1] - self.watch.last) < STALE:
+        if shared and abs(own[-1] - self.watch.last) < LIMITS.stale:
             times = self.clock.offset + own
         else:
             clock = np.where(np.isfinite(rows["week_time"]), rows["week_time"], rows["utc"])
             if np.isfinite(clock).all() and (np.diff(clock) > 0).all():
-                times = self.fix_clock.mapped(np.asarray(clock), arrival)[0] - LATENCY
+                times = self.fix_clock.mapped(np.asarray(clock), arrival)[0] - LIMITS.latency
             else:
-                times = np.full(len(rows), arrival) - LATENCY
-        kept = times > np.fmax.accumulate(np.concatenate(([self._latest_fix], times[:-1])))
+                times = np.full(len(rows), arrival) - LIMITS.latency
+        kept = increasing(times, self._latest_fix)
         rows, times = rows[kept], times[kept]
         if not len(rows):
             return _NO_FIX

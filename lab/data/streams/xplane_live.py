@@ -384,16 +384,10 @@ def flight(
 def _believable(known: dict[str, FloatArray], timed: Flags) -> tuple[Flags, tuple[Dropped, ...]]:
     """Return which samples have a clock and possible numbers, and the report on the others."""
     believed = timed & xplane.within(known)
-    dropped = []
-    for reason, lost in (
-        ("without the simulator's clock", ~timed),
-        ("with numbers no flight has", timed & ~believed),
-    ):
-        if lost.any():
-            dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
+    unclocked = Dropped.of("without the simulator's clock", ~timed)
     if believed.sum() < MIN_SAMPLES:
         raise MissionError(
             f"X-Plane sent {len(timed)} samples, of which {believed.sum()} can be used; accepted are at "
             f"least {MIN_SAMPLES}"
         )
-    return believed, tuple(dropped)
+    return believed, (*unclocked, *Dropped.of("with numbers no flight has", timed & ~believed))

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lab.data.log.sensor_log import MAX_GAP
+from lab.data.clock.limits import LIMITS
 from lab.live.xplane.frames import BrokenFlightError, XPlaneFrames
 from lab.motion.recordings.recording import Frame
 from lab.motion.truth.growing_trajectory import FlownPiece, GrowingTrajectory
@@ -19,7 +19,7 @@ from lab.motion.truth.growing_truth import GrowingTruth
 from lab.sensors.sensor_stream import Sensed, SensorStream
 from lab.sensors.suite import SensorSuite
 
-AWAY = MAX_GAP + 1.0
+AWAY = LIMITS.longest_filled + 1.0
 """Least time between a flight that broke and the next one [s]: longer than a gap that is filled."""
 
 

@@ -86,3 +86,20 @@ def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
     if near.any():
         there[near] = ecef.displaced(here[near], displacement_n[near])
     return there
+
+
+def velocity_of_positions(time: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the velocity (m, 3) north, east, down from differences of positions; down is zero [m/s].
+
+    Parameters
+    ----------
+    time : (m,) array
+        At least two times [s].
+    position : (m, 3) array
+        Latitude, longitude [rad] and height [m].
+    """
+    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
+    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
+    north = np.gradient(latitude, time) * per_latitude
+    east = np.gradient(longitude, time) * per_longitude
+    return np.stack((north, east, np.zeros_like(north)), axis=-1)

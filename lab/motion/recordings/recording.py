@@ -57,6 +57,11 @@ class Recording:
         """Time from the first sample to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
+    @property
+    def position(self) -> FloatArray:
+        """Latitude, longitude [rad] and height [m], (n, 3)."""
+        return np.stack((self.latitude, self.longitude, self.height), axis=-1)
+
 
 class Frame(NamedTuple):
     """The state of a vehicle at a moment.

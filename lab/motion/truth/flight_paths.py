@@ -70,7 +70,7 @@ class GeodeticPath(_Path):
             Kind of the curve of attitudes.
         """
         time = recording.time - recording.time[0]
-        position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+        position = recording.position
         offsets = anchored_offsets(time, position, recording.velocity_n, grid)
         return cls(grid, position[0], offsets, attitude_curve(time, recording.euler, kind).resampled(grid))
 
@@ -121,7 +121,7 @@ class PolarPath(_Path):
         """
         time = recording.time - recording.time[0]
         C_en = ecef.axes(recording.latitude, recording.longitude)
-        position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+        position = recording.position
         offsets = anchored_cartesian(time, position, recording.velocity_n, grid)
         C_nb = Rotation.from_quat(rotation.quaternion_from_euler(recording.euler), scalar_first=True)
         attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)

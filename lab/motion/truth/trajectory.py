@@ -298,7 +298,7 @@ class Trajectory:
         """Set the residuals: curve minus recording."""
         flown = time <= self.duration
         truth = self.at(time[flown])
-        recorded = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)[flown]
+        recorded = recording.position[flown]
         self.position_residual = _rms(ecef.displacement(recorded, truth.position))
         self.velocity_residual = _rms(
             ecef.resolved(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]

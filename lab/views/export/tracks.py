@@ -109,7 +109,7 @@ def tracks_of(source: Result | Mission) -> Tracks:
     if isinstance(source, LogMission):
         return _of_log(source)
     recording = source.recording
-    track = _shown("Flight", recording.time - recording.time[0], _position(recording))
+    track = _shown("Flight", recording.time - recording.time[0], recording.position)
     return Tracks(source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None)
 
 
@@ -165,7 +165,3 @@ def _of_log(mission: LogMission) -> Tracks:
         None,
         _shown(FIXES, gnss.time - gnss.latency, gnss.position),
     )
-
-
-def _position(recording: Recording) -> FloatArray:
-    return np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)

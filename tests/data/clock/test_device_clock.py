@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.data.clock.device_clock import MADE_UP, MAX_DRIFT, MAX_SLEW, STEP, DeviceClock
+from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.limits import LIMITS
 
 BASE = 1000.0  # of the host's clock [s]
 
@@ -44,7 +45,7 @@ def test_intervals_of_samples_are_those_of_the_device() -> None:
     times = mapped(DeviceClock(), true - BASE, arrivals(true))
     steps = np.diff(times)
     assert (steps > 0).all()
-    assert np.abs(1000 * steps - 1).max() < MAX_DRIFT
+    assert np.abs(1000 * steps - 1).max() < LIMITS.drift
     assert np.abs(1000 * steps[30_000:] - 1).max() < 1e-4
 
 
@@ -65,7 +66,7 @@ def test_a_beginning_that_was_late_is_no_drift(late: float, drift: float) -> Non
     clock = DeviceClock()
     error = mapped(clock, (true - BASE) * (1 + drift), np.maximum.accumulate(arrival)) - true - 1e-3
     assert clock.steps == 1
-    assert np.abs(error[true > BASE + 2 + late / MADE_UP]).max() < (2e-3 if drift else 1e-4)
+    assert np.abs(error[true > BASE + 2 + late / LIMITS.made_up]).max() < (2e-3 if drift else 1e-4)
     assert abs(clock.drift - drift) < 1e-4
 
 
@@ -88,7 +89,7 @@ def test_missing_samples_of_a_counted_stream_are_found_by_the_delay() -> None:
     times = mapped(clock, np.arange(there.sum()) / 200, arrivals(true)[there])
     assert clock.steps == 2
     assert np.abs(times - true[there])[-1000:].max() < 5e-3
-    assert STEP < 0.5
+    assert LIMITS.step < 0.5
 
 
 def test_a_network_that_was_cut_moves_no_sample() -> None:
@@ -108,7 +109,7 @@ def test_a_stream_of_another_pace_keeps_its_own_intervals(pace: float) -> None:
     clock = DeviceClock()
     times = mapped(clock, true, BASE + true / pace)
     assert clock.steps == 1
-    assert np.abs(100 * np.diff(times) - 1).max() <= MAX_DRIFT + MAX_SLEW + 1e-9
+    assert np.abs(100 * np.diff(times) - 1).max() <= LIMITS.drift + LIMITS.slew + 1e-9
 
 
 def test_going_on_from_a_state_gives_the_same_bits() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.data.clock.sheet_stamps import set_backs
-from lab.data.clock.two_clocks import clock_rate, over_rollovers
+from lab.data.clock.faults import over_rollovers, set_backs
+from lab.data.clock.two_clocks import clock_rate
 
 
 def _drive(seed: int, seconds: float, rate: float, offset: float):

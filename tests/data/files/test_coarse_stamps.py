@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from foreign_tables import table
 
-from lab.data.clock.sheet_stamps import distribute_stamps, smooth
+from lab.data.clock.coarse_stamps import distribute_stamps, smooth
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 

@@ -13,6 +13,7 @@ from writers import autopilot
 from writers import ulog as writer
 
 from lab.data.files import ulog
+from lab.data.files.streams import TIME
 from lab.data.files.ulog_file import ULogFile
 from lab.data.formats import reader_of
 from lab.missions import MissionError, mission
@@ -121,9 +122,9 @@ def test_a_local_position_is_on_the_map_of_px4():
     k = np.arccos(cos_c) / np.sin(np.arccos(cos_c)) * radius
     x = k * (np.cos(lat0) * np.sin(lat) - np.sin(lat0) * np.cos(lat) * np.cos(lon - lon0))
     y = k * np.cos(lat) * np.sin(lon - lon0)
-    kinds = [(name, "<f8") for name in ("timestamp", "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")]
-    rows = [(1e6 * t, -33.0, 151.0, 20.0, x, y, -100.0) for t in range(1, 6)]
-    stream = ulog._local_position(np.array(rows, dtype=kinds))
+    names = (TIME, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
+    rows = np.array([(t, -33.0, 151.0, 20.0, x, y, -100.0) for t in range(1, 6)])
+    stream = ulog._local_position(dict(zip(names, rows.T, strict=True)))
     np.testing.assert_allclose(stream.values[0], (lat, lon, 120.0), rtol=0, atol=1e-9)
 
 

@@ -10,7 +10,7 @@ from live_streams import RATE, motion
 from test_source import Scripted, until
 
 import lab.live
-from lab.data.clock.clock_watch import EVEN, WITHIN
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.samples import FIX
 from lab.data.streams.reception import Reception
@@ -103,7 +103,7 @@ def test_a_clock_that_runs_evenly_again_is_used_again() -> None:
     assert ["repeats" in event.text for event in reception.watch.events] == [True, False]
     assert "evenly again" in reception.watch.events[-1].text
     assert reception.timing == "by the clock of the device"
-    assert EVEN + 50 < COUNT - AT
+    assert LIMITS.even + 50 < COUNT - AT
     assert len(imu) == COUNT
     assert np.abs(np.diff(imu["time"]) - 1 / RATE).max() < 5e-3
 
@@ -151,4 +151,4 @@ def test_a_recording_of_it_has_the_samples_of_the_stream(words: str, begin: int,
     assert len(told) == 1
     replayed = recorded_samples(path).imu
     assert replayed["time"].tobytes() == live["time"][begin:].tobytes()
-    assert WITHIN < 50  # the change before the last recording was reported before it began
+    assert LIMITS.within < 50  # the change before the last recording was reported before it began

@@ -10,11 +10,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from live_streams import capture, damaged, fixes, motion
 
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.samples import FIX, IMU, Samples
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.reception import LATENCY, Reception, nominal_rate
+from lab.data.streams.reception import Reception, nominal_rate
 from lab.data.streams.transport import Chunk
 
 HOST = 5000.0
@@ -118,7 +119,7 @@ def test_fixes_of_another_clock_are_mapped_by_their_own() -> None:
     _, fix = received(Reception("nmea"), stream)
     assert len(fix) == len(sent_fix)
     true = HOST + sent_fix["utc"] - sent_fix["utc"][0]
-    assert np.abs(fix["time"] + LATENCY - 0.05 - true).max() < 5e-3  # they are sent 0.05 s after
+    assert np.abs(fix["time"] + LIMITS.latency - 0.05 - true).max() < 5e-3  # they are sent 0.05 s after
     assert np.abs(np.diff(fix["time"]) - 1).max() < 1e-3
 
 

@@ -12,7 +12,7 @@ from xplane_sender import frames_of
 from xplane_simulator import STEP, montreal, packets
 
 from lab import Experiment
-from lab.data.log.sensor_log import MAX_GAP
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.samples import Samples, joined
 from lab.data.protocols.xplane import REFERENCES
@@ -179,7 +179,7 @@ def test_a_jump_begins_another_flight_behind_a_gap_that_is_not_filled() -> None:
     time = np.concatenate(imu)["time"]
     gap = int(np.argmax(np.diff(time)))
     assert AWAY <= time[gap + 1] - time[gap] < AWAY + 1
-    assert AWAY > MAX_GAP
+    assert LIMITS.longest_filled < AWAY
     truth = flight.truth.at(flight.epoch + np.array([time[gap], time[gap] + 1.0, time[gap + 1], time[-1]]))
     assert np.isfinite(truth.position[[0, 2, 3]]).all()
     assert np.isnan(truth.position[1]).all()
