@@ -8,6 +8,7 @@ from collections import deque
 import numpy as np
 
 from lab.base.parameters.counted import counted, were
+from lab.data.clock.limits import LIMITS
 from lab.data.protocols import xplane
 from lab.data.protocols.xplane import REFERENCES, Position, XPlanePackets
 from lab.motion.frames.displacement import displacement
@@ -33,12 +34,6 @@ PACE_OFF = 0.1
 """Smallest part by which a pace that is reported differs from that of this computer."""
 STANDS = 0.5
 """Time for which the clock stands still while packets come until the simulator is paused [s]."""
-_GAP = 2.5
-"""Interval, in usual ones, from which a bridged gap is reported: two frames are missing. One is not worth a
-remark: X-Plane sends at most one position in a frame, and its frames are not even."""
-_REMEMBERED = 0.02
-"""Part that a new interval has in the usual one, as in `lab.data.clock.clock_watch`: at 50 Hz, a second is
-remembered."""
 _KILOMETRE = 1000.0
 """Length from which kilometres are shown [m]."""
 
@@ -129,10 +124,12 @@ class XPlaneFrames:
         if why:
             raise BrokenFlightError(why)
         self._back = 0
-        if step > _GAP * self._usual:
+        # One missing frame is not worth a remark: the frames of X-Plane are not even.
+        if step > LIMITS.filled * self._usual:
             self.bridged += 1
             self.longest = max(self.longest, step)
-        self._usual = step if math.isnan(self._usual) else self._usual + _REMEMBERED * (step - self._usual)
+        before = step if math.isnan(self._usual) else self._usual
+        self._usual = before + LIMITS.remembered * (step - before)
         self._last, self._moved = frame, arrival
         self._paces.append((arrival, frame.time))
         while arrival - self._paces[0][0] > PACE_OVER:
