@@ -94,6 +94,11 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         raise MissionError(broken[text])
     if text and _is_folder(_expanded(text)):
         return _from_folder(_expanded(text), found)
+    if text and _is_file(_expanded(text)):
+        raise MissionError(
+            f"{text}: is a file, and no mission yet; ins-lab import {text} adds it, with --as log if it has "
+            "an IMU"
+        )
     close = difflib.get_close_matches(text, found, n=1)
     hint = f" Did you mean {close[0]}?" if close else ""
     raise MissionError(
@@ -116,15 +121,18 @@ def _expanded(text: str) -> Path:
 
 
 def _from_csv(path: Path) -> Mission:
-    try:
-        is_file = path.is_file()
-    except (OSError, ValueError):
-        is_file = False
-    if not is_file:
+    if not _is_file(path):
         raise MissionError(
             f"{path}: there is no such file; accepted is a flight csv or the name of a mission"
         )
     return Mission.from_csv(path)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _is_folder(path: Path) -> bool:

@@ -155,6 +155,15 @@ def test_an_unknown_name_is_answered_with_those_there_are(folder):
         mission("")
 
 
+def test_a_file_that_is_no_mission_yet_is_one_after_its_import(tmp_path: Path) -> None:
+    path = tmp_path / "drive.ulg"
+    path.write_bytes(b"ULog")
+    with pytest.raises(
+        MissionError, match=r"is a file, and no mission yet; ins-lab import .* --as log"
+    ):
+        mission(str(path))
+
+
 def test_paths_serve_as_names(tmp_path):
     toml = add(tmp_path, "elsewhere")
     for path in (toml, toml.with_suffix(".csv"), str(toml), str(toml.with_suffix(".csv"))):
