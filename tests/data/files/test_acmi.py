@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -109,5 +111,19 @@ def test_what_cannot_be_read_is_said(tmp_path):
     rows = "".join(f"#{t}\n1,T={1 + 1e-4 * t}|2|3\n1,T=1|2|3|4\n" for t in range(6))
     assert flight(tmp_path, HEAD + rows).dropped[0].count == 6
     rows = "".join(f"#{t}\n1,T=nan|2|inf\n" for t in range(6))
-    with pytest.raises(MissionError, match="none of its 1 objects"):
+    with pytest.raises(MissionError, match="without a position on the Earth"):
         flight(tmp_path, HEAD + rows)
+
+
+@pytest.mark.parametrize(
+    "line", ["{0:x},\n", "{0:x},T=1|2|3\n", "1,T={0}|2|3\n", "-{0:x}\n", "{0:x},A{0}=1\n"]
+)
+def test_many_objects_take_memory_in_proportion(tmp_path, line):
+    text = HEAD + "#1\n" + "".join(line.format(at) for at in range(100_000))
+    (tmp_path / "a.acmi").write_bytes(text.encode())
+    tracemalloc.start()
+    with contextlib.suppress(MissionError):
+        read_raw(tmp_path / "a.acmi")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 * len(text) + 12e6
