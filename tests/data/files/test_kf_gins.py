@@ -153,3 +153,18 @@ def test_an_imu_alone_has_rates(tmp_path):
     rates = Trajectory.from_recording(mission("montreal").recording, 100.0).rates(imu.time - START - 0.005)
     np.testing.assert_allclose(imu.values[10:-10, :3], rates[0][10:-10], atol=2e-3)
     np.testing.assert_allclose(imu.values[10:-10, 3:], rates[1][10:-10], atol=2e-2)
+
+
+def test_an_allan_deviation_takes_the_increments(tmp_path):
+    """At rest, white noise of a known density gives its angle random walk."""
+    from lab.analysis import rest_recording
+
+    rate, density, rng = 100.0, 1e-4, np.random.default_rng(3)
+    count = 60_000
+    noise = rng.normal(scale=density * np.sqrt(rate), size=(count, 3)) / rate
+    push = rng.normal(scale=1e-3 * np.sqrt(rate), size=(count, 3)) / rate - [0, 0, 9.8 / rate]
+    table = np.column_stack((1000 + np.arange(count) / rate, noise, push))
+    np.savetxt(tmp_path / "IMU.txt", table, fmt="%.15f")
+    gyro = rest_recording.read_log(tmp_path / "IMU.txt")["gyro"]
+    assert gyro.dt == pytest.approx(1 / rate)
+    assert np.std(gyro.rates, axis=0) == pytest.approx(density * np.sqrt(rate), rel=0.02)
