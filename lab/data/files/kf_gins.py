@@ -217,6 +217,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     ).flight()  # fmt: skip
 
 
+def _reference(values: FloatArray) -> Reference:
+    """Return a solution (n, 11) with times that increase."""
+    time = _seconds(values[:, 1])
+    later = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+    place = np.column_stack((np.radians(values[:, 2:4]), values[:, 4]))
+    return Reference(time[later], place[later], values[later, 5:8], np.radians(values[later, 8:]))
+
+
 def _flight(rows: _Rows, beside: Sequence[str]) -> RawFlight:
     """Return the flight of a solution."""
     kept = np.isfinite(rows.values).all(axis=1) & (np.abs(rows.values[:, 2]) <= LATITUDES[1])
@@ -277,16 +285,7 @@ def read_logs(
         samples = np.hstack((samples[:, :3] @ C.T, samples[:, 3:] @ C.T))
     name = str(paths[0].parent) + ": " + ", ".join(path.name for path in paths)
     fixes = _fixes(files[GNSS].values)
-    reference = None
-    if SOLUTION in files:
-        one = _flight(files[SOLUTION], ())
-        assert one.latitude is not None
-        assert one.longitude is not None
-        assert one.height is not None
-        assert one.velocity_n is not None
-        assert one.euler is not None
-        place = np.column_stack((one.latitude, one.longitude, one.height))
-        reference = Reference(one.time, place, one.velocity_n, one.euler)
+    reference = _reference(files[SOLUTION].values) if SOLUTION in files else None
     auxiliary = AuxiliaryData(vehicle=vehicle)
     log = repaired(
         name, _seconds(imu.values[:, 0]), samples, fixes, reference, increments=True, auxiliary=auxiliary
