@@ -56,8 +56,6 @@ _MIN_LINES = 5
 """Fewest of them."""
 _MIN_WHOLE = 0.8
 """Part of them that are rows of one number of columns: others may be damaged."""
-_NO_ROW = (b"", b"#", b"%")
-"""How a line without numbers begins."""
 _NUMBERS = re.compile(rb"[-+.0-9eE \t]+")
 _DECIMALS = 7
 """Fewest decimals that most latitudes and longitudes have: 1 cm. Positions in metres have fewer."""
@@ -113,10 +111,13 @@ def _kind_of(head: bytes) -> tuple[str, int]:
     if not _is_text(head):
         rows = np.frombuffer(head[: len(head) // _BINARY_ROW * _BINARY_ROW], "<f8").reshape(-1, 7)
         return (IMU if len(rows) >= _MIN_LINES and _is_imu(rows[:_HEAD_LINES]) else ""), _COLUMNS[IMU]
-    lines = [line for line in head.splitlines()[: _HEAD_LINES + 1] if line.strip()[:1] not in _NO_ROW]
+    lines = [line for line in head.splitlines()[: _HEAD_LINES + 1] if line.strip()]
     cells = [line.split() for line in lines[:-1] if _NUMBERS.fullmatch(line)]  # the last one may be cut
     count = Counter(map(len, cells)).most_common(1)[0][0] if cells else 0
     cells = [row for row in cells if len(row) == count]
+    # Headings, also behind a sign of a comment, may say that the columns are others.
+    if lines and not _NUMBERS.fullmatch(lines[0]):
+        return "", 0
     if len(cells) < max(_MIN_LINES, _MIN_WHOLE * len(lines)):
         return "", 0
     try:
@@ -400,7 +401,7 @@ def _parsed(lines: Sequence[bytes], number: int, columns: int) -> tuple[FloatArr
             return np.column_stack((np.arange(number, number + len(lines)), whole_block)), 0, 0
     rows, lost = [], []
     for at, line in enumerate(lines, number):
-        if line.strip()[:1] in _NO_ROW:
+        if not line.strip():
             continue
         try:
             row = [float(cell) for cell in line.split()[:columns]]

@@ -105,7 +105,7 @@ def test_wrong_axes_are_named(drive, tmp_path):
 def test_damaged_rows_are_counted(drive, tmp_path):
     lines = (drive / "truth.nav").read_bytes().splitlines()
     lines[500], lines[600], lines[700] = b"2017 4562", lines[600].replace(b".", b"x"), b"nan " * 11
-    (tmp_path / "truth.nav").write_bytes(b"% comment\n" + b"\r\n".join(lines[:-1]) + b"\r\n" + lines[-1][:40])
+    (tmp_path / "truth.nav").write_bytes(b"\n" + b"\r\n".join(lines[:-1]) + b"\r\n" + lines[-1][:40])
     flight = read_raw(tmp_path / "truth.nav")
     assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(4, 502)]
     assert flight.rows_read == len(lines)
@@ -127,6 +127,12 @@ def test_other_numbers_are_not_taken(tmp_path, rows):
     (tmp_path / "other.txt").write_text("".join(rows % tuple(row) + "\n" for row in table.tolist()))
     with pytest.raises(MissionError, match="format is unknown"):
         reader_of(tmp_path / "other.txt")
+
+
+@pytest.mark.parametrize("head", ["time lat lon alt hacc vacc speed", "# time lat lon alt hacc vacc speed"])
+def test_headings_say_more_than_numbers(drive, tmp_path, head):
+    (tmp_path / "fixes.txt").write_bytes(head.encode() + b"\n" + (drive / "GNSS-RTK.txt").read_bytes())
+    assert reader_of(tmp_path / "fixes.txt").name == sensor_csv.NAME
 
 
 def test_what_a_person_says_of_columns_comes_first(drive):
