@@ -41,7 +41,7 @@ _ZIP_NAME = 400
 _VERSIONS = "2."
 _PART = re.compile(rb"(?<!\\),")
 """A comma that is not part of a text."""
-_LINE = re.compile(rb"(?:[^\n\\]|\\.|\\\n)+", re.DOTALL)
+_LINE = re.compile(rb"(?:[^\n\\]+|\\\r?\n|\\.)+", re.DOTALL)
 """A line with those that go on after a backslash."""
 _FIELDS = {3: (0, 1, 2), 5: (0, 1, 2), 6: (0, 1, 2, 3, 4, 5), 9: (0, 1, 2, 3, 4, 5)}
 """Which components of T are read, by how many there are: a native flat world has two or three more."""
@@ -62,6 +62,8 @@ _MAX_TEXT = 40
 """Most characters of a name in the report: the file is hostile."""
 _READ = {"T", "Type", "Name", "Pilot", "CallSign"}
 """Properties of an object that are used; the others are listed."""
+_OF_ALL = (b"ReferenceTime", b"ReferenceLongitude", b"ReferenceLatitude")
+"""Properties of a recording that are used."""
 _TEXTS = {
     "Color", "Coalition", "Country", "Group", "Registration", "Squawk", "Importance", "Slot", "Parent",
     "Next", "ShortName", "LongName", "FullName", "Label", "Comments", "Debug", "Shape", "Visible", "Disabled",
@@ -194,7 +196,8 @@ class _Objects:
         if key == b"0":
             for part in parts:
                 name, _, value = part.partition(b"=")
-                self.texts[name.decode("utf-8", "replace")[:_MAX_TEXT]] = value.decode("utf-8", "replace")
+                if name in _OF_ALL:
+                    self.texts[name.decode()] = value.decode("utf-8", "replace").strip()
             return
         one = self._alive.get(key)
         if one is None:
