@@ -187,7 +187,7 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
         if len(files) > 1 or units or not _is_of_device(files[0]):
             raise
         reader = None
-    if reader is not None and reader.read_logs is not None:
+    if reader is not None and reader.read_logs is not None and reader.read_imu is None:
         return _of_tables(files, units)
     if len(files) > 1 or units:
         raise MissionError("several files, --unit and --column are for tables with named columns")

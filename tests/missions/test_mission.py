@@ -158,9 +158,7 @@ def test_an_unknown_name_is_answered_with_those_there_are(folder):
 def test_a_file_that_is_no_mission_yet_is_one_after_its_import(tmp_path: Path) -> None:
     path = tmp_path / "drive.ulg"
     path.write_bytes(b"ULog")
-    with pytest.raises(
-        MissionError, match=r"is a file, and no mission yet; ins-lab import .* --as log"
-    ):
+    with pytest.raises(MissionError, match=r"is a file, and no mission yet; ins-lab import .* --as log"):
         mission(str(path))
 
 

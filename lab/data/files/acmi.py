@@ -18,7 +18,7 @@ import zipfile
 import zlib
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,8 @@ from lab.base.files.file_content import MAX_RATIO, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
-from lab.data.files.fixes import UNKNOWN, Fixes, number
+from lab.data.files.fixes import UNKNOWN, number
+from lab.data.files.track import Track
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "Tacview ACMI"
@@ -40,7 +41,7 @@ _ZIP_NAME = 400
 _VERSIONS = "2."
 _PART = re.compile(rb"(?<!\\),")
 """A comma that is not part of a text."""
-_LINE = re.compile(rb"(?:[^\n\\]|\\.|\\\n)+", re.DOTALL)
+_LINE = re.compile(rb"(?:[^\n\\]+|\\\r?\n|\\.)+", re.DOTALL)
 """A line with those that go on after a backslash."""
 _FIELDS = {3: (0, 1, 2), 5: (0, 1, 2), 6: (0, 1, 2, 3, 4, 5), 9: (0, 1, 2, 3, 4, 5)}
 """Which components of T are read, by how many there are: a native flat world has two or three more."""
@@ -49,14 +50,20 @@ _VEHICLES = (
     ("Human", "pedestrian"), ("Missile", "rocket"), ("Rocket", "rocket"), ("Ground", "car"),
 )  # fmt: skip
 """Vehicles by the words of a type."""
-_MAX_OBJECTS = 100_000
-"""Most objects of a file."""
+_COLUMNS = {"Longitude": "°", "Latitude": "°", "Altitude": "m", "": "m/s", " ": "°"}
+"""Columns with their units; there is neither speed nor course."""
+_ROW = 8
+"""Numbers of a row: time, line, and the six of a place."""
+_FEW_OBJECTS, _OBJECT_BYTES = 1000, 150
+"""Objects that are read of any file, and bytes of it for each further one: what is said of one has some."""
 _MAX_NAMED = 5
 """Most of them that are named in the report."""
 _MAX_TEXT = 40
 """Most characters of a name in the report: the file is hostile."""
 _READ = {"T", "Type", "Name", "Pilot", "CallSign"}
 """Properties of an object that are used; the others are listed."""
+_OF_ALL = (b"ReferenceTime", b"ReferenceLongitude", b"ReferenceLatitude")
+"""Properties of a recording that are used."""
 _TEXTS = {
     "Color", "Coalition", "Country", "Group", "Registration", "Squawk", "Importance", "Slot", "Parent",
     "Next", "ShortName", "LongName", "FullName", "Label", "Comments", "Debug", "Shape", "Visible", "Disabled",
@@ -64,7 +71,7 @@ _TEXTS = {
 """Properties that are no measurement."""
 
 
-@dataclass
+@dataclass(slots=True)
 class _Object:
     """An object from its first line to its end.
 
@@ -74,19 +81,21 @@ class _Object:
         Its number.
     texts : dict
         Name, type and pilot.
-    now : list
-        The latest place [°], [m] and attitude [°].
-    fixes, roll, pitch, yaw
-        All of them, each [°], [m].
+    now : array
+        The latest longitude, latitude [°], height [m], roll, pitch and yaw [°].
+    rows : array
+        All of them, each after its time [s] and line.
     """
 
     key: bytes
     texts: dict[str, str] = field(default_factory=dict)
-    now: list[float] = field(default_factory=lambda: [UNKNOWN] * 6)
-    fixes: Fixes = field(default_factory=Fixes)
-    roll: array[float] = field(default_factory=lambda: array("d"))
-    pitch: array[float] = field(default_factory=lambda: array("d"))
-    yaw: array[float] = field(default_factory=lambda: array("d"))
+    now: array[float] = field(default_factory=lambda: array("d", [UNKNOWN] * 6))
+    rows: array[float] = field(default_factory=lambda: array("d"))
+
+    @property
+    def count(self) -> int:
+        """How many positions it has."""
+        return len(self.rows) // _ROW
 
     @property
     def vehicle(self) -> str:
@@ -119,7 +128,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if _HEAD.match(data) is None or version is None or not version[1].startswith(_VERSIONS.encode()):
         said = version[1].decode() if version else "none"
         raise MissionError(f"{path}: {NAME} of version {said}; accepted is {_VERSIONS}x")
-    objects = _Objects()
+    objects = _Objects(_FEW_OBJECTS + len(data) // _OBJECT_BYTES)
     for line, text in _lines(data):
         objects.accept(text, line)
     return _flight(path, objects)
@@ -161,13 +170,14 @@ def _lines(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 class _Objects:
-    """The objects of a file, as its lines come."""
+    """The objects of a file, as its lines come, up to a number of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int) -> None:
+        self._most = most
         self.all: list[_Object] = []
         self.texts: dict[str, str] = {}
         self.unused: dict[str, None] = {}
-        self.broken = self.first_broken = 0
+        self.broken = self.first_broken = self.left = 0
         self._now = UNKNOWN
         self._alive: dict[bytes, _Object] = {}
 
@@ -186,11 +196,13 @@ class _Objects:
         if key == b"0":
             for part in parts:
                 name, _, value = part.partition(b"=")
-                self.texts[name.decode("utf-8", "replace")[:_MAX_TEXT]] = value.decode("utf-8", "replace")
+                if name in _OF_ALL:
+                    self.texts[name.decode()] = value.decode("utf-8", "replace").strip()
             return
         one = self._alive.get(key)
         if one is None:
-            if len(self.all) >= _MAX_OBJECTS:
+            if len(self.all) >= self._most:
+                self.left += 1
                 return
             one = self._alive[key] = _Object(key)
             self.all.append(one)
@@ -202,7 +214,7 @@ class _Objects:
             word = name.decode("utf-8", "replace")[:_MAX_TEXT]
             if word in _READ:
                 one.texts[word] = value.decode("utf-8", "replace").replace("\\,", ",")
-            elif len(self.unused) < _MAX_OBJECTS:
+            elif len(self.unused) < _FEW_OBJECTS:
                 self.unused[word] = None
 
     def _move(self, one: _Object, value: bytes, line: int) -> None:
@@ -217,36 +229,31 @@ class _Objects:
             if cells[at].strip():
                 one.now[at] = number(cells[at])
                 changed = True
-        longitude, latitude, height, *euler = one.now
-        if changed and one.fixes.add(self._now, latitude, longitude, height, line):
-            for column, angle in zip((one.roll, one.pitch, one.yaw), euler, strict=True):
-                column.append(angle)
+        if changed:
+            one.rows.extend((self._now, line, *one.now))
 
 
 def _flight(path: Path, objects: _Objects) -> RawFlight:
     """Return the flight of the object that is read."""
-    moving = [one for one in objects.all if one.fixes.line]
+    moving = [one for one in objects.all if one.rows]
     if not moving:
         raise MissionError(
             f"{path}: none of its {len(objects.all)} objects has a position; accepted is a recording with T="
         )
     flown = [one for one in moving if "Air" in one.texts.get("Type", "").split("+")]
-    best = max(flown or moving, key=lambda one: len(one.fixes.line))
+    best = max(flown or moving, key=lambda one: one.count)
     east, north = (number(objects.texts.get(f"Reference{name}", "0")) for name in ("Longitude", "Latitude"))
-    fixes = best.fixes
-    fixes.longitude[:] = array("d", (np.array(fixes.longitude) + np.nan_to_num(east)).tobytes())
-    fixes.latitude[:] = array("d", (np.array(fixes.latitude) + np.nan_to_num(north)).tobytes())
-    euler = np.radians(np.column_stack([np.frombuffer(one) for one in (best.roll, best.pitch, best.yaw)]))
+    time, line, longitude, latitude, height, *euler = np.array(best.rows).reshape(-1, _ROW).T
     unread = Dropped("with a T of another number of components", objects.broken, objects.first_broken)
-    track = fixes.track(
-        path,
-        NAME,
-        units_of_the_format({"Longitude": "°", "Latitude": "°", "Altitude": "m"}),
-        unread=unread,
-        remarks=_remarks(objects, best, len(moving)),
-        vehicle=best.vehicle,
-    )
-    return replace(track, euler=euler).flight()
+    unknown = np.full(len(time), np.nan)
+    return Track(
+        path=path, format=NAME, time=time, latitude=latitude + np.nan_to_num(north),
+        longitude=longitude + np.nan_to_num(east), height=height, speed=unknown, course=unknown,
+        lines=line.astype(np.int64), rows_read=len(time) + objects.broken,
+        columns=units_of_the_format(_COLUMNS),
+        dropped=(unread,) if objects.broken else (), remarks=_remarks(objects, best, len(moving)),
+        vehicle=best.vehicle, euler=np.radians(np.column_stack(euler)),
+    ).flight()  # fmt: skip
 
 
 def _remarks(objects: _Objects, best: _Object, moving: int) -> tuple[str, ...]:
@@ -257,6 +264,8 @@ def _remarks(objects: _Objects, best: _Object, moving: int) -> tuple[str, ...]:
             f"The flight is that of {best.label}, which of {moving} objects has most positions of those in "
             "the air."
         )
+    if objects.left:
+        remarks.append(f"{objects.left} lines of further objects are not read, since there are so many.")
     unused = [name for name in objects.unused if name not in _TEXTS]
     if unused:
         more = f" and {len(unused) - _MAX_NAMED} more" if len(unused) > _MAX_NAMED else ""

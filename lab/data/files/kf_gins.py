@@ -56,8 +56,6 @@ _MIN_LINES = 5
 """Fewest of them."""
 _MIN_WHOLE = 0.8
 """Part of them that are rows of one number of columns: others may be damaged."""
-_NO_ROW = (b"", b"#", b"%")
-"""How a line without numbers begins."""
 _NUMBERS = re.compile(rb"[-+.0-9eE \t]+")
 _DECIMALS = 7
 """Fewest decimals that most latitudes and longitudes have: 1 cm. Positions in metres have fewer."""
@@ -113,10 +111,13 @@ def _kind_of(head: bytes) -> tuple[str, int]:
     if not _is_text(head):
         rows = np.frombuffer(head[: len(head) // _BINARY_ROW * _BINARY_ROW], "<f8").reshape(-1, 7)
         return (IMU if len(rows) >= _MIN_LINES and _is_imu(rows[:_HEAD_LINES]) else ""), _COLUMNS[IMU]
-    lines = [line for line in head.splitlines()[: _HEAD_LINES + 1] if line.strip()[:1] not in _NO_ROW]
+    lines = [line for line in head.splitlines()[: _HEAD_LINES + 1] if line.strip()]
     cells = [line.split() for line in lines[:-1] if _NUMBERS.fullmatch(line)]  # the last one may be cut
     count = Counter(map(len, cells)).most_common(1)[0][0] if cells else 0
     cells = [row for row in cells if len(row) == count]
+    # Headings, also behind a sign of a comment, may say that the columns are others.
+    if lines and not _NUMBERS.fullmatch(lines[0]):
+        return "", 0
     if len(cells) < max(_MIN_LINES, _MIN_WHOLE * len(lines)):
         return "", 0
     try:
@@ -217,6 +218,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     ).flight()  # fmt: skip
 
 
+def _reference(values: FloatArray) -> Reference:
+    """Return a solution (n, 11) with times that increase."""
+    time = _seconds(values[:, 1])
+    later = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+    place = np.column_stack((np.radians(values[:, 2:4]), values[:, 4]))
+    return Reference(time[later], place[later], values[later, 5:8], np.radians(values[later, 8:]))
+
+
 def _flight(rows: _Rows, beside: Sequence[str]) -> RawFlight:
     """Return the flight of a solution."""
     kept = np.isfinite(rows.values).all(axis=1) & (np.abs(rows.values[:, 2]) <= LATITUDES[1])
@@ -277,16 +286,7 @@ def read_logs(
         samples = np.hstack((samples[:, :3] @ C.T, samples[:, 3:] @ C.T))
     name = str(paths[0].parent) + ": " + ", ".join(path.name for path in paths)
     fixes = _fixes(files[GNSS].values)
-    reference = None
-    if SOLUTION in files:
-        one = _flight(files[SOLUTION], ())
-        assert one.latitude is not None
-        assert one.longitude is not None
-        assert one.height is not None
-        assert one.velocity_n is not None
-        assert one.euler is not None
-        place = np.column_stack((one.latitude, one.longitude, one.height))
-        reference = Reference(one.time, place, one.velocity_n, one.euler)
+    reference = _reference(files[SOLUTION].values) if SOLUTION in files else None
     auxiliary = AuxiliaryData(vehicle=vehicle)
     log = repaired(
         name, _seconds(imu.values[:, 0]), samples, fixes, reference, increments=True, auxiliary=auxiliary
@@ -401,7 +401,7 @@ def _parsed(lines: Sequence[bytes], number: int, columns: int) -> tuple[FloatArr
             return np.column_stack((np.arange(number, number + len(lines)), whole_block)), 0, 0
     rows, lost = [], []
     for at, line in enumerate(lines, number):
-        if line.strip()[:1] in _NO_ROW:
+        if not line.strip():
             continue
         try:
             row = [float(cell) for cell in line.split()[:columns]]

@@ -46,13 +46,17 @@ _MESSAGE = re.compile(b"|".join(re.escape(b"\xb5b" + kind) for kind in sorted(ME
 
 
 class _Receiver(NamedTuple):
-    """Messages with positions: protocol, framing, how they begin, their names, and how all begin."""
+    """A receiver: its protocol and framing, how messages with positions begin, and what they are called.
+
+    Then how all messages begin, and those with an attitude, which is not read.
+    """
 
     protocol: str
     framing: Callable[[], Framing]
     begin: re.Pattern[bytes]
     messages: str
     mark: bytes
+    attitude: re.Pattern[bytes] | None = None
 
 
 _RECEIVERS = {
@@ -65,6 +69,7 @@ _RECEIVERS = {
         ),
         "BESTPOS, BESTGNSSPOS and INSPVA",
         b"\xaaD",
+        re.compile(rb"[#%]INSPVAS?A,|\xaaD\x12[\x1c-\x7f]\xfb\x01|\xaaD\x13[\s\S]\xfc\x01"),
     ),
     SBF: _Receiver(
         "septentrio",
@@ -223,6 +228,8 @@ def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFligh
         remarks.append(f"{left.failed} messages with a wrong checksum are left out.")
     if left.unknown:
         remarks.append(f"{left.unknown} messages of other kinds are not read.")
+    if receiver.attitude is not None and receiver.attitude.search(data):
+        remarks.append("The attitude of INSPVA is not read.")
     places = _Places(data, receiver.mark, 0) if receiver.mark in data else _Places(data, b"\n", 1)
     time = np.round(fixes["time"] - WEEK * week, 6)
     return _track(path, name, fixes, time, fixes["height"], places, [], remarks)

@@ -42,7 +42,9 @@ _QUALITY = struct.Struct("<2BH3HB")
 _UNKNOWN = -2e10
 """What stands for a number that is not known, exact in four bytes, too."""
 _NO_TIME, _NO_WEEK, _NO_COUNT, _NO_ACCURACY = 2**32 - 1, 2**16 - 1, 2**8 - 1, 2**16 - 1
+"""What stands for a time, a week, a number of satellites and an accuracy that are not known."""
 _MILLISECOND, _CENTIMETRE = 1e-3, 1e-2
+"""Units of times [s] and of accuracies [m]."""
 _TWO_SIGMA = 2.0
 """σ in an accuracy."""
 _MODE, _IS_2D = 0x0F, 0x80  # bits of the kind of a solution, and of one without a height

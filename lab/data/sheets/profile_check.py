@@ -18,7 +18,7 @@ from lab.data.files.table import head_lines
 from lab.data.files.unit_names import unit_of
 from lab.data.sheets.column_names import VECTORS, Heading, given_heading, kind_of
 from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet import as_utf8, layout_of
+from lab.data.sheets.sheet import as_utf8, layout_of, numbered
 from lab.data.sheets.sheet_sources import as_table
 
 _FILE_NAME = re.compile(r"[^\w-]+")
@@ -69,7 +69,7 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
         return [f"{path}: is {profile.name}."]
     lines = head_lines(as_table(as_utf8(data)))
     layout = layout_of("\n".join(lines).encode(), path.name)
-    there = () if layout is None else layout.headings
+    there = [] if layout is None else numbered(layout.headings)
     missing = [" or ".join(need) for need in profile.needs if not set(need) & set(there)]
     if missing:
         known = f"its headings are {', '.join(there)}" if there else "no headings are recognised in it"

@@ -11,6 +11,7 @@ import csv
 import io
 import re
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -327,6 +328,16 @@ def _cells(text: str, delimiter: str) -> tuple[str, ...]:
     return tuple(cell.strip().strip("\"'\ufeff").strip() for cell in cells)
 
 
+def numbered(cells: Sequence[str]) -> list[str]:
+    """Return headings, with their number those that stand before already: ``altitude#2``."""
+    counts: Counter[str] = Counter()
+    found = []
+    for cell in cells:
+        counts[cell] += 1
+        found.append(f"{cell}#{counts[cell]}" if counts[cell] > 1 else cell)
+    return found
+
+
 def _known(
     cells: Sequence[str], name: str, overrides: Overrides, profile: Profile | None
 ) -> tuple[Heading | None, ...]:
@@ -335,12 +346,10 @@ def _known(
     The first of two with one heading counts, unless the profile names the second: ``altitude#2``.
     """
     known: list[Heading | None] = []
-    for place, cell in enumerate(cells):
-        count = cells[:place].count(cell)
-        numbered = f"{cell}#{count + 1}" if count else cell
-        if profile is not None and numbered in profile.columns and numbered not in overrides:
-            known.append(_of_profile(numbered, profile))
-        elif count:
+    for cell, name_of in zip(cells, numbered(cells), strict=True):
+        if profile is not None and name_of in profile.columns and name_of not in overrides:
+            known.append(_of_profile(name_of, profile))
+        elif cell != name_of:
             known.append(None)
         elif cell in overrides:
             known.append(_corrected(cell, overrides[cell], name))

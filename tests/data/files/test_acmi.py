@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -82,6 +84,16 @@ def test_all_forms_of_a_transform(tmp_path, form, attitude):
         assert read.euler is None
 
 
+def test_lines_may_end_as_on_windows(tmp_path):
+    data = write(mission("montreal").recording)
+    (tmp_path / "a.acmi").write_bytes(data.replace(b"\n", b"\r\n"))
+    windows = read_raw(tmp_path / "a.acmi")
+    (tmp_path / "a.acmi").write_bytes(data)
+    np.testing.assert_array_equal(windows.latitude, read_raw(tmp_path / "a.acmi").latitude)
+    assert "which of 2 objects" in " ".join(windows.remarks)
+    assert "2024-05-17T23:58:30Z." in " ".join(windows.remarks)
+
+
 def test_a_number_that_is_used_again_is_another_object(tmp_path):
     rows = "".join(f"#{t}\n1,T={1 + 1e-4 * t}|2|3,Name=first\n" for t in range(6))
     rows += "#6\n-1\n" + "".join(f"#{t}\n1,T={9 + 1e-4 * t}|2|3,Name=second\n" for t in range(7, 20))
@@ -109,5 +121,19 @@ def test_what_cannot_be_read_is_said(tmp_path):
     rows = "".join(f"#{t}\n1,T={1 + 1e-4 * t}|2|3\n1,T=1|2|3|4\n" for t in range(6))
     assert flight(tmp_path, HEAD + rows).dropped[0].count == 6
     rows = "".join(f"#{t}\n1,T=nan|2|inf\n" for t in range(6))
-    with pytest.raises(MissionError, match="none of its 1 objects"):
+    with pytest.raises(MissionError, match="without a position on the Earth"):
         flight(tmp_path, HEAD + rows)
+
+
+@pytest.mark.parametrize(
+    "line", ["{0:x},\n", "{0:x},T=1|2|3\n", "1,T={0}|2|3\n", "-{0:x}\n", "{0:x},A{0}=1\n", "0,A{0}=1\n"]
+)
+def test_many_objects_take_memory_in_proportion(tmp_path, line):
+    text = HEAD + "#1\n" + "".join(line.format(at) for at in range(100_000))
+    (tmp_path / "a.acmi").write_bytes(text.encode())
+    tracemalloc.start()
+    with contextlib.suppress(MissionError):
+        read_raw(tmp_path / "a.acmi")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 * len(text) + 12e6

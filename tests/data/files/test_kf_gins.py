@@ -105,7 +105,7 @@ def test_wrong_axes_are_named(drive, tmp_path):
 def test_damaged_rows_are_counted(drive, tmp_path):
     lines = (drive / "truth.nav").read_bytes().splitlines()
     lines[500], lines[600], lines[700] = b"2017 4562", lines[600].replace(b".", b"x"), b"nan " * 11
-    (tmp_path / "truth.nav").write_bytes(b"% comment\n" + b"\r\n".join(lines[:-1]) + b"\r\n" + lines[-1][:40])
+    (tmp_path / "truth.nav").write_bytes(b"\n" + b"\r\n".join(lines[:-1]) + b"\r\n" + lines[-1][:40])
     flight = read_raw(tmp_path / "truth.nav")
     assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(4, 502)]
     assert flight.rows_read == len(lines)
@@ -127,6 +127,12 @@ def test_other_numbers_are_not_taken(tmp_path, rows):
     (tmp_path / "other.txt").write_text("".join(rows % tuple(row) + "\n" for row in table.tolist()))
     with pytest.raises(MissionError, match="format is unknown"):
         reader_of(tmp_path / "other.txt")
+
+
+@pytest.mark.parametrize("head", ["time lat lon alt hacc vacc speed", "# time lat lon alt hacc vacc speed"])
+def test_headings_say_more_than_numbers(drive, tmp_path, head):
+    (tmp_path / "fixes.txt").write_bytes(head.encode() + b"\n" + (drive / "GNSS-RTK.txt").read_bytes())
+    assert reader_of(tmp_path / "fixes.txt").name == sensor_csv.NAME
 
 
 def test_what_a_person_says_of_columns_comes_first(drive):
@@ -153,3 +159,18 @@ def test_an_imu_alone_has_rates(tmp_path):
     rates = Trajectory.from_recording(mission("montreal").recording, 100.0).rates(imu.time - START - 0.005)
     np.testing.assert_allclose(imu.values[10:-10, :3], rates[0][10:-10], atol=2e-3)
     np.testing.assert_allclose(imu.values[10:-10, 3:], rates[1][10:-10], atol=2e-2)
+
+
+def test_an_allan_deviation_takes_the_increments(tmp_path):
+    """At rest, white noise of a known density gives its angle random walk."""
+    from lab.analysis import rest_recording
+
+    rate, density, rng = 100.0, 1e-4, np.random.default_rng(3)
+    count = 60_000
+    noise = rng.normal(scale=density * np.sqrt(rate), size=(count, 3)) / rate
+    push = rng.normal(scale=1e-3 * np.sqrt(rate), size=(count, 3)) / rate - [0, 0, 9.8 / rate]
+    table = np.column_stack((1000 + np.arange(count) / rate, noise, push))
+    np.savetxt(tmp_path / "IMU.txt", table, fmt="%.15f")
+    gyro = rest_recording.read_log(tmp_path / "IMU.txt")["gyro"]
+    assert gyro.dt == pytest.approx(1 / rate)
+    assert np.std(gyro.rates, axis=0) == pytest.approx(density * np.sqrt(rate), rel=0.02)

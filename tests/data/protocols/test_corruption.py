@@ -10,6 +10,7 @@ from live_streams import capture, damaged, decoded, fixes, motion
 
 from lab.data.protocols.catalogue import ENCODERS, decoder_of
 from lab.data.protocols.samples import Samples
+from lab.data.protocols.sbf import SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
@@ -42,11 +43,7 @@ STREAMS: dict[
     "ublox": ("ublox", True, lambda: encoded("ublox")),
     "NEO-M8U": ("ublox", True, lambda: 40 * capture("ubx_gpsd_neo-m8u.log")),
     "mavlink": ("mavlink", True, lambda: encoded("mavlink")),
-    "septentrio": (
-        "septentrio",
-        True,
-        lambda: ENCODERS["septentrio"]().encode(motion(0), fixes(COUNT // 10)),
-    ),
+    "septentrio": ("septentrio", True, lambda: SbfEncoder().encode(motion(0), fixes(COUNT // 10))),
     "witmotion": ("witmotion", False, lambda: encoded("witmotion")),
     "phone": ("phone", True, lambda: encoded("phone")),
     "text": ("text", False, lambda: TextEncoder().encode(motion(COUNT), fixes(0))),

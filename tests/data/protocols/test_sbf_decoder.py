@@ -104,3 +104,24 @@ def test_blocks_without_a_position_are_no_flight(tmp_path):
     (tmp_path / "raw.sbf").write_bytes(200 * checked(body))
     with pytest.raises(MissionError, match="Septentrio"):
         read_raw(tmp_path / "raw.sbf")
+
+
+def test_the_attitude_of_a_receiver_is_named_as_not_read(tmp_path):
+    """INSPVAS in ASCII, of a published line with other times and places."""
+    import binascii
+
+    lines = []
+    for at in range(20):
+        body = (
+            f"INSPVASA,2083,{374524.2 + at:.3f};2083,{374524.2 + at:.9f},{31.51668826 + 1.2e-4 * at:.11f},"
+            "120.38636567293,13.9998,13.1095,0.0,-0.0070,2.093819658,2.854168081,316.626703726,INS_SOLUTION_GOOD"
+        )
+        # The CRC of the manual starts at zero and is not inverted at the end.
+        check = binascii.crc32(body.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
+        lines.append(f"%{body}*{check:08x}\r\n")
+    (tmp_path / "span.txt").write_text("".join(lines))
+    flight = read_raw(tmp_path / "span.txt")
+    assert flight.format == "NovAtel OEM"
+    np.testing.assert_allclose(np.degrees(flight.latitude), 31.51668826 + 1.2e-4 * np.arange(20), atol=1e-10)
+    np.testing.assert_allclose(flight.velocity_n[:, 0], 13.1095)
+    assert "The attitude of INSPVA is not read." in flight.remarks
