@@ -10,6 +10,7 @@ from live_streams import capture, damaged, decoded, fixes, motion
 
 from lab.data.protocols.catalogue import ENCODERS, decoder_of
 from lab.data.protocols.samples import Samples
+from lab.data.protocols.sbf import SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
