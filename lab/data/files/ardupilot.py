@@ -22,35 +22,12 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
-from lab.data.files import sdlog2
+from lab.data.files import sdlog2, streams
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log, parameters_of
 from lab.data.files.dataflash_text import DataFlashText, is_text
 from lab.data.files.dataflash_time import MessageTimes
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
-from lab.data.files.streams import (
-    FIX_3D,
-    MAX_LOG_BYTES,
-    SWITCHED_ON,
-    TIME,
-    Messages,
-    Stream,
-    attitude_of,
-    attitude_of_angles,
-    checked_log,
-    columns_of,
-    first_usable,
-    flight_of,
-    geoid_height,
-    gnss_of,
-    gps_delay,
-    is_position,
-    lever_arm_of,
-    most_frequent,
-    not_decoded,
-    place_of,
-    usable_imu,
-    without_fix,
-)
+from lab.data.files.streams import FIX_3D, TIME, Messages, Stream
 from lab.data.files.track import slope
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog
@@ -107,8 +84,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         Stream.of_fields("velocity", _messages(times, name), "VN", "VE", "VD")
         for name in ("XKF1", "NKF1", "EKF1")
     ]
-    velocity = first_usable((*filtered, _gps_velocity(gps)))
-    position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
+    velocity = streams.first_usable((*filtered, _gps_velocity(gps)))
+    position = streams.first_usable(
+        (*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps))
+    )
     parameters = parameters_of(log)
     geoid = _geoid(times, parameters)
     if position is not None and geoid is not None:
@@ -118,14 +97,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
     if climb:
         remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
-    flight = flight_of(
+    flight = streams.flight_of(
         path,
         NAME,
         velocity,
         position,
         _attitude(times),
         units=units_of_the_format(_UNITS),
-        remarks=(*remarks, *not_decoded(log.lost_bytes)),
+        remarks=(*remarks, *streams.not_decoded(log.lost_bytes)),
         vehicle=_vehicle(log, parameters),
         there_is=lambda: _what_there_is(log, times, gps),
     )
@@ -144,7 +123,9 @@ def read_log(path: Path) -> SensorLog:
     gps = _messages(times, "GPS")
     missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
     said = f"the log does not have {missing} with a time; accepted are logs with both."
-    imu = usable_imu(path, None if gps is None else _imu(times), f"{said} {_what_there_is(log, times, gps)}")
+    imu = streams.usable_imu(
+        path, None if gps is None else _imu(times), f"{said} {_what_there_is(log, times, gps)}"
+    )
     assert gps is not None
     parameters = parameters_of(log)
     instances = int(_counts(times, "IMU")[0]), int(_counts(times, "GPS")[0])
@@ -152,15 +133,17 @@ def read_log(path: Path) -> SensorLog:
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
-    made = checked_log(path, imu, gnss, AuxiliaryData(_vehicle(log, parameters), compass, headings))
-    remarks = [*_instance_remarks(times), *not_decoded(log.lost_bytes)]
+    made = streams.checked_log(path, imu, gnss, AuxiliaryData(_vehicle(log, parameters), compass, headings))
+    remarks = [*_instance_remarks(times), *streams.not_decoded(log.lost_bytes)]
     remarks += [_clock_remark(times)] if times.unstamped else []
     return replace(made, repairs=(*made.repairs, *remarks))
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    return usable_imu(path, _imu(_log(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time")
+    return streams.usable_imu(
+        path, _imu(_log(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time"
+    )
 
 
 def _imu(times: MessageTimes) -> Stream | None:
@@ -168,7 +151,7 @@ def _imu(times: MessageTimes) -> Stream | None:
 
 
 def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
-    data = whole(path, MAX_LOG_BYTES)
+    data = whole(path, streams.MAX_LOG_BYTES)
     if not recognises(data[:_HEAD]):
         raise MissionError(f"{path}: is no {NAME} log")
     log: Log = DataFlashFile.of(data, wanted) if data.startswith(MAGIC) else DataFlashText(data, wanted)
@@ -176,7 +159,7 @@ def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
 
 
 def _clock_remark(times: MessageTimes) -> str:
-    remark = "Time is that of the GPS week: the log has no other." if times.of_week else SWITCHED_ON
+    remark = "Time is that of the GPS week: the log has no other." if times.of_week else streams.SWITCHED_ON
     if times.unstamped:
         remark += (
             f" The messages {' and '.join(times.unstamped)} have no time: they are timed by their order "
@@ -197,7 +180,7 @@ def _what_there_is(log: Log, times: MessageTimes, gps: Messages | None) -> str:
 
 
 def _no_fix(gps: Messages) -> str:
-    return without_fix("GPS messages", len(gps[TIME]), "Status", gps.get("Status"))
+    return streams.without_fix("GPS messages", len(gps[TIME]), "Status", gps.get("Status"))
 
 
 def _messages(times: MessageTimes, name: str) -> Messages | None:
@@ -244,7 +227,7 @@ def _instance_remarks(times: MessageTimes) -> list[str]:
 
 def _place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    return place_of(messages, "Lat", "Lng", "Alt")
+    return streams.place_of(messages, "Lat", "Lng", "Alt")
 
 
 def _position(times: MessageTimes, name: str) -> Stream | None:
@@ -252,7 +235,7 @@ def _position(times: MessageTimes, name: str) -> Stream | None:
     place = _place(messages)
     if messages is None or place is None:
         return None
-    return Stream.of("position", messages[TIME], place, is_position(place))
+    return Stream.of("position", messages[TIME], place, streams.is_position(place))
 
 
 def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None:
@@ -261,7 +244,7 @@ def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None
     ArduPilot logs altitude less height over the ellipsoid, the negative of what receivers call separation.
     """
     messages = _messages(times, "GPA")
-    geoid = None if messages is None else geoid_height(messages.get("Und", np.empty(0)))
+    geoid = None if messages is None else streams.geoid_height(messages.get("Und", np.empty(0)))
     if geoid is None:
         return None
     number = int(_counts(times, "GPS")[0]) + 1
@@ -281,12 +264,12 @@ def _gps_position(gps: Messages | None) -> Stream | None:
     place = _place(gps)
     if gps is None or place is None:
         return None
-    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & is_position(place))
+    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & streams.is_position(place))
 
 
 def _over_ground(gps: Messages) -> FloatArray | None:
     """Return velocity north, east, down of speed, course and vertical speed; NaN down if that is missing."""
-    values = columns_of(gps, "Spd", "GCrs")
+    values = streams.columns_of(gps, "Spd", "GCrs")
     if values is None:
         return None
     speed, angle = values[:, 0], np.radians(values[:, 1])
@@ -311,11 +294,11 @@ def _gps_velocity(gps: Messages | None) -> Stream | None:
 def _attitude(times: MessageTimes) -> Stream | None:
     """Return the attitude as quaternions: the filter's own, unless ATT is logged more often."""
     found = [
-        attitude_of(Stream.of_fields("attitude", _messages(times, name), "Q1", "Q2", "Q3", "Q4"))
+        streams.attitude_of(Stream.of_fields("attitude", _messages(times, name), "Q1", "Q2", "Q3", "Q4"))
         for name in ("NKQ", "XKQ")
     ]
     att = Stream.of_fields("attitude", _messages(times, "ATT"), "Roll", "Pitch", "Yaw")
-    return most_frequent((*found, attitude_of_angles(att, np.radians(1.0))))
+    return streams.most_frequent((*found, streams.attitude_of_angles(att, np.radians(1.0))))
 
 
 def _gnss(
@@ -334,9 +317,9 @@ def _gnss(
     late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
     sigmas = [_nearest(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")]
     of_imu = f"INS_POS{instances[0] + 1}_"
-    arm = lever_arm_of(parameters, ((f"GPS{number}_POS_", of_imu), (f"GPS_POS{number}_", of_imu)))
-    delay, once = gps_delay(1e-3 * late), "TimeUS" not in gps
-    return gnss_of(time, place, _over_ground(gps), sigmas, _fixed(gps), arm, delay, once=once)
+    arm = streams.lever_arm_of(parameters, ((f"GPS{number}_POS_", of_imu), (f"GPS_POS{number}_", of_imu)))
+    delay, once = streams.gps_delay(1e-3 * late), "TimeUS" not in gps
+    return streams.gnss_of(time, place, _over_ground(gps), sigmas, _fixed(gps), arm, delay, once=once)
 
 
 def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
@@ -369,7 +352,7 @@ def magnetometer_of(messages: Messages | None) -> Magnetometer | None:
     messages
         The messages MAG of one compass, with their times.
     """
-    field = columns_of(messages, "MagX", "MagY", "MagZ")
+    field = streams.columns_of(messages, "MagX", "MagY", "MagZ")
     if messages is None or field is None:
         return None
     healthy = messages.get("Health", np.ones(len(field))) != 0

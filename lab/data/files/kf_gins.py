@@ -234,7 +234,6 @@ def _flight(rows: _Rows, beside: Sequence[str]) -> RawFlight:
             f"{rows.path}: {kept.sum()} rows can be used; accepted are at least {MIN_SAMPLES} with time, "
             "position, velocity and attitude"
         )
-    lost = (Dropped("without a position on the Earth", int((~kept).sum()), int(rows.lines[np.argmin(kept)])),)
     _, time, latitude, longitude, height, *rest = rows.values[kept].T
     return RawFlight(
         format=NAME,
@@ -245,7 +244,7 @@ def _flight(rows: _Rows, beside: Sequence[str]) -> RawFlight:
         velocity_n=np.column_stack(rest[:3]),
         euler=np.radians(np.column_stack(rest[3:])),
         rows_read=len(kept) + rows.lost,
-        dropped=(*rows.dropped, *(lost if not kept.all() else ())),
+        dropped=(*rows.dropped, *Dropped.of("without a position on the Earth", ~kept, rows.lines)),
         units=units_of_the_format({"3": "°", "4": "°", "5": "m", "6 to 8": "m/s", "9 to 11": "°"}),
         remarks=("Time is the seconds of a GPS week.", "Heights are above the ellipsoid.", *beside),
     )

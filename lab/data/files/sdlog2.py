@@ -19,29 +19,10 @@ import numpy as np
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
+from lab.data.files import streams
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, parameters_of
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
-from lab.data.files.streams import (
-    FIX_3D,
-    MAX_LOG_BYTES,
-    SWITCHED_ON,
-    TIME,
-    Messages,
-    Stream,
-    attitude_of,
-    attitude_of_angles,
-    checked_log,
-    columns_of,
-    first_usable,
-    flight_of,
-    gnss_of,
-    gps_delay,
-    is_position,
-    not_decoded,
-    place_of,
-    usable_imu,
-    without_fix,
-)
+from lab.data.files.streams import FIX_3D, TIME, Messages, Stream
 from lab.data.files.ulog import on_map
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import SensorLog
@@ -75,28 +56,28 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     """
     path = one_file(paths, NAME, fixed=units)
     log = _Messages(path, _FLIGHT)
-    velocity = first_usable(
+    velocity = streams.first_usable(
         (
             log.stream("velocity", "GPOS", "VelN", "VelE", "VelD"),
             log.stream("local velocity", "LPOS", "VX", "VY", "VZ"),
             log.stream("GPS velocity", "GPS", "VelN", "VelE", "VelD", valid=log.fixed),
         )
     )
-    position = first_usable(
+    position = streams.first_usable(
         (
             log.position("position", "GPOS"),
             _local_position(log),
             log.position("GPS position", "GPS", valid=log.fixed),
         )
     )
-    return flight_of(
+    return streams.flight_of(
         path,
         NAME,
         velocity,
         position,
         _attitude(log),
         units=units_of_the_format(_UNITS),
-        remarks=(SWITCHED_ON, SEA_LEVEL, *not_decoded(log.lost_bytes)),
+        remarks=(streams.SWITCHED_ON, SEA_LEVEL, *streams.not_decoded(log.lost_bytes)),
         vehicle=log.vehicle,
         there_is=log.what_there_is,
     )
@@ -114,29 +95,29 @@ def read_log(path: Path) -> SensorLog:
     gps = log.messages("GPS")
     missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
     said = f"the log does not have {missing}; accepted are logs with both. {log.what_there_is()}"
-    imu = usable_imu(path, None if gps is None else log.imu, said)
+    imu = streams.usable_imu(path, None if gps is None else log.imu, said)
     assert gps is not None
-    velocity = columns_of(gps, "VelN", "VelE", "VelD")
+    velocity = streams.columns_of(gps, "VelN", "VelE", "VelD")
     late = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", log.parameters.get("PE_POS_DELAY_MS", 0.0))
     sigmas = gps.get("EPH"), gps.get("EPV"), None
-    gnss = gnss_of(
-        gps[TIME], _place(gps), velocity, sigmas, log.fixed, np.zeros(3), gps_delay(late), once=True
+    gnss = streams.gnss_of(
+        gps[TIME], _place(gps), velocity, sigmas, log.fixed, np.zeros(3), streams.gps_delay(late), once=True
     )
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    return checked_log(path, imu, gnss, AuxiliaryData(log.vehicle))
+    return streams.checked_log(path, imu, gnss, AuxiliaryData(log.vehicle))
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    return usable_imu(path, _Messages(path, _SENSORS).imu, "the log does not have an IMU (IMU)")
+    return streams.usable_imu(path, _Messages(path, _SENSORS).imu, "the log does not have an IMU (IMU)")
 
 
 class _Messages:
     """The messages of a file, with their times."""
 
     def __init__(self, path: Path, wanted: Sequence[str]) -> None:
-        data = whole(path, MAX_LOG_BYTES)
+        data = whole(path, streams.MAX_LOG_BYTES)
         if not recognises(data[:_DESCRIBED_WITHIN]):
             raise MissionError(f"{path}: is no {NAME} log")
         self._log = DataFlashFile.of(data, wanted)
@@ -169,7 +150,7 @@ class _Messages:
         place = _place(messages)
         if messages is None or place is None:
             return None
-        fine = is_position(place) if valid is None else is_position(place) & valid
+        fine = streams.is_position(place) if valid is None else streams.is_position(place) & valid
         return Stream.of(what, messages[TIME], place, fine)
 
     @property
@@ -185,12 +166,12 @@ class _Messages:
 
     def no_fix(self) -> str:
         gps = self.messages("GPS") or {TIME: np.empty(0)}
-        return without_fix("messages of the GPS", len(gps[TIME]), "Fix", gps.get("Fix"))
+        return streams.without_fix("messages of the GPS", len(gps[TIME]), "Fix", gps.get("Fix"))
 
 
 def _place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    return place_of(messages, "Lat", "Lon", "Alt")
+    return streams.place_of(messages, "Lat", "Lon", "Alt")
 
 
 def _local_position(log: _Messages) -> Stream | None:
@@ -199,12 +180,14 @@ def _local_position(log: _Messages) -> Stream | None:
         return None
     reference = stream.values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0)
     place = on_map(reference, stream.values[:, 3:])
-    return Stream.of(stream.what, stream.time, place, is_position(reference) & is_position(place))
+    return Stream.of(
+        stream.what, stream.time, place, streams.is_position(reference) & streams.is_position(place)
+    )
 
 
 def _attitude(log: _Messages) -> Stream | None:
     """Return the attitude as quaternions; until 2015 only the angles were logged."""
-    quaternions = attitude_of(log.stream("attitude", "ATT", "qw", "qx", "qy", "qz"))
-    return first_usable(
-        (quaternions, attitude_of_angles(log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")))
+    quaternions = streams.attitude_of(log.stream("attitude", "ATT", "qw", "qx", "qy", "qz"))
+    return streams.first_usable(
+        (quaternions, streams.attitude_of_angles(log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")))
     )

@@ -20,27 +20,9 @@ from numpy.typing import NDArray
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
+from lab.data.files import streams
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
-from lab.data.files.streams import (
-    FIX_3D,
-    MAX_GPS_DELAY,
-    MAX_LOG_BYTES,
-    SWITCHED_ON,
-    TIME,
-    Messages,
-    Stream,
-    attitude_of,
-    checked_log,
-    columns_of,
-    first_usable,
-    flight_of,
-    gnss_of,
-    is_position,
-    lever_arm_of,
-    not_decoded,
-    usable_imu,
-    without_fix,
-)
+from lab.data.files.streams import FIX_3D, TIME, Messages, Stream
 from lab.data.files.ulog_file import MAGIC, ULogFile
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.sensor_log import GnssLog, SensorLog
@@ -88,21 +70,21 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     log = _log(path, _FLIGHT)
     local, place = _topic(log, "vehicle_local_position"), _topic(log, "vehicle_global_position")
     gps = _gps(log)
-    velocity = first_usable((_local_velocity(local), _gps_velocity(gps)))
-    position = first_usable((_global(place), _local_position(local), _gps_position(gps)))
+    velocity = streams.first_usable((_local_velocity(local), _gps_velocity(gps)))
+    position = streams.first_usable((_global(place), _local_position(local), _gps_position(gps)))
     attitude = _topic(log, "vehicle_attitude", 4, "q")
     counter = _counter(attitude, "quat_reset_counter")
     quaternions = Stream.of_fields("attitude", attitude, "q", counter=counter)
-    remarks = [SWITCHED_ON, *_losses(log)]
+    remarks = [streams.SWITCHED_ON, *_losses(log)]
     above_ellipsoid = place is not None and "alt_ellipsoid" in place
     if position is not None and not (above_ellipsoid and position.what == "global position"):
         remarks.append(SEA_LEVEL)
-    return flight_of(
+    return streams.flight_of(
         path,
         NAME,
         velocity,
         position,
-        first_usable((attitude_of(quaternions),)),
+        streams.first_usable((streams.attitude_of(quaternions),)),
         units=units_of_the_format(_UNITS),
         remarks=remarks,
         vehicle=_vehicle(log),
@@ -125,22 +107,24 @@ def read_log(path: Path) -> SensorLog:
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
     gnss = _gnss(log, gps)
     try:
-        made = checked_log(path, imu, gnss, AuxiliaryData(_vehicle(log), _magnetometer(log), _headings(gps)))
+        made = streams.checked_log(
+            path, imu, gnss, AuxiliaryData(_vehicle(log), _magnetometer(log), _headings(gps))
+        )
     except MissionError as error:
         if gnss.time.size:
             raise
-        said = without_fix("GPS messages", len(gps[TIME]), "fix_type", gps.get("fix_type"))
+        said = streams.without_fix("GPS messages", len(gps[TIME]), "fix_type", gps.get("fix_type"))
         raise MissionError(f"{error}. {said[0].upper()}{said[1:]}") from None
     return replace(made, repairs=(*made.repairs, *_losses(log)))
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    return usable_imu(path, _imu(_log(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})")
+    return streams.usable_imu(path, _imu(_log(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})")
 
 
 def _log(path: Path, wanted: Sequence[str]) -> ULogFile:
-    data = whole(path, MAX_LOG_BYTES)
+    data = whole(path, streams.MAX_LOG_BYTES)
     if not data.startswith(MAGIC):
         raise MissionError(f"{path}: is no {NAME}")
     try:
@@ -211,7 +195,7 @@ def _global(place: Messages | None) -> Stream | None:
     if place is None or values is None:
         return None
     counter = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
-    return Stream.of("global position", place[TIME], values, is_position(values), counter)
+    return Stream.of("global position", place[TIME], values, streams.is_position(values), counter)
 
 
 def _place(
@@ -220,14 +204,14 @@ def _place(
 ) -> FloatArray | None:  # fmt: skip
     """Return latitude, longitude [rad] and height [m] (n, 3) of fields in a unit [°], [m]."""
     height = next((one for one in heights if messages is not None and one in messages), "")
-    place = columns_of(messages, latitude, longitude, height)
+    place = streams.columns_of(messages, latitude, longitude, height)
     degree = np.radians(1.0)
     return None if place is None else place * (angle, angle, length) * (degree, degree, 1.0)
 
 
 def _local_position(local: Messages | None) -> Stream | None:
     """Return where local coordinates are."""
-    values = columns_of(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
+    values = streams.columns_of(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
     if local is None or values is None:
         return None
     position = on_map(values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0), values[:, 3:])
@@ -236,7 +220,7 @@ def _local_position(local: Messages | None) -> Stream | None:
         "local position",
         local[TIME],
         position,
-        valid & is_position(position),
+        valid & streams.is_position(position),
         _counter(local, "xy_reset_counter", "z_reset_counter"),
     )
 
@@ -285,7 +269,7 @@ def _gps_position(gps: Messages | None) -> Stream | None:
     place = _gps_place(gps)
     if gps is None or place is None:
         return None
-    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & is_position(place))
+    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & streams.is_position(place))
 
 
 def _gps_velocity(gps: Messages | None) -> Stream | None:
@@ -304,8 +288,8 @@ def _imu(log: ULogFile) -> Stream | None:
         valid = None if late is None else late != _NO_TIME
         found.append(Stream.of_fields("IMU", combined, "gyro_rad", "accelerometer_m_s2", valid=valid))
     integrated = _topic(log, "vehicle_imu", 3, "delta_angle", "delta_velocity")
-    gains = columns_of(integrated, "delta_angle", "delta_velocity")
-    spans = columns_of(integrated, "delta_angle_dt", "delta_velocity_dt")
+    gains = streams.columns_of(integrated, "delta_angle", "delta_velocity")
+    spans = streams.columns_of(integrated, "delta_angle_dt", "delta_velocity_dt")
     if integrated is not None and gains is not None and spans is not None:
         span = np.where(spans > 0, spans * 1e-6, np.nan)
         found.append(Stream.of("IMU", integrated[TIME], gains / np.repeat(span, 3, axis=1)))
@@ -314,16 +298,16 @@ def _imu(log: ULogFile) -> Stream | None:
 
 
 def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
-    velocity = columns_of(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    velocity = streams.columns_of(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     if velocity is not None:
         velocity = np.where(_valid(gps, "vel_ned_valid")[:, None], velocity, np.nan)
     sigmas = [gps.get(name) for name in ("eph", "epv", "s_variance_m_s")]
     stamped = bool((gps.get("timestamp_sample", np.zeros(1)) > 0).all())
     delay = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0)
     # The driver's own time of the sample has the delay in it.
-    latency = 0.0 if stamped else float(np.clip(delay, 0, MAX_GPS_DELAY))
-    arm = lever_arm_of(log.parameters, (("EKF2_GPS_POS_", "EKF2_IMU_POS_"),))
-    return gnss_of(gps[TIME], _gps_place(gps), velocity, sigmas, _fixed(gps), arm, latency)
+    latency = 0.0 if stamped else float(np.clip(delay, 0, streams.MAX_GPS_DELAY))
+    arm = streams.lever_arm_of(log.parameters, (("EKF2_GPS_POS_", "EKF2_IMU_POS_"),))
+    return streams.gnss_of(gps[TIME], _gps_place(gps), velocity, sigmas, _fixed(gps), arm, latency)
 
 
 def _magnetometer(log: ULogFile) -> Magnetometer | None:
@@ -365,4 +349,4 @@ def _losses(log: ULogFile) -> tuple[str, ...]:
         remarks.append(
             f"The logger could not keep up {log.dropouts} times, for {log.dropped_seconds:.3g} s in all."
         )
-    return (*remarks, *not_decoded(log.lost_bytes))
+    return (*remarks, *streams.not_decoded(log.lost_bytes))

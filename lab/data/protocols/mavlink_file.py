@@ -23,29 +23,9 @@ from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import counted
 from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.files import streams
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
-from lab.data.files.streams import (
-    FIX_3D,
-    MAX_LOG_BYTES,
-    SWITCHED_ON,
-    TIME,
-    Messages,
-    Stream,
-    attitude_of,
-    attitude_of_angles,
-    checked_log,
-    columns_of,
-    first_usable,
-    flight_of,
-    geoid_height,
-    gnss_of,
-    gps_delay,
-    is_position,
-    lever_arm_of,
-    most_frequent,
-    usable_imu,
-    without_fix,
-)
+from lab.data.files.streams import FIX_3D, TIME, Messages, Stream
 from lab.data.files.track import Track
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Series
 from lab.data.log.sensor_log import SINCE_1970, GnssLog, SensorLog
@@ -116,7 +96,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if velocity is None or position is None:
         flight = _gps_track(path, vehicle, geoid, remarks, kind).flight()
     else:
-        flight = flight_of(
+        flight = streams.flight_of(
             path,
             NAME,
             velocity,
@@ -156,18 +136,18 @@ def read_log(path: Path) -> SensorLog:
     if not len(fixes.time):
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
     auxiliary = AuxiliaryData(_kind(vehicle), headings=_headings(vehicle), odometer=_wheels(vehicle))
-    return checked_log(path, imu, fixes, auxiliary)
+    return streams.checked_log(path, imu, fixes, auxiliary)
 
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
     said = f"the vehicle did not send an IMU ({', '.join(_IMUS)})"
-    return usable_imu(path, _imu(_vehicle(path)[1]), said)
+    return streams.usable_imu(path, _imu(_vehicle(path)[1]), said)
 
 
 def _vehicle(path: Path) -> tuple[Telemetry, Vehicle]:
     """Return the content of a file, and the vehicle with most position messages between two starts."""
-    data = whole(path, MAX_LOG_BYTES)
+    data = whole(path, streams.MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME}")
     try:
@@ -212,7 +192,7 @@ def _others(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
 
 def _remarks(log: Telemetry, geoid: float | None) -> tuple[str, ...]:
     began = f"{datetime.fromtimestamp(log.started, UTC):%Y-%m-%d %H:%M} UTC"
-    remarks = [f"{SWITCHED_ON} The log begins at {began}."]
+    remarks = [f"{streams.SWITCHED_ON} The log begins at {began}."]
     remarks.append(
         SEA_LEVEL
         if geoid is None
@@ -253,7 +233,7 @@ def _place(messages: Messages) -> FloatArray:
 
 def _fixed(gps: Messages) -> Flags:
     """Return which messages of GPS_RAW_INT have a three-dimensional fix."""
-    return (gps["fix_type"] >= FIX_3D) & is_position(_place(gps))
+    return (gps["fix_type"] >= FIX_3D) & streams.is_position(_place(gps))
 
 
 def _geoid(vehicle: Vehicle) -> float | None:
@@ -261,7 +241,9 @@ def _geoid(vehicle: Vehicle) -> float | None:
     gps = vehicle.numbers("GPS_RAW_INT")
     if gps is None:
         return None
-    return geoid_height((gps["alt_ellipsoid"] - gps["alt"])[_fixed(gps) & np.isfinite(gps["alt_ellipsoid"])])
+    return streams.geoid_height(
+        (gps["alt_ellipsoid"] - gps["alt"])[_fixed(gps) & np.isfinite(gps["alt_ellipsoid"])]
+    )
 
 
 def _imu(vehicle: Vehicle) -> Stream | None:
@@ -286,9 +268,9 @@ def _gnss(vehicle: Vehicle, gps: Messages) -> GnssLog:
     place[:, 2] += _geoid(vehicle) or 0.0
     velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(len(speed), np.nan)))
     sigmas = [gps[name] for name in ("h_acc", "v_acc", "vel_acc")]
-    delay = gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS))
-    arm = lever_arm_of(vehicle.parameters, ARMS)
-    return gnss_of(gps[TIME], place, velocity, sigmas, gps["fix_type"] >= FIX_3D, arm, delay)
+    delay = streams.gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS))
+    arm = streams.lever_arm_of(vehicle.parameters, ARMS)
+    return streams.gnss_of(gps[TIME], place, velocity, sigmas, gps["fix_type"] >= FIX_3D, arm, delay)
 
 
 def _headings(vehicle: Vehicle) -> Headings | None:
@@ -307,7 +289,7 @@ def _headings(vehicle: Vehicle) -> Headings | None:
 def _wheels(vehicle: Vehicle) -> Series | None:
     """Return the mean speed of the wheels between two messages, at the time in the middle."""
     messages = _messages(vehicle, "WHEEL_DISTANCE")
-    distances = columns_of(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
+    distances = streams.columns_of(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
     if messages is None or distances is None:
         return None
     count = messages["count"]
@@ -326,7 +308,7 @@ def _velocity(vehicle: Vehicle) -> Stream | None:
         # The local one is no whole number of cm/s, so it is taken when both come as often.
         for what, name in (("local velocity", "LOCAL_POSITION_NED"), ("velocity", "GLOBAL_POSITION_INT"))
     ]
-    return most_frequent(found)
+    return streams.most_frequent(found)
 
 
 def _position(vehicle: Vehicle, geoid: float | None) -> Stream | None:
@@ -334,19 +316,19 @@ def _position(vehicle: Vehicle, geoid: float | None) -> Stream | None:
     if messages is None:
         return None
     place = _place(messages)
-    valid = is_position(place)
+    valid = streams.is_position(place)
     place[:, 2] += geoid or 0.0
-    return first_usable((Stream.of("position", messages[TIME], place, valid),))
+    return streams.first_usable((Stream.of("position", messages[TIME], place, valid),))
 
 
 def _attitude(vehicle: Vehicle) -> Stream | None:
     """Return the attitude as quaternions, from the message that is sent more often."""
     quaternions = _messages(vehicle, "ATTITUDE_QUATERNION")
     angles = Stream.of_fields("attitude", _messages(vehicle, "ATTITUDE"), "roll", "pitch", "yaw")
-    return most_frequent(
+    return streams.most_frequent(
         (
-            attitude_of(Stream.of_fields("attitude", quaternions, "q1", "q2", "q3", "q4")),
-            attitude_of_angles(angles),
+            streams.attitude_of(Stream.of_fields("attitude", quaternions, "q1", "q2", "q3", "q4")),
+            streams.attitude_of_angles(angles),
         )
     )
 
@@ -358,7 +340,7 @@ def _no_fix(vehicle: Vehicle) -> str:
     if gps is None:
         said += "no GPS_RAW_INT was sent"
     else:
-        said += without_fix("messages GPS_RAW_INT", len(gps["lat"]), "fix_type", gps["fix_type"])
+        said += streams.without_fix("messages GPS_RAW_INT", len(gps["lat"]), "fix_type", gps["fix_type"])
     return f"{said}; accepted are logs with positions. It has {_listed(vehicle)}"
 
 

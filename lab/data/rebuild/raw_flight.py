@@ -41,7 +41,7 @@ class Dropped:
 
     @classmethod
     def of(
-        cls, reason: str, lost: Flags, rows: Sequence[int] | NDArray[np.signedinteger[Any]] | None = None
+        cls, reason: str, lost: Flags, rows: Sequence[int] | NDArray[Any] | None = None
     ) -> tuple[Self, ...]:
         """Return the report on rows (n,) that are lost; nothing if none is.
 

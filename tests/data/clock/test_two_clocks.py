@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.data.clock.faults import over_rollovers, set_backs
 from lab.data.clock.two_clocks import clock_rate
 
 
@@ -47,30 +46,3 @@ def test_a_straight_or_senseless_drive_says_nothing() -> None:
     assert clock_rate(time, np.zeros_like(dtheta), fixes, position, velocity) is None
     assert clock_rate(time, dtheta, fixes[::-1], position, velocity) is None
     assert clock_rate(time[:2], dtheta[:1], fixes[:0], position[:0], velocity[:0]) is None
-
-
-def test_a_clock_that_was_set_back_is_no_row_out_of_order() -> None:
-    time = 0.01 * np.arange(1000)
-    back = np.where(time >= 5, time - 0.192, time)
-    ((row, size),) = set_backs(back)
-    assert row == 500
-    assert size == pytest.approx(0.192, abs=1e-6)
-    late = np.r_[time[:500], time[520:540], time[500:520], time[540:]]  # two batches exchanged
-    assert set_backs(late) == []
-    assert set_backs(time) == set_backs(time[:0]) == []
-
-
-def test_a_receiver_that_counts_other_weeks_is_taken_in_those_of_the_imu() -> None:
-    period = 1024 * 7 * 86400
-    imu = 1.7e9 + 0.01 * np.arange(10_000)
-    fixes = 1.7e9 + np.arange(100.0)
-    for behind in (1, 2, -1):
-        stamps, remark = over_rollovers(fixes - behind * period, imu)
-        assert (stamps == fixes).all()
-        assert "1,024 weeks" in remark
-    within = np.where(np.arange(100) < 60, fixes, fixes - period)  # rolls over in the log
-    assert (over_rollovers(within, imu)[0] == fixes).all()
-    for right in (fixes, fixes + 500, fixes - 3600, fixes[:0], np.full(3, np.nan)):
-        stamps, remark = over_rollovers(right, imu)
-        assert stamps is right
-        assert not remark

@@ -10,7 +10,7 @@ import pytest
 from raw_flights import weave
 from scipy.spatial.transform import Rotation
 
-from lab.data.files.streams import Stream, flight_of
+from lab.data.files.streams import Stream, attitude_of, flight_of, gnss_of, lever_arm_of, most_frequent
 from lab.data.rebuild.derived_motion import body_rates
 from lab.missions.flight_import import prepare_flight
 from lab.motion.frames.rotation import quaternion_from_euler
@@ -109,3 +109,32 @@ def test_what_is_interpolated_is_told_with_its_own_rate_and_noise():
     # White noise of 0.2 m/s five times a second: differentiated it is some 0.2 · 5 · √2 m/s², not 0.
     rough = next(row.value for row in report.rows if row.name == "From velocity")
     assert 0.5 < float(rough.removeprefix("noise of the acceleration ").split()[0]) < 10
+
+
+def test_what_cannot_be_an_attitude_or_a_fix_is_left_out():
+    time = np.array((0.0, 1.0, 1.0, 0.5, 2.0, np.nan, 3.0, 4.0))
+    q = np.tile((1.0, 0.0, 0.0, 0.0), (time.size, 1))
+    q[4] *= 2
+    assert attitude_of(Stream.of("attitude", time, q)).time.tolist() == [0.0, 1.0, 3.0, 4.0]
+    place = np.tile((0.5, 0.1, 100.0), (time.size, 1))
+    place[6, 1], place[7, :2] = 7.0, 0.0  # beyond a turn, and of a receiver without a fix
+    sigmas = np.full(time.size, 2.0), np.zeros(time.size), None
+    given = time, place, None, sigmas, np.arange(time.size) > 0, np.zeros(3), 0.1
+    assert gnss_of(*given).time.tolist() == [1.0, 1.0, 0.5, 2.0]
+    once = gnss_of(*given, once=True)
+    assert once.time.tolist() == [1.0, 2.0]
+    np.testing.assert_array_equal(once.position_sigma, [(2.0, 2.0, np.nan)] * 2)
+    assert np.isnan(once.velocity_n).all() and np.isnan(once.velocity_sigma).all()
+
+
+def test_a_lever_arm_is_that_of_the_first_antenna_that_has_one():
+    parameters = {"GPS2_POS_X": 1.0, "GPS2_POS_Z": -2.0, "INS_POS1_X": 0.25, "GPS3_POS_Y": 9.0}
+    pairs = [(f"GPS{number}_POS_", "INS_POS1_") for number in (1, 2, 3)]
+    assert lever_arm_of(parameters, pairs).tolist() == [0.75, 0.0, -2.0]
+    assert not lever_arm_of(parameters, pairs[:1]).any()
+
+
+def test_of_streams_the_one_that_comes_most_often_is_taken():
+    slow, fast, as_fast = (Stream.of("x", np.arange(0, 5, dt), np.arange(0, 5, dt)) for dt in (1, 0.1, 0.1))
+    assert most_frequent((slow, None, fast, as_fast)) is fast
+    assert most_frequent((None,)) is None
