@@ -11,7 +11,7 @@ import panel as pn
 
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
-from dashboards.pages.rest_upload import Recording, RestUpload
+from dashboards.pages.rest_upload import RestRecording, RestUpload
 from dashboards.pages.summary import TABLE_STYLE
 from lab.analysis import allan, rest
 from lab.base.parameters.settings import Settings
@@ -42,7 +42,7 @@ class AtRest(NamedTuple):
     deviations: dict[str, allan.AllanDeviation]
     terms: dict[str, allan.NoiseTerms]
     durations: dict[str, float]
-    recording: Recording | None
+    recording: RestRecording | None
 
 
 class Allan(ComputedPage):

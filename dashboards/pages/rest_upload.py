@@ -18,7 +18,7 @@ from lab.analysis import rest
 from lab.base.progress import Progress
 
 
-class Recording(NamedTuple):
+class RestRecording(NamedTuple):
     """Records of the triads, and the name of their file."""
 
     records: rest.RestRecords
@@ -35,7 +35,7 @@ class RestUpload:
 
     Attributes
     ----------
-    recording : Recording or None
+    recording : RestRecording or None
         The recording; None if there is none.
     view : panel.Column
         The button, the card's fields, progress and errors.
@@ -43,12 +43,12 @@ class RestUpload:
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
-        self.recording: Recording | None = None
+        self.recording: RestRecording | None = None
         self._job = Job(closeable=True)
         self._upload = Upload(
             self._read,
             self._job.say,
-            label="Recording at rest",
+            label="RestRecording at rest",
             size="small",
             variant="outlined",
             margin=(8, 4),
@@ -76,7 +76,7 @@ class RestUpload:
     def _read(self, files: list[Path]) -> None:
         self._job.start("Reading the recording", partial(_recording, files), self._take)
 
-    def _take(self, recording: Recording | None) -> None:
+    def _take(self, recording: RestRecording | None) -> None:
         self.recording = recording
         self._maker.forget()
         self._maker.view.visible = self._back.visible = recording is not None
@@ -90,6 +90,6 @@ class RestUpload:
         self._maker.close()
 
 
-def _recording(files: list[Path], _progress: Progress) -> Recording:
+def _recording(files: list[Path], _progress: Progress) -> RestRecording:
     name = files[0].name if len(files) == 1 else f"{files[0].name} and {len(files) - 1} more"
-    return Recording(rest.read_log(files), name)
+    return RestRecording(rest.read_log(files), name)
