@@ -48,7 +48,7 @@ class RestUpload:
         self._upload = Upload(
             self._read,
             self._job.say,
-            label="RestRecording at rest",
+            label="Recording at rest",
             size="small",
             variant="outlined",
             margin=(8, 4),
