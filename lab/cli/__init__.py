@@ -50,6 +50,10 @@ COMMANDS |= {
         "lab.cli.identify:identify",
         "Find noise, latency and lever arm from the innovations, and whether they predict withheld fixes.",
     ),
+    "numbers": (
+        "lab.cli.numbers:numbers",
+        "Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume.",
+    ),
     "fly": (
         "lab.cli.fly:fly",
         "Fly a mission's plan and record it.",

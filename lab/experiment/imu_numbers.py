@@ -1,0 +1,428 @@
+"""IMU numbers: which noise of an IMU goes into a filter, from a log at rest and from a drive.
+
+The Allan deviation at rest shows what the sensor has on a table. The innovations of a drive show what its
+filter needs in the vehicle, vibration and all. The factor between them has a cause that the data may show.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lab.analysis import allan, rest
+from lab.analysis.identification.identification import Identification
+from lab.analysis.rest_recording import RestRecords, Samples, of_samples
+from lab.analysis.vibration import LARGER, SLOWEST, vibration
+from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.units import TO_SI
+from lab.base.progress import Progress
+from lab.data.checks.full_scale import range_remarks
+from lab.data.log.sensor_log import GAP_STEPS
+from lab.experiment.experiment import Experiment
+from lab.experiment.log_result import LogResult
+from lab.experiment.number_table import TERMS, Estimate, ImuNumbers, NumberRow
+from lab.missions import LogMission, mission
+from lab.motion.frames.displacement import displacement
+from lab.navigation.solution import Fixes, Imu
+from lab.navigation.standstill import at_rest
+from lab.sensors.cards import Card
+from lab.sensors.suite import TRIADS
+
+SHORTEST_DRIVE = 45.0
+"""Shortest drive [s]: the innovations of the first fifth show the start, and the outages by which the numbers
+are judged last 10 s in each 20 s. The shortest log on which they were tried lasts 60 s."""
+SHORTEST_REST = 8.0
+"""Shortest rest within a drive from which white noise is taken [s]: at 25 Hz it has 200 samples, which show
+it within 10 %."""
+MOVES = 0.5
+"""Speed that some fix of a drive must exceed [m/s]; receivers at rest show 0.3 m/s."""
+LEAST_MOTION = 10.0
+"""Least time in motion of a drive [s]."""
+_APART = 5
+"""Fixes over which the speed of a receiver without velocity is measured: white errors of 1 m count less."""
+NORMAL = 1.96
+"""σ in half of a 95 % interval."""
+SHOWN = 2.0
+"""σ from which the rest shows flicker, as for a card."""
+QUIETER = 0.5
+"""Part of the white noise at rest below which the samples of the same sensor in motion cannot fall: motion
+only adds to them."""
+UNITS = (("°/s/√Hz", "µg/√Hz"), ("°/h/√h", "mg/√h"))
+"""Unit of each term, gyros and accelerometers."""
+LETTERS = ("N", "K")
+"""The coefficient of IEEE 952 of each term."""
+WALK_RATE = 30.0
+"""Rate at which the random walk of a vehicle's motion is measured [Hz]: the default rate of
+robot_localization, whose filter takes motion as such a walk."""
+
+
+def numbers(
+    static: str | Path | None = None,
+    moving: str | Experiment | None = None,
+    progress: Progress | None = None,
+) -> ImuNumbers:
+    """Return the noise of an IMU for a filter, from a log at rest, from a drive, or from both.
+
+    Parameters
+    ----------
+    static
+        File of the IMU at rest, of any format that `lab.analysis.rest.read_log` reads. Without one, the
+        longest rest of the drive is taken, if it has any.
+    moving
+        The mission of a drive with GPS, or an experiment on it, whose settings are kept. Without one, only
+        the numbers at rest are known.
+    progress
+        Called with a phrase and the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    MissionError
+        If a log cannot be read, the log at rest moved, the drive stands still or is too short, or both are
+        not of one IMU.
+    ValueError
+        If there is no log at all, or the drive cannot be navigated.
+    """
+    tell = progress or (lambda _stage, _fraction: None)
+    if static is None and moving is None:
+        raise ValueError("numbers need a log: static, moving, or both")
+    tell("reading the log at rest", 0.0)
+    records, refusal = None, None
+    if static is not None:
+        try:
+            records = rest.read_log(static)
+        except MissionError as error:
+            refusal = error
+    if moving is None:
+        if refusal is not None or records is None:
+            raise refusal or ValueError("numbers need a log")
+        return _of_rest(str(static), records)
+    experiment = moving.copy() if isinstance(moving, Experiment) else Experiment(mission=moving)
+    stands = _why_no_drive(experiment)
+    if refusal is not None:
+        swapped = f" The drive {stands}: were the two logs swapped?" if "stands still" in stands else ""
+        raise MissionError(f"{refusal}.{swapped}") from refusal
+    if stands:
+        raise MissionError(f"{experiment.mission}: the drive {stands}")
+    result = experiment.run(lambda stage, part: tell(stage, 0.1 + 0.1 * part))
+    assert isinstance(result, LogResult)
+    drive = _drive(result)
+    where = "" if static is None else str(static)
+    if records is None:
+        records, where = _own_rest(result)
+    if records:
+        _check_one_imu(records, drive)
+        card = _card(records, where)
+        if card is not None:
+            experiment.update({"sensors": rest.with_noise(experiment.sensors, card).to_dict()})
+            result = experiment.run(lambda stage, part: tell(stage, 0.2 + 0.1 * part))
+    found = result.identify(lambda stage, part: tell(stage, 0.3 + 0.7 * part))
+    return _of_both(where, experiment, records, drive, found)
+
+
+def _why_no_drive(experiment: Experiment) -> str:
+    """Return why the mission is no drive; empty if it is one."""
+    where = mission(experiment.mission)
+    if not isinstance(where, LogMission):
+        return (
+            "is a simulated mission, whose noise is a setting; accepted is a sensor log (ins-lab import "
+            "FILE --as log)"
+        )
+    gnss = where.log.gnss
+    if not gnss.time.size:
+        return "has no fixes; accepted is a log of an IMU with a GPS receiver"
+    length = min(where.duration, float(gnss.time[-1])) - max(0.0, float(gnss.time[0]))
+    speed = np.linalg.norm(np.nan_to_num(gnss.velocity_n), axis=1)
+    if np.isnan(gnss.velocity_n).all():
+        far = displacement(gnss.position[:-_APART], gnss.position[_APART:])[:, :2]
+        speed = np.linalg.norm(far, axis=1) / (gnss.time[_APART:] - gnss.time[:-_APART])
+    moving = float(np.mean(speed > MOVES)) * length if speed.size else 0.0
+    if moving < LEAST_MOTION:
+        return (
+            f"stands still: its fixes move faster than {MOVES:g} m/s for {moving:.0f} s; accepted are at "
+            f"least {LEAST_MOTION:g} s of motion"
+        )
+    if length < SHORTEST_DRIVE:
+        return (
+            f"has IMU and fixes together for {length:.0f} s; accepted are at least {SHORTEST_DRIVE:g} s: a "
+            "shorter drive does not show noise that a filter needs"
+        )
+    return ""
+
+
+def _own_rest(result: LogResult) -> tuple[RestRecords | None, str]:
+    """Return the records of the longest rest within a drive and where it is; None if there is none."""
+    log, time = result.recorded.log, result.time
+    increments = result.gyro.increments, result.accelerometer.increments
+    velocity_n = np.nan_to_num(result.fixes.velocity_n)
+    fixes = Fixes(result.fix_validity, result.fixes.position, velocity_n)
+    still = at_rest(Imu(time, *increments), fixes, result.belief)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], still, [0]))))
+    pieces = list(zip(edges[::2], edges[1::2], strict=True))
+    if not pieces:
+        return None, ""
+    first, last = max(pieces, key=lambda piece: time[piece[1]] - time[piece[0]])
+    if time[last] - time[first] < SHORTEST_REST:
+        return None, ""
+    stamps, dt = time[first + 1 : last + 1], np.diff(time[first : last + 1])[:, None]
+    samples = {
+        triad: Samples(stamps, values[first:last] / dt)
+        for triad, values in zip(TRIADS, increments, strict=True)
+    }
+    try:
+        records = of_samples(samples)
+    except MissionError:
+        return None, ""
+    start, end = log.epoch + time[first], log.epoch + time[last]
+    return records, f"the drive's own rest, {start:.0f} to {end:.0f} s"
+
+
+class _Drive(NamedTuple):
+    """The samples of a drive: rates [rad/s] and specific forces [m/s²], and their interval [s]."""
+
+    rates: tuple[FloatArray, FloatArray]
+    dt: float
+
+
+def _drive(result: LogResult) -> _Drive:
+    dt = np.diff(result.time)
+    increments = result.gyro.increments, result.accelerometer.increments
+    gyro, accelerometer = (np.asarray(values / dt[:, None]) for values in increments)
+    usual = dt[dt < GAP_STEPS * np.median(dt)]  # stamps may jitter, so that the median is not the mean
+    return _Drive((gyro, accelerometer), float(usual.mean()))
+
+
+def _check_one_imu(records: RestRecords, drive: _Drive) -> None:
+    """Raise `MissionError` if the samples of a drive are quieter than those of its sensor at rest."""
+    for triad, moving in zip(TRIADS, drive.rates, strict=True):
+        if triad not in records:
+            continue
+        (still, dt), found = records[triad], []
+        # Differences of neighbours over the same time: motion and vibration only add to them.
+        for values, step in ((still, dt), (moving, drive.dt)):
+            stride = max(1, round(max(dt, drive.dt) / step))
+            found.append(float(np.sqrt(np.mean(np.diff(values[::stride], axis=0) ** 2))))
+        if found[1] < QUIETER * found[0]:
+            raise MissionError(
+                f"the {triad}s are quieter in the drive ({found[1]:.3g} from sample to sample) than in the "
+                f"log at rest ({found[0]:.3g}): accepted are two logs of one IMU with the same settings"
+            )
+
+
+def _card(records: RestRecords, where: str) -> Card | None:
+    try:
+        return rest.card_of("rest", records, where)
+    except ValueError:
+        return None
+
+
+def _estimates(records: RestRecords | None) -> dict[tuple[str, str], Estimate]:
+    """Return what the records show of each term, root mean square of the axes."""
+    found = {}
+    for triad, terms in rest.noise_terms(records or {}).items():
+        for letter, term, units in zip(LETTERS, TERMS, UNITS, strict=True):
+            unit = units[TRIADS.index(triad)]
+            values, sigmas = (getattr(terms, name) / TO_SI[unit] for name in (letter, f"{letter}_sigma"))
+            known = np.isfinite(values) & np.isfinite(sigmas)
+            if not known.any():
+                continue
+            values, sigmas = values[known], sigmas[known]
+            value = float(np.sqrt(np.mean(values**2)))
+            # Of the mean square: σ of a square is 2 v σ, or that of a term that may be zero, σ².
+            spread = float(np.sqrt(np.sum((2 * values * sigmas) ** 2 + 2 * sigmas**4))) / values.size
+            low, high = max(value**2 - NORMAL * spread, 0.0), value**2 + NORMAL * spread
+            if high > 0:
+                found[triad, term] = Estimate(value, math.sqrt(low), math.sqrt(high))
+    return found
+
+
+def _of_rest(where: str, records: RestRecords) -> ImuNumbers:
+    """Return the numbers without a drive."""
+    seen = _estimates(records)
+    record = next(iter(records.values()))
+    unknown = "unknown: there is no drive"
+    rows = [
+        _row(key, seen.get(key), None, unknown, record.dt, None, f"the Allan deviation of {where}")
+        for key in _keys(records)
+    ]
+    remarks = (
+        *records.remarks,
+        "Without a drive, nothing shows how much more noise the filter needs in the vehicle: vibration, "
+        "scale factors and temperature do not show at rest. The factors 10 to 20 that are quoted are of "
+        "other vehicles.",
+        *_flicker(records),
+    )
+    return ImuNumbers(where, "", 1 / record.dt, tuple(rows), (math.nan, math.nan), None, remarks)
+
+
+def _keys(triads: Collection[str]) -> list[tuple[str, str]]:
+    return [(triad, term) for term in TERMS for triad in TRIADS if triad in triads]
+
+
+def _row(
+    key: tuple[str, str],
+    still: Estimate | None,
+    moving: Estimate | None,
+    cause: str,
+    dt: float,
+    used: float | None,
+    basis: str,
+) -> NumberRow:
+    triad, term = key
+    unit = UNITS[TERMS.index(term)][TRIADS.index(triad)]
+    if used is None:
+        # Of a term that may be zero, the upper end: a filter without it never doubts its biases.
+        used = math.nan if still is None else still.value if still.low > 0 else still.high
+        basis += "" if still is None or still.low > 0 else ", which shows an upper end only: that is taken"
+    discrete = used * TO_SI[unit] * (dt**-0.5 if term == TERMS[0] else dt**0.5)
+    return NumberRow(triad, term, unit, still, moving, used, discrete, cause, basis)
+
+
+def _of_both(
+    where: str,
+    experiment: Experiment,
+    records: RestRecords | None,
+    drive: _Drive,
+    found: Identification,
+) -> ImuNumbers:
+    """Return the numbers of a rest, which may be missing, and a drive."""
+    seen, rows = _estimates(records), []
+    by_name = {row.parameter: row for row in found.rows}
+    trusted = found.recommended
+    for key in _keys(TRIADS):
+        triad, term = key
+        name = f"{triad} {'noise density' if term == TERMS[0] else 'bias drive'}"
+        one, still = by_name[name], seen.get(key)
+        moving = Estimate(one.after, one.low, one.high) if one.observable else None
+        judged = (
+            f"fixes withheld for {found.withheld:g} s: error {found.before.position_error:.3g} m before, "
+            f"{found.after.position_error:.3g} m after"
+        )
+        if trusted and one.applied:
+            how = "chosen with one factor on Q" if found.chosen_by == "factors" else "identified"
+            used, basis = one.after, f"{how} in {experiment.mission} by {judged}"
+        elif still is not None:
+            why = "the drive does not refute it" if trusted else f"the drive gives no better one ({judged})"
+            used, basis = None, f"the Allan deviation of {where}; {why}"
+        else:
+            used = one.before if one.before > 0 else math.nan
+            basis = f"what the filter assumed: neither log shows another one ({judged})"
+        cause = _cause(key, still, moving, records, drive)
+        rows.append(_row(key, still, moving, cause, drive.dt, used, basis))
+    remarks = [*(records.remarks if records else ()), *_flicker(records), *found.remarks]
+    if records is None:
+        remarks.insert(0, "No log at rest, and the drive has no rest: the factor to rest is unknown.")
+    chosen = experiment.copy()
+    if trusted:
+        chosen.update(found.settings())
+    return ImuNumbers(
+        where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen, tuple(remarks)
+    )
+
+
+def _walks(drive: _Drive) -> tuple[float, float]:
+    """Return the intensities of the random walks of rate and acceleration; NaN where noise hides them.
+
+    Differences over a time τ have the variance 2 σ² + Q τ, with white noise σ of the samples: two times tell
+    both apart.
+    """
+    stride = max(1, round(1 / (WALK_RATE * drive.dt)))
+    found = []
+    for values in drive.rates:
+        near, far = (float(np.mean((values[lag:] - values[:-lag]) ** 2)) for lag in (stride, 2 * stride))
+        intensity = (far - near) / (stride * drive.dt)
+        found.append(intensity if intensity > 0 else math.nan)
+    return found[0], found[1]
+
+
+def _cause(
+    key: tuple[str, str],
+    still: Estimate | None,
+    moving: Estimate | None,
+    records: RestRecords | None,
+    drive: _Drive,
+) -> str:
+    """Return why motion and rest differ, and what shows it."""
+    triad, term = key
+    if moving is None:
+        return "unknown: the drive does not show this term"
+    if still is None:
+        return "unknown: no rest shows this term"
+    if moving.low <= still.high and still.low <= moving.high:
+        return "none needed: both intervals have values in common"
+    if moving.high < still.low:
+        return "the drive needs less than the rest shows: its samples are filtered, or the rest was disturbed"
+    values = drive.rates[TRIADS.index(triad)]
+    both = np.zeros((len(values), 6))
+    both[:, 3 * TRIADS.index(triad) :][:, :3] = values
+    causes = range_remarks(both)
+    if term == TERMS[0]:
+        causes += _shaken(triad, values, drive.dt, records)
+    elif records and (walk := _flicker_walk(triad, records)) is not None:
+        equal, tau = walk
+        if equal >= moving.low:
+            unit = UNITS[1][TRIADS.index(triad)]
+            causes.append(
+                f"flicker, which no filter has: at {tau:.0f} s it is as large as a walk of {equal:.3g} "
+                f"{unit} (Allan deviation at rest)"
+            )
+    if not causes:
+        return (
+            "not found: neither range nor vibration nor flicker explains it; scale factors, misalignments, "
+            "temperature and time errors do not show in these logs"
+        )
+    return " ".join(causes)
+
+
+def _shaken(triad: str, values: FloatArray, dt: float, records: RestRecords | None) -> list[str]:
+    """Return vibration as a cause, with its line."""
+    moving = vibration(values, dt)
+    still = vibration(*records[triad]) if records and triad in records else None
+    if moving is None or still is None:
+        return []
+    densities = [one.rms / math.sqrt(one.highest - SLOWEST) for one in (moving, still)]
+    if densities[0] < LARGER * densities[1]:
+        return []
+    unit, scale = ("°/s", np.degrees(1.0)) if triad == "gyro" else ("m/s²", 1.0)
+    times = densities[0] / max(densities[1], np.finfo(float).tiny)
+    line = (
+        "without a line"
+        if math.isnan(moving.line)
+        else f"with {100 * moving.part:.0f} % of its power at {moving.line:.1f} Hz"
+    )
+    return [
+        f"vibration {line}: {scale * moving.rms:.3g} {unit} rms from {SLOWEST:g} to {moving.highest:.0f} Hz, "
+        f"{times:.2g} times that at rest (spectra of both logs)"
+    ]
+
+
+def _flicker_walk(triad: str, records: RestRecords) -> tuple[float, float] | None:
+    """Return the walk as large as the flicker where the flicker begins, and that time [s]; None without."""
+    if triad not in records:
+        return None
+    terms = rest.noise_terms({triad: records[triad]})[triad]
+    floor = allan.FLOOR * np.where(SHOWN * terms.B_sigma < terms.B, terms.B, 0.0)
+    size, white = float(np.sqrt(np.mean(floor**2))), float(np.sqrt(np.nanmean(terms.N**2)))
+    if not size > 0 or not white > 0:
+        return None
+    tau = (white / size) ** 2
+    return size * math.sqrt(3 / tau) / TO_SI[UNITS[1][TRIADS.index(triad)]], tau
+
+
+def _flicker(records: RestRecords | None) -> list[str]:
+    """Return a remark about each triad with flicker at rest."""
+    found = []
+    for triad in records or {}:
+        walk = _flicker_walk(triad, records or RestRecords({}))
+        if walk is not None:
+            unit = UNITS[1][TRIADS.index(triad)]
+            found.append(
+                f"The {triad}s have flicker (Allan deviation at rest), which no filter has as a state: from "
+                f"{walk[1]:.3g} s on it exceeds the white noise; a random walk of {walk[0]:.3g} {unit} is as "
+                "large there."
+            )
+    return found
