@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from lab.base.parameters.units import TO_SI
@@ -248,8 +249,8 @@ PROGRAMS = {
             "filter = insfilterAsync;",
         ),
         notes=(
-            "'single-sided' makes sigma of a sample NoiseDensity*sqrt(rate), so that NoiseDensity is N of IEEE "
-            "952; with 'double-sided', the default, multiply NoiseDensity by sqrt(2).",
+            "'single-sided' makes sigma of a sample NoiseDensity*sqrt(rate), so that NoiseDensity is N of "
+            "IEEE 952; with 'double-sided', the default, multiply NoiseDensity by sqrt(2).",
         ),
     ),
     "robot_localization": Program(
@@ -322,7 +323,12 @@ def _line(numbers: ImuNumbers, known: Program, parameter: Parameter) -> str:
     """Return the line of a parameter, or a comment on why there is none."""
     rows = [row for row in numbers.rows if (row.triad, row.term) == (parameter.triad, parameter.term)]
     if not rows or not rows[0].used > 0:
-        return f"{known.comment} {parameter.name}: not known from these logs"
+        known_end = rows[0].at_rest if rows else None
+        most = ""
+        if known_end is not None:
+            row = replace(rows[0], used=known_end.high)
+            most = f", at most {parameter.value(row, numbers.rate):.3g} {parameter.unit}"
+        return f"{known.comment} {parameter.name}: not known from these logs{most}; keep the default"
     value = parameter.value(rows[0], numbers.rate)
     if not parameter.limits.accepts(value):
         return (

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ from lab.motion.frames.displacement import displacement
 from lab.navigation.solution import Fixes, Imu
 from lab.navigation.standstill import at_rest
 from lab.sensors.cards import Card
+from lab.sensors.datum import DENSITY
 from lab.sensors.suite import TRIADS
 
 SHORTEST_DRIVE = 45.0
@@ -39,6 +41,9 @@ are judged last 10 s in each 20 s. The shortest log on which they were tried las
 SHORTEST_REST = 8.0
 """Shortest rest within a drive from which white noise is taken [s]: at 25 Hz it has 200 samples, which show
 it within 10 %."""
+REST_OF_WALK = 100.0
+"""Shortest rest from which a random walk of the bias is taken [s]: in a shorter one, sensors that settle, or a
+hand that puts them down, look like one."""
 MOVES = 0.5
 """Speed that some fix of a drive must exceed [m/s]; receivers at rest show 0.3 m/s."""
 LEAST_MOTION = 10.0
@@ -215,9 +220,14 @@ def _check_one_imu(records: RestRecords, drive: _Drive) -> None:
 
 def _card(records: RestRecords, where: str) -> Card | None:
     try:
-        return rest.card_of("rest", records, where)
+        card = rest.card_of("rest", records, where)
     except ValueError:
         return None
+    for triad, record in records.items():
+        if record.duration < REST_OF_WALK:
+            kept = {name: datum for name, datum in card.terms[triad].items() if name == DENSITY}
+            card = replace(card, terms={**card.terms, triad: kept})
+    return card
 
 
 def _estimates(records: RestRecords | None) -> dict[tuple[str, str], Estimate]:
@@ -225,6 +235,8 @@ def _estimates(records: RestRecords | None) -> dict[tuple[str, str], Estimate]:
     found = {}
     for triad, terms in rest.noise_terms(records or {}).items():
         for letter, term, units in zip(LETTERS, TERMS, UNITS, strict=True):
+            if term != TERMS[0] and (records or {})[triad].duration < REST_OF_WALK:
+                continue
             unit = units[TRIADS.index(triad)]
             values, sigmas = (getattr(terms, name) / TO_SI[unit] for name in (letter, f"{letter}_sigma"))
             known = np.isfinite(values) & np.isfinite(sigmas)
@@ -275,9 +287,9 @@ def _row(
     triad, term = key
     unit = UNITS[TERMS.index(term)][TRIADS.index(triad)]
     if used is None:
-        # Of a term that may be zero, the upper end: a filter without it never doubts its biases.
-        used = math.nan if still is None else still.value if still.low > 0 else still.high
-        basis += "" if still is None or still.low > 0 else ", which shows an upper end only: that is taken"
+        shown = still is not None and still.low > 0
+        used = still.value if still is not None and shown else math.nan
+        basis += "" if shown else ", which shows no lower end: the term may be absent"
     discrete = used * TO_SI[unit] * (dt**-0.5 if term == TERMS[0] else dt**0.5)
     return NumberRow(triad, term, unit, still, moving, used, discrete, cause, basis)
 
