@@ -79,15 +79,27 @@ class FixSeries(NamedTuple):
 
     def rows(self, rows: slice) -> FixSeries:
         """Return some of the fixes."""
-        arrays = (
-            one[rows] for one in (self.position, self.velocity, self.position_sigma, self.velocity_sigma)
+        return FixSeries(
+            self.time[rows],
+            self.position[rows],
+            self.velocity[rows],
+            self.position_sigma[rows],
+            self.velocity_sigma[rows],
+            self.kind[rows],
+            self.rounded,
         )
-        return FixSeries(self.time[rows], *arrays, kind=self.kind[rows], rounded=self.rounded)
 
     def along(self, axes: slice) -> FixSeries:
         """Return the fixes along some axes."""
-        arrays = (self.position, self.velocity, self.position_sigma, self.velocity_sigma)
-        return FixSeries(self.time, *(one[:, axes] for one in arrays), kind=self.kind, rounded=self.rounded)
+        return FixSeries(
+            self.time,
+            self.position[:, axes],
+            self.velocity[:, axes],
+            self.position_sigma[:, axes],
+            self.velocity_sigma[:, axes],
+            self.kind,
+            self.rounded,
+        )
 
 
 class AxisErrors(NamedTuple):

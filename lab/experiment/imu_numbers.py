@@ -14,23 +14,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis import allan, rest
+from lab.analysis import rest
 from lab.analysis.identification.identification import Identification
+from lab.analysis.identification.renavigation import subject
+from lab.analysis.identification.withheld import held_out, outages
 from lab.analysis.rest_recording import RestRecords, Samples, of_samples
-from lab.analysis.vibration import LARGER, SLOWEST, vibration
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import TO_SI
 from lab.base.progress import Progress
-from lab.data.checks.full_scale import range_remarks
 from lab.data.log.sensor_log import GAP_STEPS
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_result import LogResult
-from lab.experiment.number_table import TERMS, Estimate, ImuNumbers, NumberRow
+from lab.experiment.number_causes import cause, flicker
+from lab.experiment.number_table import TERMS, UNITS, Estimate, ImuNumbers, NumberRow
 from lab.missions import LogMission, mission
 from lab.motion.frames.displacement import displacement
 from lab.navigation.solution import Fixes, Imu
 from lab.navigation.standstill import at_rest
+from lab.run.run import Run
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY
 from lab.sensors.suite import TRIADS
@@ -42,8 +44,8 @@ SHORTEST_REST = 8.0
 """Shortest rest within a drive from which white noise is taken [s]: at 25 Hz it has 200 samples, which show
 it within 10 %."""
 REST_OF_WALK = 100.0
-"""Shortest rest from which a random walk of the bias is taken [s]: in a shorter one, sensors that settle, or a
-hand that puts them down, look like one."""
+"""Shortest rest from which a random walk of the bias is taken [s]: in a shorter one, sensors that settle, or
+a hand that puts them down, look like one."""
 MOVES = 0.5
 """Speed that some fix of a drive must exceed [m/s]; receivers at rest show 0.3 m/s."""
 LEAST_MOTION = 10.0
@@ -52,13 +54,15 @@ _APART = 5
 """Fixes over which the speed of a receiver without velocity is measured: white errors of 1 m count less."""
 NORMAL = 1.96
 """σ in half of a 95 % interval."""
-SHOWN = 2.0
-"""σ from which the rest shows flicker, as for a card."""
 QUIETER = 0.5
 """Part of the white noise at rest below which the samples of the same sensor in motion cannot fall: motion
 only adds to them."""
-UNITS = (("°/s/√Hz", "µg/√Hz"), ("°/h/√h", "mg/√h"))
-"""Unit of each term, gyros and accelerometers."""
+SETTINGS = {TERMS[0]: ("noise_density",), TERMS[1]: ("rate_random_walk", "flicker", "instability")}
+"""The settings of each term."""
+RULE = 10.0
+"""The factor of the common rule, which is tried."""
+LARGEST_PART = 0.2
+"""Part of the drive at its begin without withheld fixes: the start shows there."""
 LETTERS = ("N", "K")
 """The coefficient of IEEE 952 of each term."""
 WALK_RATE = 30.0
@@ -126,7 +130,8 @@ def numbers(
             experiment.update({"sensors": rest.with_noise(experiment.sensors, card).to_dict()})
             result = experiment.run(lambda stage, part: tell(stage, 0.2 + 0.1 * part))
     found = result.identify(lambda stage, part: tell(stage, 0.3 + 0.7 * part))
-    return _of_both(where, experiment, records, drive, found)
+    chosen = _by_rule(experiment, found, result)
+    return _of_both(where, experiment, records, drive, found, chosen)
 
 
 def _why_no_drive(experiment: Experiment) -> str:
@@ -232,10 +237,12 @@ def _card(records: RestRecords, where: str) -> Card | None:
 
 def _estimates(records: RestRecords | None) -> dict[tuple[str, str], Estimate]:
     """Return what the records show of each term, root mean square of the axes."""
-    found = {}
-    for triad, terms in rest.noise_terms(records or {}).items():
+    found: dict[tuple[str, str], Estimate] = {}
+    if records is None:
+        return found
+    for triad, terms in rest.noise_terms(records).items():
         for letter, term, units in zip(LETTERS, TERMS, UNITS, strict=True):
-            if term != TERMS[0] and (records or {})[triad].duration < REST_OF_WALK:
+            if term != TERMS[0] and records[triad].duration < REST_OF_WALK:
                 continue
             unit = units[TRIADS.index(triad)]
             values, sigmas = (getattr(terms, name) / TO_SI[unit] for name in (letter, f"{letter}_sigma"))
@@ -266,7 +273,7 @@ def _of_rest(where: str, records: RestRecords) -> ImuNumbers:
         "Without a drive, nothing shows how much more noise the filter needs in the vehicle: vibration, "
         "scale factors and temperature do not show at rest. The factors 10 to 20 that are quoted are of "
         "other vehicles.",
-        *_flicker(records),
+        *flicker(records),
     )
     return ImuNumbers(where, "", 1 / record.dt, tuple(rows), (math.nan, math.nan), None, remarks)
 
@@ -279,7 +286,7 @@ def _row(
     key: tuple[str, str],
     still: Estimate | None,
     moving: Estimate | None,
-    cause: str,
+    why: str,
     dt: float,
     used: float | None,
     basis: str,
@@ -291,7 +298,61 @@ def _row(
         used = still.value if still is not None and shown else math.nan
         basis += "" if shown else ", which shows no lower end: the term may be absent"
     discrete = used * TO_SI[unit] * (dt**-0.5 if term == TERMS[0] else dt**0.5)
-    return NumberRow(triad, term, unit, still, moving, used, discrete, cause, basis)
+    return NumberRow(triad, term, unit, still, moving, used, discrete, why, basis)
+
+
+class _Chosen(NamedTuple):
+    """The settings that predict withheld fixes best, and the terms that the rule multiplied, and why."""
+
+    experiment: Experiment
+    multiplied: frozenset[tuple[str, str]]
+    why: str
+
+
+def _by_rule(experiment: Experiment, found: Identification, result: Run) -> _Chosen:
+    """Return what was identified, or with the common rule "times ten" where that predicts fixes better.
+
+    The rule is tried on the terms that the drive does not show, and on all terms at rest.
+    """
+    now = experiment.copy()
+    if found.recommended:
+        now.update(found.settings())
+    applied = {_key_of(name) for name in found.applied if _key_of(name)} if found.recommended else set()
+    again = subject(result)
+    first, last = again.span
+    masks = outages(again.stamps, first + LARGEST_PART * (last - first), last)
+    dropped = np.zeros(again.stamps.size, np.bool_)
+    chosen = _Chosen(now, frozenset(), "")
+    before = best = held_out(again, now, masks, dropped)
+    for keys in (set(_keys(TRIADS)) - applied, set(_keys(TRIADS))):
+        tried = _multiplied(now, experiment, keys)
+        after = held_out(again, tried, masks, dropped)
+        if after.position_error < best.position_error and after.log_likelihood > best.log_likelihood:
+            best = after
+            figures = (
+                f"error {before.position_error:.3g} m without, {after.position_error:.3g} m with the rule"
+            )
+            chosen = _Chosen(tried, frozenset(keys), figures)
+    return chosen
+
+
+def _key_of(name: str) -> tuple[str, str] | None:
+    """Return the key of the term that a parameter of an identification is; None for others."""
+    triad, _, rest_of_name = name.partition(" ")
+    terms = {"noise density": TERMS[0], "bias drive": TERMS[1]}
+    return (triad, terms[rest_of_name]) if rest_of_name in terms else None
+
+
+def _multiplied(now: Experiment, still: Experiment, keys: Collection[tuple[str, str]]) -> Experiment:
+    """Return settings with some terms as at rest, times `RULE`."""
+    tried = now.copy()
+    for triad, term in keys:
+        for name in SETTINGS[term]:
+            path = f"sensors.{triad}.{name}"
+            high = still.sensors.groups()[triad].param[name].bounds[1]
+            values = np.atleast_1d(np.asarray(still.get(path), dtype=np.float64))
+            tried.set(path, np.minimum(RULE * values, high).tolist())
+    return tried
 
 
 def _of_both(
@@ -300,39 +361,44 @@ def _of_both(
     records: RestRecords | None,
     drive: _Drive,
     found: Identification,
+    chosen: _Chosen,
 ) -> ImuNumbers:
     """Return the numbers of a rest, which may be missing, and a drive."""
     seen, rows = _estimates(records), []
-    by_name = {row.parameter: row for row in found.rows}
+    by_key = {_key_of(row.parameter): row for row in found.rows}
     trusted = found.recommended
     for key in _keys(TRIADS):
         triad, term = key
-        name = f"{triad} {'noise density' if term == TERMS[0] else 'bias drive'}"
-        one, still = by_name[name], seen.get(key)
+        one, still = by_key[key], seen.get(key)
         moving = Estimate(one.after, one.low, one.high) if one.observable else None
         judged = (
             f"fixes withheld for {found.withheld:g} s: error {found.before.position_error:.3g} m before, "
             f"{found.after.position_error:.3g} m after"
         )
-        if trusted and one.applied:
+        if key in chosen.multiplied:
+            setting = SETTINGS[term][0]
+            values = np.asarray(chosen.experiment.get(f"sensors.{triad}.{setting}"))
+            used = float(np.sqrt(np.mean(values**2))) or math.nan
+            basis = (
+                f"{RULE:g} times what {where or 'the settings'} gave, which predicts withheld fixes better "
+                f"({chosen.why})"
+            )
+        elif trusted and one.applied:
             how = "chosen with one factor on Q" if found.chosen_by == "factors" else "identified"
             used, basis = one.after, f"{how} in {experiment.mission} by {judged}"
         elif still is not None:
-            why = "the drive does not refute it" if trusted else f"the drive gives no better one ({judged})"
-            used, basis = None, f"the Allan deviation of {where}; {why}"
+            said = "the drive does not refute it" if trusted else f"the drive gives no better one ({judged})"
+            used, basis = None, f"the Allan deviation of {where}; {said}"
         else:
             used = one.before if one.before > 0 else math.nan
             basis = f"what the filter assumed: neither log shows another one ({judged})"
-        cause = _cause(key, still, moving, records, drive)
-        rows.append(_row(key, still, moving, cause, drive.dt, used, basis))
-    remarks = [*(records.remarks if records else ()), *_flicker(records), *found.remarks]
+        why = cause(key, still, moving, records, drive.rates[TRIADS.index(triad)], drive.dt)
+        rows.append(_row(key, still, moving, why, drive.dt, used, basis))
+    remarks = [*(records.remarks if records else ()), *flicker(records), *found.remarks]
     if records is None:
         remarks.insert(0, "No log at rest, and the drive has no rest: the factor to rest is unknown.")
-    chosen = experiment.copy()
-    if trusted:
-        chosen.update(found.settings())
     return ImuNumbers(
-        where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen, tuple(remarks)
+        where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen.experiment, tuple(remarks)
     )
 
 
@@ -349,92 +415,3 @@ def _walks(drive: _Drive) -> tuple[float, float]:
         intensity = (far - near) / (stride * drive.dt)
         found.append(intensity if intensity > 0 else math.nan)
     return found[0], found[1]
-
-
-def _cause(
-    key: tuple[str, str],
-    still: Estimate | None,
-    moving: Estimate | None,
-    records: RestRecords | None,
-    drive: _Drive,
-) -> str:
-    """Return why motion and rest differ, and what shows it."""
-    triad, term = key
-    if moving is None:
-        return "unknown: the drive does not show this term"
-    if still is None:
-        return "unknown: no rest shows this term"
-    if moving.low <= still.high and still.low <= moving.high:
-        return "none needed: both intervals have values in common"
-    if moving.high < still.low:
-        return "the drive needs less than the rest shows: its samples are filtered, or the rest was disturbed"
-    values = drive.rates[TRIADS.index(triad)]
-    both = np.zeros((len(values), 6))
-    both[:, 3 * TRIADS.index(triad) :][:, :3] = values
-    causes = range_remarks(both)
-    if term == TERMS[0]:
-        causes += _shaken(triad, values, drive.dt, records)
-    elif records and (walk := _flicker_walk(triad, records)) is not None:
-        equal, tau = walk
-        if equal >= moving.low:
-            unit = UNITS[1][TRIADS.index(triad)]
-            causes.append(
-                f"flicker, which no filter has: at {tau:.0f} s it is as large as a walk of {equal:.3g} "
-                f"{unit} (Allan deviation at rest)"
-            )
-    if not causes:
-        return (
-            "not found: neither range nor vibration nor flicker explains it; scale factors, misalignments, "
-            "temperature and time errors do not show in these logs"
-        )
-    return " ".join(causes)
-
-
-def _shaken(triad: str, values: FloatArray, dt: float, records: RestRecords | None) -> list[str]:
-    """Return vibration as a cause, with its line."""
-    moving = vibration(values, dt)
-    still = vibration(*records[triad]) if records and triad in records else None
-    if moving is None or still is None:
-        return []
-    densities = [one.rms / math.sqrt(one.highest - SLOWEST) for one in (moving, still)]
-    if densities[0] < LARGER * densities[1]:
-        return []
-    unit, scale = ("°/s", np.degrees(1.0)) if triad == "gyro" else ("m/s²", 1.0)
-    times = densities[0] / max(densities[1], np.finfo(float).tiny)
-    line = (
-        "without a line"
-        if math.isnan(moving.line)
-        else f"with {100 * moving.part:.0f} % of its power at {moving.line:.1f} Hz"
-    )
-    return [
-        f"vibration {line}: {scale * moving.rms:.3g} {unit} rms from {SLOWEST:g} to {moving.highest:.0f} Hz, "
-        f"{times:.2g} times that at rest (spectra of both logs)"
-    ]
-
-
-def _flicker_walk(triad: str, records: RestRecords) -> tuple[float, float] | None:
-    """Return the walk as large as the flicker where the flicker begins, and that time [s]; None without."""
-    if triad not in records:
-        return None
-    terms = rest.noise_terms({triad: records[triad]})[triad]
-    floor = allan.FLOOR * np.where(SHOWN * terms.B_sigma < terms.B, terms.B, 0.0)
-    size, white = float(np.sqrt(np.mean(floor**2))), float(np.sqrt(np.nanmean(terms.N**2)))
-    if not size > 0 or not white > 0:
-        return None
-    tau = (white / size) ** 2
-    return size * math.sqrt(3 / tau) / TO_SI[UNITS[1][TRIADS.index(triad)]], tau
-
-
-def _flicker(records: RestRecords | None) -> list[str]:
-    """Return a remark about each triad with flicker at rest."""
-    found = []
-    for triad in records or {}:
-        walk = _flicker_walk(triad, records or RestRecords({}))
-        if walk is not None:
-            unit = UNITS[1][TRIADS.index(triad)]
-            found.append(
-                f"The {triad}s have flicker (Allan deviation at rest), which no filter has as a state: from "
-                f"{walk[1]:.3g} s on it exceeds the white noise; a random walk of {walk[0]:.3g} {unit} is as "
-                "large there."
-            )
-    return found

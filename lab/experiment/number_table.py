@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 TERMS = ("white noise", "bias random walk")
 """The two terms of each triad that filters have."""
+UNITS = (("°/s/√Hz", "µg/√Hz"), ("°/h/√h", "mg/√h"))
+"""Unit of each term, gyros and accelerometers."""
 
 
 class Estimate(NamedTuple):

@@ -1,10 +1,10 @@
 """Numbers: errors after outages with the numbers of `ins-lab numbers`, a data sheet's, and ten times these.
 
-Run it with ``python -m tests.benchmarks.numbers_matrix [../shared [NAME ...]]``. For each pair of a rest and a
-drive it prints the geometric mean of the horizontal errors at the end of outages. Their begins are fixed by
-the length of the log alone, before anything is computed. The three filters have the same R, latency and lever arm, those
-that identification found, so that only the numbers of the IMU differ; the last columns have the receiver's
-own R with the data sheet's numbers.
+Run it with ``python -m tests.benchmarks.numbers_matrix [../shared [NAME ...]]``. For each pair of a rest and
+a drive it prints the geometric mean of the horizontal errors at the end of outages. Their begins are fixed by
+the length of the log alone, before anything is computed. The first three filters have the same R, latency and
+lever arm, those that identification found, so that only the numbers of the IMU differ; the last two have the
+receiver's own R with the data sheet's numbers, and with ten times these.
 """
 
 from __future__ import annotations
