@@ -14,7 +14,7 @@ Theory 11 (1965): the likelihood of innovations.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +37,13 @@ LONGEST_PART = 0.5
 """Longest correlation time, in lengths of the log: slower errors look like the true position."""
 SLOW_STARTS = (1.0, -0.5)
 """Logarithms of τ in `TAU` from which the search for a slow error begins, too."""
-START = (0.0, -1.0, 0.0, 0.0, 1.5)
-"""Starts of the search: logarithms of the factors on σ of position and velocity, of σ of the slow error in
-that of a fix, of τ in `TAU`, and of the intensity of the motion [m²/s⁵]."""
+MOTION_STARTS = (1.5, -4.0)
+"""Logarithms of the motion [m²/s⁵] from which the search begins: of a car or an aeroplane, and of one at
+rest."""
+MEDIAN = 0.6745
+"""Median size of a normal error, in its σ."""
+LEAST_FACTOR = 1e-3
+"""Smallest factor from which the search begins."""
 TAU = 30.0
 """Correlation time from which the search begins [s]."""
 ROUNDED = 12**-0.5
@@ -165,7 +169,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
     scale = float(np.nanmedian(_claimed(fixes.position_sigma, POSITION_SIGMA)))
     fast = float(np.nanmedian(_claimed(fixes.velocity_sigma, VELOCITY_SIGMA)))
     longest = max(LONGEST_PART * float(np.ptp(fixes.time)), 2 * TAU)
-    plain = np.array([*(START[0],) * kinds, START[1] if has_velocity else 0.0, START[4]])
+    first = _begin(fixes, kinds, has_velocity=has_velocity)
 
     def errors(x: FloatArray, *, slow: bool) -> AxisErrors:
         # A factor on the claimed σ, below which rounding leaves nothing.
@@ -183,24 +187,50 @@ def fit(fixes: FixSeries) -> AxisErrors:
         return -predict(fixes, one, outlier).likelihood
 
     outlier = np.zeros((*fixes.position.shape, 2), np.bool_)
+    starts = [np.append(first, motion) for motion in MOTION_STARTS]
     for _ in range(2):
-        best, plain = _search(cost, plain, outlier, errors)
+        best, place = _search(cost, starts, outlier, errors)
+        starts = [place]
         outlier = judged(fixes, best).outlier
         if not outlier.any():
             break
     return best if has_velocity else best._replace(velocity=math.nan)
 
 
+def _begin(fixes: FixSeries, kinds: int, *, has_velocity: bool) -> FloatArray:
+    """Return the logarithms of the factors of position, kind by kind, and velocity from second differences.
+
+    What two neighbouring fixes differ by beyond the mean of their velocities has the variance
+    2 σ_p² + Δt² σ_v²/2; second differences of the velocities have 6 σ_v². Motion adds to both.
+    """
+    dt = np.diff(fixes.time)[:, None]
+    own = _claimed(fixes.velocity_sigma, VELOCITY_SIGMA)
+    fast = np.full(1, 1.0)
+    if has_velocity:
+        fast = np.abs(np.diff(fixes.velocity, 2, axis=0) / own[1:-1]) / math.sqrt(6)
+        apart = np.diff(fixes.position, axis=0) - dt * (fixes.velocity[1:] + fixes.velocity[:-1]) / 2
+        fall = math.sqrt(2)
+    if not has_velocity or not np.isfinite(apart).any():
+        apart, fall = np.diff(fixes.position, 2, axis=0), math.sqrt(6)
+    relative = np.abs(apart) / (fall * _claimed(fixes.position_sigma, POSITION_SIGMA)[-len(apart) :])
+    kind = fixes.kind[-len(apart) :]
+    sizes = [np.nanmedian(relative[kind == one]) if (kind == one).any() else 1.0 for one in range(kinds)]
+    sizes.append(np.nanmedian(fast) if has_velocity else MEDIAN)
+    return np.log(np.maximum(np.array(sizes) / MEDIAN, LEAST_FACTOR))
+
+
 def _search(
     cost: Callable[[FloatArray, bool, NDArray[np.bool_]], float],
-    plain: FloatArray,
+    starts: Sequence[FloatArray],
     outlier: NDArray[np.bool_],
     errors: Callable[..., AxisErrors],
 ) -> tuple[AxisErrors, FloatArray]:
     """Return the most likely errors, with a slow one if it pays, and the place of those without."""
-    place, without = _least(lambda x: cost(x, False, outlier), plain)
+    plain = [_least(lambda x: cost(x, False, outlier), start) for start in starts]
+    place, without = min(plain, key=lambda one: one[1])
     found = [
-        _least(lambda x: cost(x, True, outlier), np.append(place, [START[2], begin])) for begin in SLOW_STARTS
+        _least(lambda x: cost(x, True, outlier), np.append(place, [float(place[0]), begin]))
+        for begin in SLOW_STARTS
     ]
     slow = min(found, key=lambda one: one[1])
     is_slow = without - slow[1] > SLOW_GAIN

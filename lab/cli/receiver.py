@@ -86,7 +86,7 @@ def _text(found: ReceiverReport) -> str:
         *("fixes", "axis", "number", "claims [m]", "white [m]", "slow [m]", "τ [s]", "outliers"),
         "NIS of the second half",
     )
-    parts = [f"{found.source}: from {found.basis}.", table(header, rows, right={2, 3, 4, 5, 6, 7, 8})]
+    parts = [f"The receiver of {found.source}.", table(header, rows, right={2, 3, 4, 5, 6, 7, 8})]
     if found.by_satellites:
         several = [
             (f"{low} to {high}" if high < 99 else f"{low} or more", str(count), f"{size:.2f}")

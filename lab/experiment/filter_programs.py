@@ -336,8 +336,14 @@ def _line(numbers: ImuNumbers, known: Program, parameter: Parameter) -> str:
             f"accepts {parameter.limits.words}"
         )
     return known.line.format(
-        name=parameter.name, value=f"{value:.4g}", note=f"{parameter.unit}; {rows[0].basis}"
+        name=parameter.name, value=_number(value), note=f"{parameter.unit}; {rows[0].basis}"
     )
+
+
+def _number(value: float) -> str:
+    """Return a number with a point, without which YAML 1.1 takes one with an exponent for text."""
+    mantissa, mark, exponent = f"{value:.4g}".partition("e")
+    return mantissa + ("" if "." in mantissa or not mark else ".0") + mark + exponent
 
 
 def _motion_lines(numbers: ImuNumbers) -> list[str]:
@@ -352,7 +358,7 @@ def _motion_lines(numbers: ImuNumbers) -> list[str]:
         if intensity > 0:
             diagonal[place] = [intensity] * 3
     rows = [
-        ", ".join(f"{diagonal[row]:.4g}" if row == column else "0.0" for column in range(len(diagonal)))
+        ", ".join(_number(diagonal[row]) if row == column else "0.0" for column in range(len(diagonal)))
         for row in range(len(diagonal))
     ]
     return [

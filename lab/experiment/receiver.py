@@ -7,7 +7,7 @@ shows. They are found in the first half of the fixes, too, and judged by the oth
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,6 +40,9 @@ KINDS = {
     FIX_RTK: "RTK fixed",
 }
 """Kinds of fixes in words; others have no name."""
+ALONE, LESS = "the fixes alone", "the fixes less the motion that the IMU shows"
+"""What the errors rest on: whichever makes the fixes of a log more likely. A filter that believes a wrong σ
+has a wrong attitude, with which the IMU shows a wrong motion."""
 ALL = "all"
 """Kind of fixes whose receiver does not say it."""
 SIX = 6
@@ -76,6 +79,8 @@ class KindRow(NamedTuple):
     nis : float
         Mean square of the second half's innovations in their σ, fitted on the first; NaN with fewer fixes
         than `FEWEST` in each.
+    basis : str
+        What the figures rest on.
     """
 
     kind: str
@@ -87,6 +92,7 @@ class KindRow(NamedTuple):
     tau: float
     outliers: int
     nis: float
+    basis: str
 
     @property
     def sigma(self) -> float:
@@ -107,8 +113,6 @@ class ReceiverReport:
     ----------
     source : str
         The mission or file.
-    basis : str
-        What the figures rest on.
     rows : tuple of KindRow
         The errors by kind and axis.
     velocity : (float, float)
@@ -125,7 +129,6 @@ class ReceiverReport:
     """
 
     source: str
-    basis: str
     rows: tuple[KindRow, ...]
     velocity: tuple[float, float]
     by_satellites: tuple[tuple[int, int, int, float], ...]
@@ -144,7 +147,6 @@ class ReceiverReport:
         found: dict[str, Any] = plain(
             {
                 "source": self.source,
-                "basis": self.basis,
                 "rows": [
                     {**row._asdict(), "sigma": row.sigma, "times_claimed": row.times} for row in self.rows
                 ],
@@ -161,12 +163,11 @@ class ReceiverReport:
 
 
 class _Fixes(NamedTuple):
-    """The fixes with their kinds, and where they are from."""
+    """The fixes by what they rest on, their kinds and satellites, and the run of a log."""
 
-    series: FixSeries
+    series: dict[str, FixSeries]
     kinds: tuple[str, ...]
     satellites: NDArray[np.int64]
-    basis: str
     result: LogResult | None
 
 
@@ -195,7 +196,7 @@ def receiver(
     tell("reading the fixes", 0.0)
     name = source.mission if isinstance(source, Experiment) else str(source)
     fixes = _of_file(Path(name)) if _is_file(name) else _of_log(_experiment(source), tell)
-    count = fixes.series.time.size
+    count = fixes.satellites.size
     if count < FEWEST:
         raise MissionError(
             f"{name}: has {count} fixes; accepted are at least {FEWEST}: fewer do not show their errors"
@@ -238,7 +239,7 @@ def _of_file(path: Path) -> _Fixes:
         (rounding(far), rounding(velocity)),
     )
     names = tuple(KINDS.get(int(one), f"kind {one}") for one in numbers)
-    return _Fixes(series, names, found["satellites"].astype(np.int64), "the fixes alone", None)
+    return _Fixes({ALONE: series}, names, found["satellites"].astype(np.int64), None)
 
 
 def _increasing(found: NDArray[Any], time: FloatArray) -> tuple[NDArray[Any], FloatArray]:
@@ -262,20 +263,20 @@ def _of_log(experiment: Experiment, tell: Progress) -> _Fixes:
     log, time = result.recorded.log, result.time
     stamps = log.gnss.time - result.latency
     rows = (stamps >= time[0]) & (stamps <= time[-1])
-    moved, speed = _inertial(result, stamps[rows])
-    place = log.gnss.position[rows]
+    place, velocity = log.gnss.position[rows], log.gnss.velocity_n[rows]
     far = displacement(np.repeat(place[:1], len(place), axis=0), place)
-    series = FixSeries(
+    alone = FixSeries(
         stamps[rows],
-        far - moved,
-        log.gnss.velocity_n[rows] - speed,
+        far,
+        velocity,
         log.gnss.position_sigma[rows],
         log.gnss.velocity_sigma[rows],
-        np.zeros(int(rows.sum()), np.intp),
-        (rounding(far), rounding(log.gnss.velocity_n[rows])),
+        np.zeros(len(far), np.intp),
+        (rounding(far), rounding(velocity)),
     )
-    unknown = np.full(series.time.size, -1)
-    return _Fixes(series, (ALL,), unknown, "the fixes less the motion that the IMU shows", result)
+    moved, speed = _inertial(result, stamps[rows])
+    less = alone._replace(position=far - moved, velocity=velocity - speed)
+    return _Fixes({ALONE: alone, LESS: less}, (ALL,), np.full(len(far), -1), result)
 
 
 def _inertial(result: LogResult, at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -296,6 +297,7 @@ def _inertial(result: LogResult, at: FloatArray) -> tuple[FloatArray, FloatArray
 class _Axis(NamedTuple):
     """What was found along some axes."""
 
+    basis: str
     series: FixSeries
     errors: AxisErrors
     nis: FloatArray
@@ -304,9 +306,10 @@ class _Axis(NamedTuple):
     halves: tuple[FloatArray, FloatArray] | None
 
 
-def _axis(series: FixSeries, axes: slice) -> _Axis:
-    own = series.along(axes)
-    errors = fit(own)
+def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
+    """Return the errors along some axes, by the fixes that are most likely."""
+    tried = [(basis, own, fit(own)) for basis, own in ((at, one.along(axes)) for at, one in by_basis.items())]
+    basis, own, errors = max(tried, key=lambda one: one[2].likelihood)
     seen = judged(own, errors)
     half = own.time.size // 2
     halves = None
@@ -314,7 +317,7 @@ def _axis(series: FixSeries, axes: slice) -> _Axis:
         other = judged(own, fit(own.rows(slice(0, half))))
         halves = other.nis[half:], other.degrees[half:]
     outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
-    return _Axis(own, errors, seen.nis, seen.degrees, outliers, halves)
+    return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves)
 
 
 def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
@@ -330,7 +333,7 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     )
     velocity = level.errors.velocity * (0.1 if math.isnan(claimed) else claimed)
     changed, before, after = None, math.nan, math.nan
-    sentences = [_sentence(row, fixes.basis) for row in rows]
+    sentences = [_sentence(row) for row in rows]
     if fixes.result is not None:
         tell("withholding fixes", 0.8)
         changed = _changed(fixes.result.experiment, rows, level.errors.velocity, claimed)
@@ -340,7 +343,6 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     sentences += [_halves(row) for row in rows if math.isfinite(row.nis)]
     return ReceiverReport(
         name,
-        fixes.basis,
         tuple(rows),
         (claimed, velocity),
         _by_satellites(fixes, found),
@@ -367,23 +369,23 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
         nis = float(one.halves[0][half].sum() / degrees) if degrees >= FEWEST else math.nan
     outliers = int(one.outliers[rows].sum())
     slow, tau = one.errors.slow, one.errors.tau
-    return KindRow(kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis)
+    return KindRow(kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis)
 
 
-def _sentence(row: KindRow, basis: str) -> str:
+def _sentence(row: KindRow) -> str:
     """Return what a row says, in one sentence, with what it rests on."""
     which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
     parts = f"white {_metres(row.white)}"
     if row.slow > 0:
         parts += f" and slow {_metres(row.slow)} with a correlation time of {row.tau:.0f} s"
-    shown = f"({parts}; {row.fixes} fixes: {basis})"
+    shown = f"({parts}; {row.fixes} fixes: {row.basis})"
     if math.isnan(row.claimed):
         return f"The receiver claims no σ for the {which}; its errors are {_metres(row.sigma)} {shown}."
     claim = f"The receiver claims {_metres(row.claimed)} for the {which}, and its errors are"
     if row.times > HONEST:
         return (
             f"{claim} {_metres(row.sigma)}: the claimed σ is {row.times:.3g} times too small, and a filter "
-            f"that believes it follows the receiver's errors {shown}."
+            f"that believes it trusts the fixes too much {shown}."
         )
     if row.times < 1 / HONEST:
         return (
@@ -484,4 +486,6 @@ def _by_satellites(fixes: _Fixes, found: dict[str, _Axis]) -> tuple[tuple[int, i
 
 
 def _metres(value: float) -> str:
-    return f"{value:.2g} m" if value >= 1 or value == 0 else f"{100 * value:.2g} cm"
+    """Return a length in the unit that reads best."""
+    unit, scale = ("m", 1) if value >= 1 else ("cm", 100) if value >= 0.01 else ("mm", 1000)
+    return f"{scale * value:.2g} {unit}"
