@@ -219,6 +219,16 @@ def _begin(fixes: FixSeries, kinds: int, *, has_velocity: bool) -> FloatArray:
     return np.log(np.maximum(np.array(sizes) / MEDIAN, LEAST_FACTOR))
 
 
+def with_motion(fixes: FixSeries, errors: AxisErrors) -> AxisErrors:
+    """Return the errors with the motion that is most likely in some fixes, which is not the receiver's."""
+
+    def cost(logarithm: float) -> float:
+        return -judged(fixes, errors._replace(motion=math.exp(logarithm))).likelihood
+
+    found = optimize.minimize_scalar(cost, bounds=(-FAST, math.log(FASTEST)), method="bounded")
+    return errors._replace(motion=math.exp(float(found.x)))
+
+
 def _search(
     cost: Callable[[FloatArray, bool, NDArray[np.bool_]], float],
     starts: Sequence[FloatArray],

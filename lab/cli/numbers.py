@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -73,9 +74,9 @@ def _text(found: ImuNumbers) -> str:
             _interval(row.at_rest),
             _interval(row.in_motion),
             _interval(row.factor),
-            f"{row.used:.3g}",
+            _number(row.used),
             row.unit,
-            f"{row.discrete:.3g}",
+            _number(row.discrete),
         )
         for row in found.rows
     ]
@@ -94,6 +95,10 @@ def _text(found: ImuNumbers) -> str:
     if found.remarks:
         parts.append("\n".join(f"- {remark}" for remark in found.remarks))
     return "\n\n".join(parts)
+
+
+def _number(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.3g}"
 
 
 def _interval(one: Estimate | None) -> str:

@@ -75,7 +75,7 @@ def _text(found: ReceiverReport) -> str:
             str(row.fixes),
             _number(row.claimed),
             _number(row.white),
-            _number(row.slow) if row.slow > 0 else "none",
+            "none" if row.slow == 0 else _number(row.slow),
             _number(row.tau),
             str(row.outliers),
             _number(row.nis),

@@ -269,13 +269,26 @@ def _of_rest(where: str, records: RestRecords) -> ImuNumbers:
         for key in _keys(records)
     ]
     remarks = (
-        *records.remarks,
+        *_about_rest(records),
         "Without a drive, nothing shows how much more noise the filter needs in the vehicle: vibration, "
         "scale factors and temperature do not show at rest. The factors 10 to 20 that are quoted are of "
         "other vehicles.",
-        *flicker(records),
     )
     return ImuNumbers(where, "", 1 / record.dt, tuple(rows), (math.nan, math.nan), None, remarks)
+
+
+def _about_rest(records: RestRecords | None) -> list[str]:
+    """Return the remarks on a rest, with what it is too short for."""
+    if not records:
+        return ["No log at rest, and the drive has no rest: the factor to rest is unknown."]
+    shortest = min(record.duration for record in records.values())
+    found = [*records.remarks, *flicker(records)]
+    if shortest < REST_OF_WALK:
+        found.append(
+            f"A random walk of the bias is taken from a rest of {REST_OF_WALK:g} s or more; this one lasts "
+            f"{shortest:.0f} s."
+        )
+    return found
 
 
 def _keys(triads: Collection[str]) -> list[tuple[str, str]]:
@@ -296,7 +309,8 @@ def _row(
     if used is None:
         shown = still is not None and still.low > 0
         used = still.value if still is not None and shown else math.nan
-        basis += "" if shown else ", which shows no lower end: the term may be absent"
+        if not shown:
+            basis += ", which does not show it" if still is None else ", which shows an upper end only"
     discrete = used * TO_SI[unit] * (dt**-0.5 if term == TERMS[0] else dt**0.5)
     return NumberRow(triad, term, unit, still, moving, used, discrete, why, basis)
 
@@ -394,9 +408,7 @@ def _of_both(
             basis = f"what the filter assumed: neither log shows another one ({judged})"
         why = cause(key, still, moving, records, drive.rates[TRIADS.index(triad)], drive.dt)
         rows.append(_row(key, still, moving, why, drive.dt, used, basis))
-    remarks = [*(records.remarks if records else ()), *flicker(records), *found.remarks]
-    if records is None:
-        remarks.insert(0, "No log at rest, and the drive has no rest: the factor to rest is unknown.")
+    remarks = [*_about_rest(records), *found.remarks]
     return ImuNumbers(
         where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen.experiment, tuple(remarks)
     )

@@ -18,7 +18,7 @@ from scipy import special
 
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import held_out, outages
-from lab.analysis.receiver_errors import FEWEST, AxisErrors, FixSeries, fit, judged, rounding
+from lab.analysis.receiver_errors import FEWEST, AxisErrors, FixSeries, fit, judged, rounding, with_motion
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.plain_data import plain
@@ -314,7 +314,8 @@ def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
     half = own.time.size // 2
     halves = None
     if half >= FEWEST and set(own.kind[half:]) <= set(own.kind[:half]):
-        other = judged(own, fit(own.rows(slice(0, half))))
+        sizes = fit(own.rows(slice(0, half)))
+        other = judged(own, with_motion(own.rows(slice(half, None)), sizes))
         halves = other.nis[half:], other.degrees[half:]
     outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
     return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves)
@@ -333,7 +334,7 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     )
     velocity = level.errors.velocity * (0.1 if math.isnan(claimed) else claimed)
     changed, before, after = None, math.nan, math.nan
-    sentences = [_sentence(row) for row in rows]
+    sentences = list(dict.fromkeys(_sentence(row) for row in rows))
     if fixes.result is not None:
         tell("withholding fixes", 0.8)
         changed = _changed(fixes.result.experiment, rows, level.errors.velocity, claimed)
@@ -369,12 +370,16 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
         nis = float(one.halves[0][half].sum() / degrees) if degrees >= FEWEST else math.nan
     outliers = int(one.outliers[rows].sum())
     slow, tau = one.errors.slow, one.errors.tau
+    if rows.sum() < FEWEST:
+        white = slow = tau = math.nan
     return KindRow(kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis)
 
 
 def _sentence(row: KindRow) -> str:
     """Return what a row says, in one sentence, with what it rests on."""
     which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
+    if math.isnan(row.white):
+        return f"{row.fixes} {row.kind} fixes are too few to show their errors: accepted are {FEWEST}."
     parts = f"white {_metres(row.white)}"
     if row.slow > 0:
         parts += f" and slow {_metres(row.slow)} with a correlation time of {row.tau:.0f} s"
@@ -398,10 +403,10 @@ def _sentence(row: KindRow) -> str:
 def _halves(row: KindRow) -> str:
     """Return how the sizes of the first half predict the second."""
     right = FITS[0] <= row.nis <= FITS[1]
-    said = "confirms them" if right else "does not: the receiver or the motion changed"
+    said = "confirms them" if right else "does not: the receiver changed, or filters its output"
     return (
-        f"Sizes found in the first half, judged by the second ({row.axis}, {row.kind}): NIS per component "
-        f"{row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]})."
+        f"Sizes found in the first half, judged by the second with its own motion ({row.axis}, {row.kind}): "
+        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]})."
     )
 
 

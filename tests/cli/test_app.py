@@ -35,6 +35,8 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "allan",
         "outage",
         "budget",
+        "numbers",
+        "receiver",
         "live",
         "lesson",
         "homework",
