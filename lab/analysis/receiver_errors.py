@@ -50,6 +50,10 @@ ROUNDED = 12**-0.5
 """σ of rounding, in its step."""
 VELOCITY_SIGMA, POSITION_SIGMA = 0.1, 1.0
 """σ that the factors refer to where a receiver claims none [m/s], [m]."""
+SHORTEST = 1.0
+"""Shortest correlation time of a slow error [s]: faster ones are white, or motion."""
+STARTING = 4
+"""Fixes that start the filter, and do not count: they show position, velocity and acceleration."""
 FAST, FASTEST = 12.0, 1e4
 """Largest logarithm of a factor in the search, and largest motion [m²/s⁵]."""
 CONVERGED = 1e-3
@@ -182,7 +186,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
     def cost(x: FloatArray, slow: bool, outlier: NDArray[np.bool_]) -> float:
         x = np.clip(x, -FAST, FAST)
         one = errors(x, slow=slow)
-        if one.motion > FASTEST or (slow and not TAU / 30 < one.tau < longest):
+        if one.motion > FASTEST or (slow and not SHORTEST < one.tau < longest):
             return math.inf
         return -predict(fixes, one, outlier).likelihood
 
@@ -396,11 +400,11 @@ def _follow(
             S += column[part] + share * column[3]
             residual = value - x[part] - share * x[3]
             seen[k, part], sizes[k, part] = residual, np.sqrt(S)
-            if k > 3 and residual * residual > gate * gate * S:
+            if k >= STARTING and residual * residual > gate * gate * S:
                 left[k, part] = True
             if left[k, part]:
                 continue
-            if k > 3:
+            if k >= STARTING:
                 total -= 0.5 * (residual * residual / S + np.log(S))
                 nis[k] += residual * residual / S
                 degrees[k] += 1

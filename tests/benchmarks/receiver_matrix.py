@@ -1,8 +1,8 @@
-"""Receivers: what real receivers claim, what is found, and whether the other half of the fixes confirms it.
+"""Receivers: what real receivers claim, what is found, and whether the other half confirms it.
 
-Run it with ``python -m tests.benchmarks.receiver_matrix [../shared]``. For each receiver it prints, by kind of
-fix and axis, the claimed σ, white and slow part, NIS per component of the second half with the sizes of the
-first, and the error of fixes withheld for 10 s with the filter as it is and with the found sizes.
+Run it with ``python -m tests.benchmarks.receiver_matrix [../shared]``. It prints, by kind of fix and axis,
+the claimed σ, white and slow part, NIS per component of the second half with the sizes of the first, and the
+error of fixes withheld for 10 s with the filter as it is and with the found sizes.
 """
 
 from __future__ import annotations
