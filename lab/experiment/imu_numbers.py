@@ -23,7 +23,6 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import TO_SI
 from lab.base.progress import Progress
-from lab.data.log.sensor_log import GAP_STEPS
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_result import LogResult
 from lab.experiment.number_causes import cause, flicker
@@ -46,6 +45,8 @@ it within 10 %."""
 REST_OF_WALK = 100.0
 """Shortest rest from which a random walk of the bias is taken [s]: in a shorter one, sensors that settle, or
 a hand that puts them down, look like one."""
+LONG_STEP = 2.5
+"""Step between samples, in the usual one, from which it is a gap and no jitter."""
 MOVES = 0.5
 """Speed that some fix of a drive must exceed [m/s]; receivers at rest show 0.3 m/s."""
 LEAST_MOTION = 10.0
@@ -202,7 +203,7 @@ def _drive(result: LogResult) -> _Drive:
     dt = np.diff(result.time)
     increments = result.gyro.increments, result.accelerometer.increments
     gyro, accelerometer = (np.asarray(values / dt[:, None]) for values in increments)
-    usual = dt[dt < GAP_STEPS * np.median(dt)]  # stamps may jitter, so that the median is not the mean
+    usual = dt[dt < LONG_STEP * np.median(dt)]  # stamps may jitter, so that the median is not the mean
     return _Drive((gyro, accelerometer), float(usual.mean()))
 
 
