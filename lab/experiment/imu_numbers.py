@@ -45,6 +45,8 @@ it within 10 %."""
 REST_OF_WALK = 100.0
 """Shortest rest from which a random walk of the bias is taken [s]: in a shorter one, sensors that settle, or
 a hand that puts them down, look like one."""
+OTHER_RATE = 0.2
+"""Relative difference of two rates from which it is reported: clocks and jitter make a few per cent."""
 LONG_STEP = 2.5
 """Step between samples, in the usual one, from which it is a gap and no jitter."""
 MOVES = 0.5
@@ -292,6 +294,17 @@ def _about_rest(records: RestRecords | None) -> list[str]:
     return found
 
 
+def _about_rates(records: RestRecords | None, drive: _Drive) -> list[str]:
+    """Return a remark if both logs have other rates, as two sensors or two settings of one have."""
+    rates = {round(1 / record.dt) for record in (records or {}).values()}
+    if all(abs(rate * drive.dt - 1) < OTHER_RATE for rate in rates):
+        return []
+    return [
+        f"The log at rest has {min(rates):g} samples a second, and the drive {1 / drive.dt:.0f}: the factor is "
+        "that of one IMU only if its range and its filter were the same."
+    ]
+
+
 def _keys(triads: Collection[str]) -> list[tuple[str, str]]:
     return [(triad, term) for term in TERMS for triad in TRIADS if triad in triads]
 
@@ -409,7 +422,7 @@ def _of_both(
             basis = f"what the filter assumed: neither log shows another one ({judged})"
         why = cause(key, still, moving, records, drive.rates[TRIADS.index(triad)], drive.dt)
         rows.append(_row(key, still, moving, why, drive.dt, used, basis))
-    remarks = [*_about_rest(records), *found.remarks]
+    remarks = [*_about_rest(records), *_about_rates(records, drive), *found.remarks]
     return ImuNumbers(
         where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen.experiment, tuple(remarks)
     )

@@ -45,6 +45,8 @@ ALONE, LESS = "the fixes alone", "the fixes less the motion that the IMU shows"
 has a wrong attitude, with which the IMU shows a wrong motion."""
 ALL = "all"
 """Kind of fixes whose receiver does not say it."""
+MOST = 5000
+"""Most fixes that are used, the first ones: a minute of computing."""
 SIX = 6
 """Components of a fix, over which the gate of the filter tests the innovations."""
 GRAVITY = 9.8
@@ -197,6 +199,9 @@ def receiver(
     name = source.mission if isinstance(source, Experiment) else str(source)
     fixes = _of_file(Path(name)) if _is_file(name) else _of_log(_experiment(source), tell)
     count = fixes.satellites.size
+    if count > MOST:
+        series = {basis: one.rows(slice(0, MOST)) for basis, one in fixes.series.items()}
+        fixes = fixes._replace(series=series, satellites=fixes.satellites[:MOST])
     if count < FEWEST:
         raise MissionError(
             f"{name}: has {count} fixes; accepted are at least {FEWEST}: fewer do not show their errors"
@@ -342,6 +347,8 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
         sentences += _gates(fixes.result, changed, gate)
         sentences.append(_advice(before, after))
     sentences += [_halves(row) for row in rows if math.isfinite(row.nis)]
+    if fixes.satellites.size == MOST:
+        sentences.append(f"The first {MOST} fixes were used.")
     return ReceiverReport(
         name,
         tuple(rows),
@@ -414,15 +421,14 @@ def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, c
     """Return an experiment whose filter takes the found sizes for R, and has a state for a slow error."""
     changed = experiment.copy()
     level, vertical = rows[0], rows[1]
-    factors = [1.0, 1.0, 1.0]
-    if math.isnan(level.claimed):
-        gps = changed.sensors.gps.param["position_variance"].bounds
-        changed.set(
-            "sensors.gps.position_variance",
-            [min(max(one.white**2, gps[0]), gps[1]) for one in (level, level, vertical)],
-        )
-    else:
-        factors[:2] = (level.white / level.claimed) ** 2, (vertical.white / vertical.claimed) ** 2
+    factors, bounds = [1.0, 1.0, 1.0], changed.sensors.gps.param["position_variance"].bounds
+    variances = [float(one) for one in np.broadcast_to(changed.sensors.gps.position_variance, 3)]
+    for place, (row, axes) in enumerate(((level, slice(0, 2)), (vertical, slice(2, 3)))):
+        if math.isfinite(row.claimed):
+            factors[place] = (row.white / row.claimed) ** 2
+        else:
+            variances[axes] = [min(max(row.white**2, bounds[0]), bounds[1])] * (axes.stop - axes.start)
+    changed.set("sensors.gps.position_variance", variances)
     if math.isfinite(velocity):
         if math.isnan(claimed):
             changed.set("sensors.gps.velocity_variance", [(0.1 * velocity) ** 2] * 3)

@@ -61,6 +61,22 @@ def test_the_interval_at_rest_holds_the_truth_as_often_as_it_says(tmp_path: Path
     assert held >= 16
 
 
+@pytest.mark.parametrize(
+    ("name", "gyro", "accelerometer"),
+    [("vn310_static", 0.0009821, 28.28), ("rtkx_walk", 0.0038 / np.sqrt(2), 70 / np.sqrt(2))],
+)
+def test_the_rest_of_a_real_sensor_has_the_noise_that_its_makers_state(
+    recordings: Path, name: str, gyro: float, accelerometer: float, tmp_path: Path
+) -> None:
+    """The data sheet of the VN-310, and what the authors of GNSS_IMU configure, one-sided both."""
+    table = np.loadtxt(recordings / name / "imu.csv", delimiter=",", skiprows=1)
+    time = table[:, 0] - table[0, 0]
+    still = table if name == "vn310_static" else table[(time > 118) & (time < 130)]
+    found = numbers(write_csv(tmp_path / "still.csv", IMU, still))
+    assert found.row("gyro", "white noise").used == pytest.approx(gyro, rel=0.15)
+    assert found.row("accelerometer", "white noise").used == pytest.approx(accelerometer, rel=0.15)
+
+
 def test_swapped_logs_get_a_sentence(tmp_path: Path, drive: Path) -> None:
     still = at_rest(tmp_path / "still.csv", 60)
     standing = np.loadtxt(still, delimiter=",", skiprows=1)
