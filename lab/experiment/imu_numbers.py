@@ -300,8 +300,8 @@ def _about_rates(records: RestRecords | None, drive: _Drive) -> list[str]:
     if all(abs(rate * drive.dt - 1) < OTHER_RATE for rate in rates):
         return []
     return [
-        f"The log at rest has {min(rates):g} samples a second, and the drive {1 / drive.dt:.0f}: the factor is "
-        "that of one IMU only if its range and its filter were the same."
+        f"The log at rest has {min(rates):g} samples a second, and the drive {1 / drive.dt:.0f}: the factor "
+        "is that of one IMU only if its range and its filter were the same."
     ]
 
 

@@ -18,7 +18,16 @@ from scipy import special
 
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import held_out, outages
-from lab.analysis.receiver_errors import FEWEST, AxisErrors, FixSeries, fit, judged, rounding, with_motion
+from lab.analysis.receiver_errors import (
+    FEWEST,
+    VELOCITY_SIGMA,
+    AxisErrors,
+    FixSeries,
+    fit,
+    judged,
+    rounding,
+    with_motion,
+)
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.plain_data import plain
@@ -337,7 +346,7 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     claimed = (
         float(np.nanmedian(level.series.velocity_sigma)) if _known(level.series.velocity_sigma) else math.nan
     )
-    velocity = level.errors.velocity * (0.1 if math.isnan(claimed) else claimed)
+    velocity = level.errors.velocity * (VELOCITY_SIGMA if math.isnan(claimed) else claimed)
     changed, before, after = None, math.nan, math.nan
     sentences = list(dict.fromkeys(_sentence(row) for row in rows))
     if fixes.result is not None:
@@ -431,7 +440,10 @@ def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, c
     changed.set("sensors.gps.position_variance", variances)
     if math.isfinite(velocity):
         if math.isnan(claimed):
-            changed.set("sensors.gps.velocity_variance", [(0.1 * velocity) ** 2] * 3)
+            low, high = changed.sensors.gps.param["velocity_variance"].bounds
+            changed.set(
+                "sensors.gps.velocity_variance", min(max((VELOCITY_SIGMA * velocity) ** 2, low), high)
+            )
         else:
             factors[2] = velocity**2
     low, high = changed.navigator.param["r_factors"].bounds
@@ -462,12 +474,12 @@ def _gates(result: LogResult, changed: Experiment, gate: float) -> list[str]:
     """Return what a gate lets pass, with the filter as it is and with the found sizes."""
     limit = 2 * float(special.gammaincinv(SIX / 2, gate))
     found = []
-    for words, run in (("as the filter is", result), ("with the found sizes", changed.run())):
+    for words, run in (("the filter as it is", result), ("the found sizes", changed.run())):
         S = run.solution_arrays.innovation_covariance[run.solution_arrays.fix_sample >= 0]
         level = math.sqrt(limit * float(np.median(np.maximum(S[:, 0, 0], S[:, 1, 1]))))
         down = math.sqrt(limit * float(np.median(S[:, 2, 2])))
         found.append(
-            f"Navigator.gate {gate:g} {words}: a horizontal error below {_metres(level)}, or a vertical one "
+            f"With a gate of {gate:g} and {words}, a horizontal error below {_metres(level)}, or a vertical one "
             f"below {_metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
             "that grows slowly passes at any size, since the filter follows it."
         )
