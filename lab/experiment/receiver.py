@@ -479,8 +479,8 @@ def _gates(result: LogResult, changed: Experiment, gate: float) -> list[str]:
         level = math.sqrt(limit * float(np.median(np.maximum(S[:, 0, 0], S[:, 1, 1]))))
         down = math.sqrt(limit * float(np.median(S[:, 2, 2])))
         found.append(
-            f"With a gate of {gate:g} and {words}, a horizontal error below {_metres(level)}, or a vertical one "
-            f"below {_metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
+            f"With a gate of {gate:g} and {words}, a horizontal error below {_metres(level)}, or a vertical "
+            f"one below {_metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
             "that grows slowly passes at any size, since the filter follows it."
         )
     return found
