@@ -35,7 +35,7 @@ SLOW_GAIN = 8.0
 parameters in one case of 3,000."""
 LONGEST_PART = 0.5
 """Longest correlation time, in lengths of the log: slower errors look like the true position."""
-SLOW_STARTS = (1.0, -0.5)
+SLOW_STARTS = (1.0, -0.5, -2.0)
 """Logarithms of τ in `TAU` from which the search for a slow error begins, too."""
 MOTION_STARTS = (1.5, -4.0)
 """Logarithms of the motion [m²/s⁵] from which the search begins: of a car or an aeroplane, and of one at
@@ -172,7 +172,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
     has_velocity = bool(np.isfinite(fixes.velocity).any())
     scale = float(np.nanmedian(_claimed(fixes.position_sigma, POSITION_SIGMA)))
     fast = float(np.nanmedian(_claimed(fixes.velocity_sigma, VELOCITY_SIGMA)))
-    longest = max(LONGEST_PART * float(np.ptp(fixes.time)), 2 * TAU)
+    longest = max(LONGEST_PART * float(np.ptp(fixes.time)), 2 * SHORTEST)
     first = _begin(fixes, kinds, has_velocity=has_velocity)
 
     def errors(x: FloatArray, *, slow: bool) -> AxisErrors:

@@ -403,10 +403,15 @@ def _sentence(row: KindRow) -> str:
     if math.isnan(row.claimed):
         return f"The receiver claims no σ for the {which}; its errors are {_metres(row.sigma)} {shown}."
     claim = f"The receiver claims {_metres(row.claimed)} for the {which}, and its errors are"
-    if row.times > HONEST:
+    if row.white > HONEST * row.claimed:
         return (
             f"{claim} {_metres(row.sigma)}: the claimed σ is {row.times:.3g} times too small, and a filter "
             f"that believes it trusts the fixes too much {shown}."
+        )
+    if row.times > HONEST:
+        return (
+            f"{claim} {_metres(row.sigma)}, {row.times:.3g} times as large: a slow part comes on top of what "
+            f"it claims, which no R describes and a state of the filter does {shown}."
         )
     if row.times < 1 / HONEST:
         return (
