@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.ensembles.seeds import run_ensemble
     from lab.experiment.experiment import Experiment
+    from lab.experiment.imu_numbers import numbers
+    from lab.experiment.receiver import receiver
     from lab.experiment.result import Result
     from lab.experiment.sweep import Sweep
     from lab.missions import Mission, MissionError, Recording
@@ -79,7 +81,9 @@ __all__ = [
     "earth",
     "export_track",
     "mission",
+    "numbers",
     "plots",
+    "receiver",
     "rotation",
     "run_ensemble",
 ]
@@ -106,6 +110,8 @@ _HOMES = {
     "declare_states": "lab.navigation.filters.user_states",
     "export_track": "lab.views.export",
     "mission": "lab.missions",
+    "numbers": "lab.experiment.imu_numbers",
+    "receiver": "lab.experiment.receiver",
     "run_ensemble": "lab.experiment.ensembles.seeds",
 }
 _MODULES = {

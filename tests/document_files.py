@@ -135,6 +135,8 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "drive": drive,
     "my_copter": lambda path: write(path, copter()),
     "imu.csv": at_rest,
+    "still.csv": at_rest,
+    "fixes.ubx": lambda path: written(path, WRITERS["u-blox UBX"](montreal(120))),
     "settings.toml": lambda path: written(path, toml_of("docs/settings.md", 0)),
     "eight.toml": lambda path: written(path, toml_of("docs/flying.md", 0)),
     "my_plan.toml": lambda path: written(path, toml_of("missions/README.md", 3)),

@@ -131,8 +131,8 @@ class RestRecords(dict[str, Record]):
         self.remarks = tuple(remarks)
 
 
-class _Samples(NamedTuple):
-    """Samples of a triad as a file has them."""
+class Samples(NamedTuple):
+    """Samples of a triad as a file has them: times [s], and rates [rad/s] or specific forces [m/s²]."""
 
     time: FloatArray
     values: FloatArray
@@ -166,20 +166,38 @@ def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None
     files = [Path(paths)] if isinstance(paths, Path | str) else [Path(path) for path in paths]
     where = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     try:
-        samples, remarks = _samples(files, units or {})
-        even = {triad: _even(triad, *found) for triad, found in samples.items()}
-        for one in even.values():
-            remarks += [remark for remark in one.remarks if remark not in remarks]
-        records, more = _undisturbed(even)
-        for triad, record in records.items():
-            _check_rest(triad, record)
+        return of_samples(*_samples(files, units or {}))
     except MissionError as error:
         text = str(error)
         raise MissionError(text if str(files[0]) in text else f"{where}: {text}") from error
-    return RestRecords(records, [*remarks, *more])
 
 
-def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, _Samples], list[str]]:
+def of_samples(samples: Mapping[str, Samples], remarks: Sequence[str] = ()) -> RestRecords:
+    """Return the records of samples at rest, by triad; see `read_log`.
+
+    Parameters
+    ----------
+    samples
+        The samples of each triad.
+    remarks
+        What is already reported about them.
+
+    Raises
+    ------
+    MissionError
+        If too much is missing, or the IMU was not at rest.
+    """
+    even = {triad: _even(triad, *found) for triad, found in samples.items()}
+    said = list(remarks)
+    for one in even.values():
+        said += [remark for remark in one.remarks if remark not in said]
+    records, more = _undisturbed(even)
+    for triad, record in records.items():
+        _check_rest(triad, record)
+    return RestRecords(records, [*said, *more])
+
+
+def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
     """Return the samples of each triad in files, and remarks."""
     try:
         reader = log_reader_of(files[0], units)
@@ -194,7 +212,7 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
     if reader is not None and reader.read_imu is not None:
         imu = reader.read_imu(files[0])
         return {
-            triad: _Samples(imu.time, imu.values[:, 3 * k : 3 * k + 3]) for k, triad in enumerate(TRIADS)
+            triad: Samples(imu.time, imu.values[:, 3 * k : 3 * k + 3]) for k, triad in enumerate(TRIADS)
         }, []
     if not _is_of_device(files[0]):
         raise MissionError(f"{files[0]}: is {reader.name if reader else 'unknown'}, which has no IMU")
@@ -203,8 +221,8 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
     except RecordingError as error:
         raise MissionError(str(error)) from error
     return {
-        "gyro": _Samples(found["time"], found["rate"]),
-        "accelerometer": _Samples(found["time"], found["force"]),
+        "gyro": Samples(found["time"], found["rate"]),
+        "accelerometer": Samples(found["time"], found["force"]),
     }, []
 
 
@@ -212,7 +230,7 @@ def _is_of_device(path: Path) -> bool:
     return path.is_file() and holds_samples(path)
 
 
-def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, _Samples], list[str]]:
+def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
     """Return the gyros and the accelerometers in tables with named columns."""
     sheets = sheets_of(files, units)
     gyros, forces = triads(sheets, "rate"), triads(sheets, "force")
@@ -247,10 +265,10 @@ def _named(triad: Triad) -> str:
     return ", ".join(one.text for one in triad.headings)
 
 
-def _in_si(triad: Triad, unit: str) -> _Samples:
+def _in_si(triad: Triad, unit: str) -> Samples:
     factor = UNITS[VECTORS[triad.headings[0].quantity]][unit]
     known = np.isfinite(triad.clock.time)
-    return _Samples(triad.clock.time[known], triad.values[known] * factor)
+    return Samples(triad.clock.time[known], triad.values[known] * factor)
 
 
 def _unit_of_gyros(gyro: Triad) -> str:
@@ -428,7 +446,7 @@ def _undisturbed(even: Mapping[str, _Even]) -> tuple[dict[str, Record], list[str
             f"record at rest"
         )
     origin = min(float(one.time[0]) for one in even.values())
-    places = ", ".join(f"{begin - origin:.1f} s" for begin, _ in spans[:_NAMED_PLACES])
+    places = ", ".join(f"{max(begin - origin, 0.0):.1f} s" for begin, _ in spans[:_NAMED_PLACES])
     more = "" if len(spans) <= _NAMED_PLACES else f" and {len(spans) - _NAMED_PLACES} more"
     remarks = [
         f"The IMU was knocked or turned at {places}{more} after the start: {left_out:.1f} s are left out."

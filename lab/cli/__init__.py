@@ -50,6 +50,14 @@ COMMANDS |= {
         "lab.cli.identify:identify",
         "Find noise, latency and lever arm from the innovations, and whether they predict withheld fixes.",
     ),
+    "numbers": (
+        "lab.cli.numbers:numbers",
+        "Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume.",
+    ),
+    "receiver": (
+        "lab.cli.receiver:receiver",
+        "Find the errors of a receiver's fixes, white and slow, beside its claims, and what a gate rejects.",
+    ),
     "fly": (
         "lab.cli.fly:fly",
         "Fly a mission's plan and record it.",

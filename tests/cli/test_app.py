@@ -35,6 +35,8 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "allan",
         "outage",
         "budget",
+        "numbers",
+        "receiver",
         "live",
         "lesson",
         "homework",
@@ -60,7 +62,8 @@ def test_the_version_is_the_one_installed() -> None:
             ["sail"],
             [
                 "no command 'sail'",
-                "missions, run, report, compare, ensemble, sweep, outage, budget, identify, fly",
+                "missions, run, report, compare, ensemble, sweep, outage, budget, identify, numbers",
+                "receiver, fly",
                 "cards",
                 "allan",
                 "serve",

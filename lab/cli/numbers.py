@@ -1,0 +1,109 @@
+"""``ins-lab numbers``: which noise of an IMU goes into a filter, from a log at rest and from a drive."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, experiment
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.experiment.number_table import Estimate, ImuNumbers
+
+EXAMPLES = """\b
+Examples:
+  ins-lab numbers --static still.csv --moving my_drive
+  ins-lab numbers --moving my_drive --for px4
+  ins-lab numbers --static still.csv --for kalibr
+The drive is a sensor log: ins-lab import FILE --as log adds one. Without --static, the longest rest of the
+drive is taken. Intervals are 95 % intervals."""
+
+
+def numbers(
+    static: Annotated[
+        Path | None,
+        typer.Option("--static", metavar="FILE", help="Log of the IMU at rest.", show_default=False),
+    ] = None,
+    moving: Annotated[
+        str | None,
+        typer.Option("--moving", metavar="MISSION", help="Sensor log of a drive.", show_default=False),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="PROGRAM",
+            help="Lines for the configuration of kalibr, px4, ardupilot, robot_localization, kf-gins or "
+            "matlab.",
+            show_default=False,
+        ),
+    ] = None,
+    config: Config = None,
+    assignments: Assignments = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume."""
+    from lab.experiment import filter_programs, imu_numbers  # noqa: PLC0415 - help does not need them
+
+    if static is None and moving is None:
+        raise CommandError("numbers needs --static FILE, --moving MISSION, or both")
+    if program is not None and program not in filter_programs.PROGRAMS:
+        raise CommandError(f"--for {program}: accepted are {', '.join(filter_programs.PROGRAMS)}")
+    chosen = None if moving is None else experiment(moving, config, None, assignments, None)
+    with working(moving or str(static)) as progress:
+        found = imu_numbers.numbers(static, chosen, progress)
+    lines = "" if program is None else filter_programs.lines(found, program)
+    if as_json:
+        print_json({**found.to_dict(), "program": program, "lines": lines or None})
+    elif program is not None:
+        print(lines)
+    else:
+        print(_text(found))
+
+
+def _text(found: ImuNumbers) -> str:
+    rows = [
+        (
+            row.triad,
+            row.term,
+            _interval(row.at_rest),
+            _interval(row.in_motion),
+            _interval(row.factor),
+            _number(row.used),
+            row.unit,
+            _number(row.discrete),
+        )
+        for row in found.rows
+    ]
+    header = ("group", "term", "at rest", "in motion", "factor", "use", "unit", "one sample [SI]")
+    parts = [f"At rest: {found.static or 'unknown'}. In motion: {found.moving or 'unknown'}."]
+    parts.append(table(header, rows, right={5, 7}))
+    parts.append(
+        f"Densities are two-sided (N of IEEE 952); a data sheet's one-sided noise density is √2 times as "
+        f"large. One sample is σ of a sample at {found.rate:.4g} Hz, or the step of the bias between two."
+    )
+    parts.append(
+        "\n".join(
+            f"- {row.triad}, {row.term}: {row.basis}. Cause of the factor: {row.cause}" for row in found.rows
+        )
+    )
+    if found.remarks:
+        parts.append("\n".join(f"- {remark}" for remark in found.remarks))
+    return "\n\n".join(parts)
+
+
+def _number(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.3g}"
+
+
+def _interval(one: Estimate | None) -> str:
+    if one is None:
+        return "unknown"
+    if not one.low > 0:
+        return f"at most {one.high:.3g}"
+    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"

@@ -1,0 +1,519 @@
+"""Receiver: what the fixes of a receiver are worth, beside what it claims, and what a gate can reject.
+
+The errors are found from the fixes alone, or from the fixes of a sensor log less the motion that its IMU
+shows. They are found in the first half of the fixes, too, and judged by the other half.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from lab.analysis.identification.renavigation import subject
+from lab.analysis.identification.withheld import held_out, outages
+from lab.analysis.receiver_errors import (
+    FEWEST,
+    VELOCITY_SIGMA,
+    AxisErrors,
+    FixSeries,
+    fit,
+    judged,
+    rounding,
+    with_motion,
+)
+from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
+from lab.base.plain_data import plain
+from lab.base.progress import Progress
+from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
+from lab.data.streams.raw_recording import RecordingError
+from lab.data.streams.recorded_log import recorded_samples
+from lab.experiment.experiment import Experiment
+from lab.experiment.log_result import LogResult
+from lab.missions import LogMission, mission
+from lab.motion.frames.displacement import displacement
+from lab.motion.frames.rotation import C_nb_from_euler
+
+KINDS = {
+    FIX_2D: "2-D",
+    FIX_3D: "3-D",
+    FIX_DIFFERENTIAL: "differential",
+    FIX_RTK_FLOAT: "RTK float",
+    FIX_RTK: "RTK fixed",
+}
+"""Kinds of fixes in words; others have no name."""
+ALONE, LESS = "the fixes alone", "the fixes less the motion that the IMU shows"
+"""What the errors rest on: whichever makes the fixes of a log more likely. A filter that believes a wrong σ
+has a wrong attitude, with which the IMU shows a wrong motion."""
+ALL = "all"
+"""Kind of fixes whose receiver does not say it."""
+MOST = 5000
+"""Most fixes that are used, the first ones: a minute of computing."""
+SIX = 6
+"""Components of a fix, over which the gate of the filter tests the innovations."""
+GRAVITY = 9.8
+"""Gravity along the down axis [m/s²]; what it lacks is a slow acceleration, which the fit has as a state."""
+FITS = (0.9, 1.1)
+"""NIS per component of the other half between which the sizes are confirmed."""
+HONEST = 1.5
+"""Ratio of the true σ to the claimed one, or its inverse, up to which a claim is called right."""
+ALLOWED = 1.05
+"""Largest growth of the error of withheld fixes with which the found sizes are recommended."""
+AXES = (("horizontal", slice(0, 2)), ("vertical", slice(2, 3)))
+"""Names and axes that are fitted together."""
+SATELLITES = ((0, 5), (6, 8), (9, 12), (13, 99))
+"""Numbers of satellites that are counted together: four make a fix, and open sky has nine or more."""
+
+
+class KindRow(NamedTuple):
+    """The errors of one kind of fixes along one axis.
+
+    Attributes
+    ----------
+    kind, axis : str
+        Kind of fixes; horizontal (each of two axes) or vertical.
+    fixes : int
+        Number of fixes.
+    claimed : float
+        Median of the σ that the receiver claims [m]; NaN if none.
+    white, slow, tau : float
+        σ of the white part [m], σ [m] and correlation time [s] of the slow part.
+    outliers : int
+        Number of outliers.
+    nis : float
+        Mean square of the second half's innovations in their σ, fitted on the first; NaN with fewer fixes
+        than `FEWEST` in each.
+    basis : str
+        What the figures rest on.
+    """
+
+    kind: str
+    axis: str
+    fixes: int
+    claimed: float
+    white: float
+    slow: float
+    tau: float
+    outliers: int
+    nis: float
+    basis: str
+
+    @property
+    def sigma(self) -> float:
+        """σ of white and slow part together [m]."""
+        return math.hypot(self.white, self.slow)
+
+    @property
+    def times(self) -> float:
+        """The true σ over the claimed one; NaN if none is claimed."""
+        return self.sigma / self.claimed
+
+
+@dataclass(frozen=True)
+class ReceiverReport:
+    """What the fixes of a receiver are worth.
+
+    Attributes
+    ----------
+    source : str
+        The mission or file.
+    rows : tuple of KindRow
+        The errors by kind and axis.
+    velocity : (float, float)
+        Claimed and found σ of a velocity component [m/s]; NaN if unknown.
+    by_satellites : tuple
+        Number of satellites from and to, number of fixes, root mean square of their innovations in σ.
+    sentences : tuple of str
+        What the figures say, each with what it rests on.
+    experiment : Experiment or None
+        The log with the found sizes in the filter; None for fixes without an IMU.
+    before, after : float
+        Error of fixes withheld for 10 s with the filter as it was and with the found sizes [m]; NaN without
+        an IMU.
+    """
+
+    source: str
+    rows: tuple[KindRow, ...]
+    velocity: tuple[float, float]
+    by_satellites: tuple[tuple[int, int, int, float], ...]
+    sentences: tuple[str, ...]
+    experiment: Experiment | None
+    before: float
+    after: float
+
+    @property
+    def recommended(self) -> bool:
+        """Whether positions across outages are not worse with the found sizes."""
+        return self.after <= ALLOWED * self.before
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data, which JSON can hold."""
+        found: dict[str, Any] = plain(
+            {
+                "source": self.source,
+                "rows": [
+                    {**row._asdict(), "sigma": row.sigma, "times_claimed": row.times} for row in self.rows
+                ],
+                "velocity_sigma_claimed": self.velocity[0],
+                "velocity_sigma": self.velocity[1],
+                "by_satellites": self.by_satellites,
+                "sentences": self.sentences,
+                "withheld_error_before_m": self.before,
+                "withheld_error_after_m": self.after,
+                "recommended": self.recommended if self.experiment is not None else None,
+            }
+        )
+        return found
+
+
+class _Fixes(NamedTuple):
+    """The fixes by what they rest on, their kinds and satellites, and the run of a log."""
+
+    series: dict[str, FixSeries]
+    kinds: tuple[str, ...]
+    satellites: NDArray[np.int64]
+    result: LogResult | None
+
+
+def receiver(
+    source: str | Path | Experiment, gate: float = 0.999, progress: Progress | None = None
+) -> ReceiverReport:
+    """Return what the fixes of a receiver are worth.
+
+    Parameters
+    ----------
+    source
+        A sensor log by its mission, or an experiment on it; or a file of fixes alone, such as NMEA or UBX.
+    gate
+        Probability that a good fix passes the gate whose reach is stated.
+    progress
+        Called with a phrase and the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    MissionError
+        If the source cannot be read, or has too few fixes.
+    ValueError
+        If the log cannot be navigated.
+    """
+    tell = progress or (lambda _stage, _fraction: None)
+    tell("reading the fixes", 0.0)
+    name = source.mission if isinstance(source, Experiment) else str(source)
+    fixes = _of_file(Path(name)) if _is_file(name) else _of_log(_experiment(source), tell)
+    count = fixes.satellites.size
+    if count > MOST:
+        series = {basis: one.rows(slice(0, MOST)) for basis, one in fixes.series.items()}
+        fixes = fixes._replace(series=series, satellites=fixes.satellites[:MOST])
+    if count < FEWEST:
+        raise MissionError(
+            f"{name}: has {count} fixes; accepted are at least {FEWEST}: fewer do not show their errors"
+        )
+    tell("finding the errors", 0.5)
+    return _report(name, fixes, gate, tell)
+
+
+def _experiment(source: str | Path | Experiment) -> Experiment:
+    return source.copy() if isinstance(source, Experiment) else Experiment(mission=str(source))
+
+
+def _is_file(name: str) -> bool:
+    path = Path(name)
+    return path.is_file() and path.suffix.lower() not in (".toml", ".csv")
+
+
+def _of_file(path: Path) -> _Fixes:
+    """Return the fixes of a receiver's own file."""
+    try:
+        found = recorded_samples(path).fix
+    except RecordingError as error:
+        raise MissionError(str(error)) from error
+    found = found[np.isfinite(found["latitude"]) & (found["fix_type"] >= FIX_2D)]
+    time = found["utc"] if np.isfinite(found["utc"]).all() else found["time"]
+    found, time = _increasing(found, time)
+    if not time.size:
+        raise MissionError(f"{path}: holds no fixes")
+    place = np.stack((found["latitude"], found["longitude"], found["height"]), axis=-1)
+    sigma = np.stack((*(found["horizontal_sigma"],) * 2, found["vertical_sigma"]), axis=-1)
+    numbers, kind = np.unique(found["fix_type"], return_inverse=True)
+    far, velocity = displacement(np.repeat(place[:1], len(place), axis=0), place), found["velocity_n"]
+    series = FixSeries(
+        time,
+        far,
+        np.asarray(velocity, np.float64),
+        _positive(sigma),
+        _positive(np.repeat(found["speed_sigma"][:, None], 3, axis=1)),
+        kind.astype(np.intp),
+        (rounding(far), rounding(velocity)),
+    )
+    names = tuple(KINDS.get(int(one), f"kind {one}") for one in numbers)
+    return _Fixes({ALONE: series}, names, found["satellites"].astype(np.int64), None)
+
+
+def _increasing(found: NDArray[Any], time: FloatArray) -> tuple[NDArray[Any], FloatArray]:
+    rows = np.append(True, np.diff(np.maximum.accumulate(time)) > 0)[: time.size]
+    return found[rows], time[rows]
+
+
+def _positive(sigma: FloatArray) -> FloatArray:
+    return np.asarray(np.where(sigma > 0, sigma, np.nan))
+
+
+def _of_log(experiment: Experiment, tell: Progress) -> _Fixes:
+    """Return the fixes of a log less the motion that the IMU shows."""
+    if not isinstance(mission(experiment.mission), LogMission):
+        raise MissionError(
+            f"{experiment.mission}: is a simulated mission, whose receiver is a setting; accepted are a "
+            "sensor log and a receiver's file"
+        )
+    result = experiment.run(lambda stage, part: tell(stage, 0.4 * part))
+    assert isinstance(result, LogResult)
+    log, time = result.recorded.log, result.time
+    stamps = log.gnss.time - result.latency
+    rows = (stamps >= time[0]) & (stamps <= time[-1])
+    place, velocity = log.gnss.position[rows], log.gnss.velocity_n[rows]
+    far = displacement(np.repeat(place[:1], len(place), axis=0), place)
+    alone = FixSeries(
+        stamps[rows],
+        far,
+        velocity,
+        log.gnss.position_sigma[rows],
+        log.gnss.velocity_sigma[rows],
+        np.zeros(len(far), np.intp),
+        (rounding(far), rounding(velocity)),
+    )
+    moved, speed = _inertial(result, stamps[rows])
+    less = alone._replace(position=far - moved, velocity=velocity - speed)
+    return _Fixes({ALONE: alone, LESS: less}, (ALL,), np.full(len(far), -1), result)
+
+
+def _inertial(result: LogResult, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return displacement (m, 3) and velocity (m, 3) of the IMU alone, north, east, down [m], [m/s].
+
+    No fix corrects them but through the attitude; they drift away, as smoothly as the fit allows for.
+    """
+    time = result.time
+    dt = np.diff(time)[:, None]
+    C_nb = C_nb_from_euler(result.euler[:-1])
+    gained = np.einsum("nij,nj->ni", C_nb, result.accelerometer.increments) + dt * (0.0, 0.0, GRAVITY)
+    velocity = np.concatenate((np.zeros((1, 3)), np.cumsum(gained, axis=0)))
+    moved = np.concatenate((np.zeros((1, 3)), np.cumsum(dt * (velocity[1:] + velocity[:-1]) / 2, axis=0)))
+    both = (np.stack([np.interp(at, time, one) for one in values.T], axis=-1) for values in (moved, velocity))
+    return next(both), next(both)
+
+
+class _Axis(NamedTuple):
+    """What was found along some axes."""
+
+    basis: str
+    series: FixSeries
+    errors: AxisErrors
+    nis: FloatArray
+    degrees: FloatArray
+    outliers: NDArray[np.int64]
+    halves: tuple[FloatArray, FloatArray] | None
+
+
+def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
+    """Return the errors along some axes, by the fixes that are most likely."""
+    tried = [(basis, own, fit(own)) for basis, own in ((at, one.along(axes)) for at, one in by_basis.items())]
+    basis, own, errors = max(tried, key=lambda one: one[2].likelihood)
+    seen = judged(own, errors)
+    half = own.time.size // 2
+    halves = None
+    if half >= FEWEST and set(own.kind[half:]) <= set(own.kind[:half]):
+        sizes = fit(own.rows(slice(0, half)))
+        other = judged(own, with_motion(own.rows(slice(half, None)), sizes))
+        halves = other.nis[half:], other.degrees[half:]
+    outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
+    return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves)
+
+
+def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
+    found = {axis: _axis(fixes.series, place) for axis, place in AXES}
+    rows = [
+        _row(kind, number, axis, one)
+        for number, kind in enumerate(fixes.kinds)
+        for axis, one in found.items()
+    ]
+    level = found["horizontal"]
+    claimed = (
+        float(np.nanmedian(level.series.velocity_sigma)) if _known(level.series.velocity_sigma) else math.nan
+    )
+    velocity = level.errors.velocity * (VELOCITY_SIGMA if math.isnan(claimed) else claimed)
+    changed, before, after = None, math.nan, math.nan
+    sentences = list(dict.fromkeys(_sentence(row) for row in rows))
+    if fixes.result is not None:
+        tell("withholding fixes", 0.8)
+        changed = _changed(fixes.result.experiment, rows, level.errors.velocity, claimed)
+        before, after = _across_outages(fixes.result, changed)
+        sentences += _gates(fixes.result, changed, gate)
+        sentences.append(_advice(before, after))
+    sentences += [_halves(row) for row in rows if math.isfinite(row.nis)]
+    if fixes.satellites.size == MOST:
+        sentences.append(f"The first {MOST} fixes were used.")
+    return ReceiverReport(
+        name,
+        tuple(rows),
+        (claimed, velocity),
+        _by_satellites(fixes, found),
+        tuple(sentences),
+        changed,
+        before,
+        after,
+    )
+
+
+def _known(values: FloatArray) -> bool:
+    return bool(np.isfinite(values).any())
+
+
+def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
+    rows = one.series.kind == number
+    sigma = one.series.position_sigma[rows]
+    claimed = float(np.nanmedian(sigma)) if _known(sigma) else math.nan
+    white = float(one.errors.white[number]) * (1.0 if math.isnan(claimed) else claimed)
+    nis = math.nan
+    if one.halves is not None:
+        half = rows[rows.size - one.halves[0].size :]
+        degrees = one.halves[1][half].sum()
+        nis = float(one.halves[0][half].sum() / degrees) if degrees >= FEWEST else math.nan
+    outliers = int(one.outliers[rows].sum())
+    slow, tau = one.errors.slow, one.errors.tau
+    if rows.sum() < FEWEST:
+        white = slow = tau = math.nan
+    return KindRow(kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis)
+
+
+def _sentence(row: KindRow) -> str:
+    """Return what a row says, in one sentence, with what it rests on."""
+    which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
+    if math.isnan(row.white):
+        return f"{row.fixes} {row.kind} fixes are too few to show their errors: accepted are {FEWEST}."
+    parts = f"white {_metres(row.white)}"
+    if row.slow > 0:
+        parts += f" and slow {_metres(row.slow)} with a correlation time of {row.tau:.0f} s"
+    shown = f"({parts}; {row.fixes} fixes: {row.basis})"
+    if math.isnan(row.claimed):
+        return f"The receiver claims no σ for the {which}; its errors are {_metres(row.sigma)} {shown}."
+    claim = f"The receiver claims {_metres(row.claimed)} for the {which}, and its errors are"
+    if row.white > HONEST * row.claimed:
+        return (
+            f"{claim} {_metres(row.sigma)}: the claimed σ is {row.times:.3g} times too small, and a filter "
+            f"that believes it trusts the fixes too much {shown}."
+        )
+    if row.times > HONEST:
+        return (
+            f"{claim} {_metres(row.sigma)}, {row.times:.3g} times as large: a slow part comes on top of what "
+            f"it claims, which no R describes and a state of the filter does {shown}."
+        )
+    if row.times < 1 / HONEST:
+        return (
+            f"{claim} {_metres(row.sigma)} from fix to fix and over minutes, {1 / row.times:.3g} times less "
+            f"{shown}; errors that last longer than the log do not show."
+        )
+    return f"{claim} {_metres(row.sigma)} {shown}: the claim is right."
+
+
+def _halves(row: KindRow) -> str:
+    """Return how the sizes of the first half predict the second."""
+    right = FITS[0] <= row.nis <= FITS[1]
+    said = "confirms them" if right else "does not: the receiver changed, or filters its output"
+    return (
+        f"Sizes found in the first half, judged by the second with its own motion ({row.axis}, {row.kind}): "
+        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]})."
+    )
+
+
+def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, claimed: float) -> Experiment:
+    """Return an experiment whose filter takes the found sizes for R, and has a state for a slow error."""
+    changed = experiment.copy()
+    level, vertical = rows[0], rows[1]
+    factors, bounds = [1.0, 1.0, 1.0], changed.sensors.gps.param["position_variance"].bounds
+    variances = [float(one) for one in np.broadcast_to(changed.sensors.gps.position_variance, 3)]
+    for place, (row, axes) in enumerate(((level, slice(0, 2)), (vertical, slice(2, 3)))):
+        if math.isfinite(row.claimed):
+            factors[place] = (row.white / row.claimed) ** 2
+        else:
+            variances[axes] = [min(max(row.white**2, bounds[0]), bounds[1])] * (axes.stop - axes.start)
+    changed.set("sensors.gps.position_variance", variances)
+    if math.isfinite(velocity):
+        if math.isnan(claimed):
+            low, high = changed.sensors.gps.param["velocity_variance"].bounds
+            changed.set(
+                "sensors.gps.velocity_variance", min(max((VELOCITY_SIGMA * velocity) ** 2, low), high)
+            )
+        else:
+            factors[2] = velocity**2
+    low, high = changed.navigator.param["r_factors"].bounds
+    changed.set("navigator.r_factors", [min(max(one, low), high) for one in factors])
+    changed.set("navigator.r", None)
+    changed.set("navigator.r_scale", 1.0)
+    if level.slow > 0 or vertical.slow > 0:
+        changed.set("sensors.gps.correlated_sigma", [level.slow, level.slow, vertical.slow])
+        times = [row.tau for row in (level, vertical) if row.slow > 0]
+        changed.set("sensors.gps.correlation_time", max(times))
+        changed.set("navigator.estimate_gps_drift", True)
+    return changed
+
+
+def _across_outages(result: LogResult, changed: Experiment) -> tuple[float, float]:
+    """Return the errors of fixes withheld for 10 s, before and after [m]."""
+    again = subject(result)
+    first, last = again.span
+    masks = outages(again.stamps, first + 0.2 * (last - first), last)
+    if not masks:
+        return math.nan, math.nan
+    none = np.zeros(again.stamps.size, np.bool_)
+    before, after = (held_out(again, one, masks, none) for one in (result.experiment, changed))
+    return before.position_error, after.position_error
+
+
+def _gates(result: LogResult, changed: Experiment, gate: float) -> list[str]:
+    """Return what a gate lets pass, with the filter as it is and with the found sizes."""
+    limit = 2 * float(special.gammaincinv(SIX / 2, gate))
+    found = []
+    for words, run in (("the filter as it is", result), ("the found sizes", changed.run())):
+        S = run.solution_arrays.innovation_covariance[run.solution_arrays.fix_sample >= 0]
+        level = math.sqrt(limit * float(np.median(np.maximum(S[:, 0, 0], S[:, 1, 1]))))
+        down = math.sqrt(limit * float(np.median(S[:, 2, 2])))
+        found.append(
+            f"With a gate of {gate:g} and {words}, a horizontal error below {_metres(level)}, or a vertical "
+            f"one below {_metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
+            "that grows slowly passes at any size, since the filter follows it."
+        )
+    return found
+
+
+def _advice(before: float, after: float) -> str:
+    if not math.isfinite(before):
+        return "The log is too short for outages: whether the found sizes help is not known."
+    figures = f"fixes withheld for 10 s: error {before:.3g} m before, {after:.3g} m after"
+    if after <= ALLOWED * before:
+        return f"With the found sizes in the filter, positions across outages are not worse ({figures})."
+    return f"Do not use the found sizes in the filter: positions across outages are worse ({figures})."
+
+
+def _by_satellites(fixes: _Fixes, found: dict[str, _Axis]) -> tuple[tuple[int, int, int, float], ...]:
+    """Return the sizes of the innovations by numbers of satellites, if the receiver says and varies them."""
+    groups = []
+    nis, degrees = (
+        np.sum([getattr(one, name) for one in found.values()], axis=0) for name in ("nis", "degrees")
+    )
+    for low, high in SATELLITES:
+        rows = (fixes.satellites >= max(low, 1)) & (fixes.satellites <= high)
+        if (count := int(rows.sum())) and degrees[rows].sum() > 0:
+            groups.append((low, high, count, float(np.sqrt(nis[rows].sum() / degrees[rows].sum()))))
+    return tuple(groups)
+
+
+def _metres(value: float) -> str:
+    """Return a length in the unit that reads best."""
+    unit, scale = ("m", 1) if value >= 1 else ("cm", 100) if value >= 0.01 else ("mm", 1000)
+    return f"{scale * value:.2g} {unit}"

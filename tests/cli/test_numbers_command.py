@@ -1,0 +1,74 @@
+"""``ins-lab numbers``: tables, lines for programs, and refusals; ``ins-lab receiver`` beside it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from asking import ask, refused
+from sensor_logs import IMU, tables, write, write_csv
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with a log at rest, and with a drive whose receiver claims a 160th of its errors."""
+    folder = tmp_path_factory.mktemp("numbers")
+    rng = np.random.default_rng(1)
+    rows = rng.normal(scale=[1e-3] * 3 + [0.02] * 3, size=(20_000, 6)) - [0, 0, 0, 0, 0, 9.8]
+    write_csv(folder / "still.csv", IMU, np.column_stack((np.arange(20_000) / 100, rows)))
+    log = tables(20, 200)
+    log.gnss[:, 7:10] /= 160
+    write(folder / "drive", log)
+    return folder
+
+
+def test_a_log_at_rest_gives_lines_for_a_program(folder):
+    answer = ask("numbers", "--static", str(folder / "still.csv"), "--for", "kalibr")
+    assert answer.exit_code == 0, answer.stderr
+    assert "gyroscope_noise_density: " in answer.stdout
+    assert "Without a drive, what the filter needs in the vehicle is not known" in answer.stdout
+    table = ask("numbers", "--static", str(folder / "still.csv"))
+    assert table.exit_code == 0, table.stderr
+    for words in ("two-sided", "at rest", "unknown", "at most", "the Allan deviation of"):
+        assert words in table.stdout
+    facts = json.loads(ask("numbers", "--static", str(folder / "still.csv"), "--json", "--for", "px4").stdout)
+    assert facts["moving"] is None
+    assert "EKF2_GYR_NOISE" in facts["lines"]
+
+
+def test_wrong_arguments_are_refused(folder):
+    refused(ask("numbers"), "--static FILE, --moving MISSION, or both")
+    refused(
+        ask("numbers", "--static", str(folder / "still.csv"), "--for", "excel"), "accepted are kalibr, px4"
+    )
+    refused(ask("numbers", "--static", str(folder / "none.csv")), "none.csv")
+    refused(ask("numbers", "--static", str(folder / "drive" / "imu.csv")), "accepted is a record at rest")
+    refused(ask("numbers", "--moving", "montreal"), "simulated mission")
+
+
+@pytest.mark.proof
+def test_a_claim_160_times_too_small_is_found_and_said_in_one_sentence(folder, tmp_path):
+    settings = tmp_path / "receiver.toml"
+    answer = ask("receiver", str(folder / "drive"), "--settings", str(settings), "--json")
+    assert answer.exit_code == 0, answer.stderr
+    facts = json.loads(answer.stdout)
+    level = facts["rows"][0]
+    assert level["times_claimed"] == pytest.approx(160, rel=0.15)
+    (sentence,) = [one for one in facts["sentences"] if "horizontal position" in one and "claims" in one]
+    assert "times too small" in sentence
+    assert facts["recommended"]
+    assert facts["withheld_error_after_m"] < facts["withheld_error_before_m"]
+    assert all(0.85 < row["nis"] < 1.15 for row in facts["rows"])
+    again = ask("run", str(folder / "drive"), "--config", str(settings), "--json")
+    assert again.exit_code == 0, again.stderr
+    table = ask("receiver", str(folder / "drive"))
+    assert "a horizontal error below" in table.stdout
+    assert "passes" in table.stdout
+
+
+def test_a_receiver_without_a_log_is_refused(folder, tmp_path):
+    refused(ask("receiver", "montreal"), "simulated mission")
+    refused(ask("receiver", str(tmp_path / "none.ubx")), "none.ubx")
+    (tmp_path / "noise.ubx").write_bytes(bytes(range(256)) * 40)
+    refused(ask("receiver", str(tmp_path / "noise.ubx")), "noise.ubx")
