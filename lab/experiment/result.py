@@ -313,7 +313,9 @@ class Result(NotebookCard, Repeatable):
             return found
         if self.recorded is None:
             return state_advice.of_simulated(found, self.experiment, self.belief.P0)
-        return state_advice.of_log(found, self)
+        from lab.analysis.identification.log_faults import noted  # noqa: PLC0415 - a simulated run needs none of it
+
+        return noted(state_advice.of_log(found, self), self.recorded.log)
 
     @cached_property
     def _judged_innovations(self) -> Verdict:
