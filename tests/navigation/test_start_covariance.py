@@ -229,7 +229,7 @@ def test_tilts_of_a_start_in_motion_err_as_the_card_says(name):
 
 @pytest.mark.proof
 def test_a_live_stream_has_the_states_of_its_card():
-    """Scale factors, misalignments and g-sensitivity of a BMI088, with RTK, in turns: 10 s after the start."""
+    """Scale factors, misalignments and g-sensitivity of a BMI088, with RTK, in turns: 10 s later."""
     ratios = [
         tilts("BMI088", seed, 22.0, 34.0, live=True, receiver=RTK, drawn=True) for seed in range(1001, 1013)
     ]
