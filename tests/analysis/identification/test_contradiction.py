@@ -102,6 +102,14 @@ def test_gaps_whose_noise_the_filter_knows_are_no_fault():
     assert run(log_of(damage=lost(1 / 3, 20))).verdict.consistent
 
 
+@pytest.mark.proof
+def test_a_clock_is_named_where_late_fixes_or_noise_of_the_imu_would_be_as_likely():
+    made = clock(0.003)(tables(20.0, 120.0, seed=1004), np.random.default_rng(1004))
+    (finding,) = run(log_of(made=made)).verdict.findings
+    assert finding.quantity == "IMU clock"
+    assert "fast" in finding.sentence
+
+
 @pytest.mark.parametrize("longest", [1, 20])
 def test_losses_that_the_filter_allows_for_are_named_before_it_is_called_consistent(longest):
     whole = tables(*SPAN, seed=1001)
