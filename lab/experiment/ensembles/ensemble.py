@@ -112,6 +112,8 @@ class Ensemble(NotebookCard):
         The seeds whose runs diverged, each with the reason: these runs are left out of everything else.
     ended : str
         Why there are fewer runs than asked for: what ended the work of a cluster; empty if nothing did.
+    whole : bool
+        Whether no more runs will come. Before, no run is repeated for the verdict.
     """
 
     CARD: ClassVar[str] = "ensemble"
@@ -137,6 +139,7 @@ class Ensemble(NotebookCard):
     algorithm: str
     diverged: dict[int, str] = field(default_factory=dict)
     ended: str = ""
+    whole: bool = True
 
     @property
     def remark(self) -> str:
@@ -223,6 +226,8 @@ class Ensemble(NotebookCard):
 
     def _mean_nees_with(self, model: str) -> tuple[float, float] | None:
         """Return mean NEES over its degrees of freedom where it is largest, and with another error model."""
+        if not self.whole:
+            return None
         largest = np.argsort(-self.mean_nees[: len(self.evidence)], kind="stable")[:OFF_MOST]
         try:
             settings = self.experiment.copy().update({"navigator.model": model})
