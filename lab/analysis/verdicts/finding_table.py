@@ -345,7 +345,7 @@ FINDINGS: dict[str, Wording] = {
     "cured by another model": Wording(
         LINEAR_MODEL,
         "The cause is beyond the linear model. Tried where the errors are largest: with {model}, mean NEES "
-        "over its degrees of freedom is {after} instead of {before}. {effect}",
+        "over its degrees of freedom is {after:.2f} instead of {before:.2f}. {effect}",
     ),
     # a user's algorithm
     "covariance": Wording(

@@ -224,8 +224,8 @@ def _of_model(model: str, before: float, after: float, verdict: Verdict) -> Find
             f"mean NEES over its degrees of freedom {before:.3g}, {after:.3g} with {model}; "
             f"{verdict.findings[0].evidence}",
             model=model,
-            before=f"{before:.2f}",
-            after=f"{after:.2f}",
+            before=before,
+            after=after,
             effect=f"{verdict.findings[0].sentence.split('. ')[0]}.",
         )
     )
