@@ -270,7 +270,7 @@ def named(verdict: Verdict) -> str:
     if verdict.consistent is None:
         return f"○ {UNKNOWN}"
     if verdict.consistent:
-        return "● Consistent"
+        return f"● Consistent, {as_seen(verdict.note.quantity)}" if verdict.note else "● Consistent"
     more = f" +{len(verdict.findings) - 1}" if len(verdict.findings) > 1 else ""
     return f"● {_short(verdict.findings[0])}{more}"
 
@@ -294,6 +294,7 @@ def card_html(verdict: Verdict, *, tried: bool) -> str:
             f'<p class="quiet">Evidence: {escape(finding.evidence)}</p>'
         )
     parts += [f"<p>{escape(as_seen(one.sentence))} {escape(one.counsel)}</p>" for one in verdict.suggestions]
+    parts += [f"<p>{escape(verdict.note.counsel)}</p>"] if verdict.note else []
     parts.append(f'<p class="quiet">Judged by {escape(verdict.basis)}.</p>')
     return "".join(parts)
 

@@ -208,4 +208,5 @@ def verdict_text(verdict: Verdict) -> str:
         lines += [f"  {finding.sentence}"] if number else []
         lines += [f"  {finding.counsel} ({finding.evidence})"]
     lines += [f"  {one.sentence} {one.counsel}" for one in verdict.suggestions]
+    lines += [f"  {verdict.note.counsel}"] if verdict.note else []
     return "\n".join(lines)

@@ -24,6 +24,7 @@ from lab.analysis.verdicts import linear_verdict, state_advice, suggestion, tria
 from lab.analysis.verdicts.algorithm_verdict import judge
 from lab.analysis.verdicts.evidence import Evidence
 from lab.analysis.verdicts.run_evidence import Filtered, evidence_of
+from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.trial import Repeatable
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base import result_files
@@ -312,7 +313,9 @@ class Result(NotebookCard, Repeatable):
             return found
         if self.recorded is None:
             return state_advice.of_simulated(found, self.experiment, self.belief.P0)
-        return state_advice.of_log(found, self)
+        from lab.analysis.identification.log_faults import noted  # noqa: PLC0415 - a simulated run needs none of it
+
+        return noted(state_advice.of_log(found, self), self.recorded.log)
 
     @cached_property
     def _judged_innovations(self) -> Verdict:
@@ -327,7 +330,7 @@ class Result(NotebookCard, Repeatable):
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
         """Return a verdict from evidence, with attitude errors beyond the linear model as a cause."""
         navigator = self.experiment.navigator
-        found = linear_verdict.judge(verdict, evidence, navigator, self._held)
+        found = linear_verdict.judge(verdict, evidence, navigator, self._held, self._mean_nees_with)
         return feedforward.judge(self.free_run, found, navigator, evidence.nees)
 
     def _held(self) -> tuple[Verdict, Evidence] | None:
@@ -338,6 +341,14 @@ class Result(NotebookCard, Repeatable):
         except ValueError:  # of settings, or of a run that diverges
             return None
         return run._judged_innovations, run.evidence
+
+    def _mean_nees_with(self, model: str) -> tuple[float, float] | None:
+        """Return mean NEES over its degrees of freedom of this run, as it is and with another error model."""
+        try:
+            other = self.repeated(self.experiment.copy().update({"navigator.model": model}))
+        except ValueError:  # of settings, or of a run that diverges
+            return None
+        return self.evidence.means.mean_of(NEES), other.evidence.means.mean_of(NEES)
 
     @cached_property
     def evidence(self) -> Evidence:

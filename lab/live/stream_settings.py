@@ -10,8 +10,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import OTHER_SENSORS, SensorSuite
 
 OTHER_STATES: Final = (
-    "estimate_misalignments",
-    "estimate_g_sensitivity",
     "estimate_bias_drift",
     "estimate_gps_drift",
     "estimate_lever_arm",

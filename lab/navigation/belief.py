@@ -391,7 +391,7 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         any_of=max(FEWEST_SCATTERED, 2 * accusing),
         aid_gate=gate(navigator.gate, 1),
         # The backward pass of a smoother is that of optimal updates.
-        hold_heading=bool(navigator.hold_heading) and not navigator.smoother,
+        hold_heading=bool(navigator.hold_heading),
     )
 
 

@@ -169,8 +169,7 @@ class NavigatorSettings(Settings):
         default=True,
         label="Hold heading going straight",
         doc="Fixes that show the heading at most by chance, as those of a vehicle that goes straight, leave "
-        "it and the vertical gyro bias as they are. Without, σ of the heading becomes too small there. A "
-        "smoother has no such rule.",
+        "it and the vertical gyro bias as they are. Without, σ of the heading becomes too small there.",
     )
     smoother = param.Boolean(
         default=False,

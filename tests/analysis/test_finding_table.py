@@ -30,6 +30,7 @@ TREES = {
 NUMBERS = (
     *("root", "factor", "multiply", "size", "scale", "begin", "end", "seconds", "latency", "length", "sigma"),
     *("time", "percent", "expected", "part", "degrees", "windows", "ratio", "without", "nis"),
+    *("before", "after"),
 )
 WORDS = {
     "kind": ("position", "velocity down"),

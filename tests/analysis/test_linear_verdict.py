@@ -19,6 +19,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.navigation.belief import belief
 from lab.navigation.solution import Solution
+from tests.benchmarks.consistency_matrix import MATCHED, setting
 
 GRAVITY = 9.81
 
@@ -116,6 +117,45 @@ def test_errors_without_another_cause_have_this_one_where_attitude_errors_are_la
     (judged,) = judge(Verdict("", (finding,), "30 runs"), evidence, experiment.navigator).findings
     assert judged.quantity == (LINEAR_MODEL if named else quantity)
     assert [change.value for change in judged.changes] == ([named] if named else [])
+
+
+@pytest.mark.parametrize(
+    ("model", "means", "direction", "named"),
+    [
+        ("phi", {"invariant": (3.3, 1.5)}, "too large", "invariant"),
+        ("psi", {"invariant": (3.3, 3.1), "nonlinear": (3.3, 1.1)}, "too large", "nonlinear"),
+        ("invariant", {"nonlinear": (2.0, 1.2)}, "too large", "nonlinear"),
+        ("phi", {"invariant": (1.6, 1.5), "nonlinear": (1.6, 1.55)}, "too large", ""),
+        ("phi", {}, "too large", ""),
+        ("phi", {"invariant": (0.7, 0.6)}, "too small", ""),
+        ("nonlinear", {"nonlinear": (3.0, 1.0)}, "too large", ""),
+    ],
+)
+def test_a_model_with_which_the_errors_have_the_size_of_sigma_is_named(
+    model: str, means: dict[str, tuple[float, float]], direction: str, named: str
+) -> None:
+    experiment = Experiment(mission="los_angeles").update({"trajectory.imu_rate": 20.0})
+    evidence = experiment.run().evidence
+    experiment.set("navigator.model", model)
+    finding = Finding(NEES, direction, 1.2, "The errors are 1.1 × as large. No.", "Look.", "seen")
+    before = Verdict("", (finding,), "30 runs")
+    found = judge(before, evidence, experiment.navigator, repeated=means.get)
+    (judged,) = found.findings
+    assert judged.quantity == (LINEAR_MODEL if named else NEES)
+    assert [change.value for change in judged.changes] == ([named] if named else [])
+    assert found.consistent is False
+    assert judge(before, evidence.without_truth(), experiment.navigator, repeated=means.get) == before
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("number", [60, 75, 111])
+def test_many_runs_beyond_the_linear_model_name_one_that_holds(number: int) -> None:
+    """Matched filters of poor accelerometers: with phi, some runs of each are far off."""
+    kind, _, experiment = setting(number)
+    assert kind == MATCHED
+    (finding,) = run_ensemble(experiment, 30).verdict.findings
+    assert finding.quantity == LINEAR_MODEL
+    assert "invariant" in finding.advice
 
 
 def with_r(mission: str, heading: float, factor: float, seed: int) -> Result:

@@ -19,7 +19,7 @@ from lab.experiment.ensembles import seeds as seeds_module
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
-from lab.experiment.stages import CACHE
+from lab.experiment.sensor_stages import CACHE
 from tests.benchmarks.faults import GRADES, MISSIONS, experiment
 
 MATCHED, WRONG, BEYOND = "matched", "Q or R wrong", "beyond the linear model"

@@ -190,7 +190,7 @@ def flights(seed: int, mission: str = "montreal", **settings: object) -> tuple[R
 
 
 def continued(result: Result) -> Solution:
-    """Return the filtered solution that a smoothed run continues: its filter holds no heading."""
+    """Return the filtered solution that a smoothed run without held headings continues."""
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
     navigator = result.experiment.navigator
@@ -207,7 +207,8 @@ def continued(result: Result) -> Solution:
 
 def test_an_outage_is_bridged_from_both_sides() -> None:
     """With a bias nobody doubts: its covariance has no inverse."""
-    result, after = flights(3, sensors__gps__outages=[(90, 120)], sensors__gyro__bias_sigma=(0.0, 0.3, 0.3))
+    plain = {"navigator__hold_heading": False, "sensors__gyro__bias_sigma": (0.0, 0.3, 0.3)}
+    result, after = flights(3, sensors__gps__outages=[(90, 120)], **plain)
     filtered, smoothed = continued(after), after.solution_arrays
     assert (smoothed.variance <= filtered.variance * (1 + 1e-9)).all()
     assert (np.delete(smoothed.variance, 9, axis=1) > 0).all()
@@ -267,7 +268,7 @@ COMBINATIONS = {
 @pytest.mark.parametrize("settings", COMBINATIONS.values(), ids=COMBINATIONS)
 def test_what_the_filter_did_is_undone_exactly(settings: dict[str, object]) -> None:
     """The smoothed σ is never above the filtered one and never below zero, with the default sensor, too."""
-    _, after = flights(2, **settings)
+    _, after = flights(2, navigator__hold_heading=False, **settings)
     filtered, smoothed = continued(after), after.solution_arrays
     assert np.isfinite(smoothed.variance).all()
     assert (smoothed.variance > 0).all()

@@ -6,7 +6,7 @@ from itertools import repeat
 
 import numpy as np
 import pytest
-from carded_logs import RTK, carded, loaded
+from carded_logs import RTK, STANDALONE, carded, loaded
 from live_rows import feed
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -165,13 +165,29 @@ def test_random_starts_err_as_p0_says(rest, sigma):
 
 
 def tilts(
-    name: str, seed: int, begin: float, end: float, *, live: bool = False, model: str = "phi"
+    name: str,
+    seed: int,
+    begin: float,
+    end: float,
+    *,
+    live: bool = False,
+    model: str = "phi",
+    receiver: tuple[float, float, float] = STANDALONE,
+    drawn: bool = False,
 ) -> np.ndarray:
-    """Return the errors of roll and pitch 10 s after the start, in their σ; the vehicle is almost level."""
+    """Return the errors of roll and pitch 10 s after the start, in their σ; the vehicle is almost level.
+
+    With `drawn`, the constant errors of the sensors are random; otherwise each is as large as its σ.
+    """
     experiment = loaded(name)
     experiment.navigator.model = model
     experiment.navigator.vehicle = "car"
-    imu, fixes, truth = carded(experiment.sensors, seed, begin=begin, end=end)
+    sensors, rng = experiment.sensors.copy(), np.random.default_rng(seed)
+    if drawn:
+        for triad in (sensors.gyro, sensors.accelerometer):
+            triad.misalignment = tuple(np.array(triad.misalignment) * rng.normal(size=6))
+        sensors.gyro.g_sensitivity = tuple(np.array(sensors.gyro.g_sensitivity) * rng.normal(size=3))
+    imu, fixes, truth = carded(sensors, seed, begin=begin, end=end, receiver=receiver)
     if live:
         navigator = LiveNavigator(experiment.sensors, experiment.navigator, kept=1e6)
         feed(navigator, imu, fixes, repeat(50))
@@ -209,6 +225,16 @@ def test_tilts_of_a_start_in_motion_err_as_the_card_says(name):
     begins = (22.0, 26.0, 29.0, 38.0, 46.0)
     ratios = [tilts(name, 1001 + k, begins[k % 5], begins[k % 5] + 11.0) for k in range(40)]
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.3
+
+
+@pytest.mark.proof
+def test_a_live_stream_has_the_states_of_its_card():
+    """Scale factors, misalignments and g-sensitivity of a BMI088, with RTK, in turns: 10 s later."""
+    ratios = [
+        tilts("BMI088", seed, 22.0, 34.0, live=True, receiver=RTK, drawn=True) for seed in range(1001, 1013)
+    ]
+    print(f"\nerrors of roll and pitch over σ: {np.sqrt(np.mean(np.square(ratios))):.2f}")
+    assert np.sqrt(np.mean(np.square(ratios))) < 2.0  # 6.8 without these states
 
 
 @pytest.mark.proof

@@ -60,10 +60,10 @@ def mission(folder: Path, *flight: object) -> str:
     return str(path)
 
 
-def run(path: str, seed: int, **navigator: object) -> Result:
-    """Return a run at 50 Hz with settings of the navigator."""
+def run(path: str, seed: int, rate: float = RATE, **navigator: object) -> Result:
+    """Return a run with settings of the navigator."""
     experiment = Experiment(mission=path, seed=seed)
-    experiment.trajectory.imu_rate = RATE
+    experiment.trajectory.imu_rate = rate
     for name, value in navigator.items():
         experiment.set(f"navigator.{name}", value)
     return experiment.run()
@@ -103,12 +103,32 @@ def test_the_heading_is_held_only_if_it_shall_be(tmp_path: Path, model: str, eng
     assert [bool(one.solution_arrays.fix_held.any()) for one in held] == [True, False]
 
 
-def test_errors_of_the_heading_have_the_size_of_sigma(tmp_path: Path) -> None:
-    path = mission(tmp_path, "cruise", 300.0)
-    errors = np.array([heading(run(path, seed), 299.0) for seed in range(1001, 1041)])
-    ratio = float(np.sqrt(np.mean((errors[:, 0] / errors[:, 1]) ** 2)))
-    print(f"\nerror over σ after 299 s, 40 seeds: {ratio:.2f}")
-    assert 0.8 <= ratio <= 1.2  # by chance: 1 ± 0.11
+@pytest.mark.parametrize(
+    ("kind", "settings"),
+    [
+        ("cruise", {}),
+        *((kind, {"smoother": True}) for kind in ("cruise", "road", "ship")),
+        ("cruise", {"smoother": True, "model": "invariant"}),
+    ],
+)
+def test_errors_of_the_heading_have_the_size_of_sigma(
+    tmp_path: Path, kind: str, settings: dict[str, object]
+) -> None:
+    path = mission(tmp_path, kind, 900.0)
+    runs = [run(path, seed, rate=10.0, **settings) for seed in range(1001, 1041)]
+    for time in (300.0, 600.0, 895.0):
+        errors = np.array([heading(one, time) for one in runs])
+        ratio = float(np.sqrt(np.mean((errors[:, 0] / errors[:, 1]) ** 2)))
+        print(f"\n{kind}, {settings}: error over σ after {time:g} s, 40 seeds: {ratio:.2f}")
+        assert 0.8 <= ratio <= 1.2  # by chance: 1 ± 0.11
+
+
+def test_a_smoother_knows_the_heading_of_a_straight_flight_from_the_turn_after_it(tmp_path: Path) -> None:
+    path = mission(tmp_path, "cruise", 360.0, 240.0)
+    errors = np.array([heading(run(path, seed, smoother=True), 200.0) for seed in range(1001, 1021)])
+    print(f"\nbefore a turn: σ {errors[:, 1].mean():.2f}°, errors {np.round(errors[:, 0], 2)}")
+    assert errors[:, 1].max() < 1.0 < undisturbed(200.0) / 10
+    assert 0.5 < np.mean((errors[:, 0] / errors[:, 1]) ** 2) < 1.9  # χ² with 20 degrees of freedom: 99 %
 
 
 def test_a_turn_after_a_straight_flight_shows_the_heading(tmp_path: Path) -> None:

@@ -24,9 +24,9 @@ from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_o
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, size_weight, written
-from lab.analysis.verdicts.finding_table import AID_NOISE, AS_LIKELY, FAULT_OF_LOG, FINDINGS
+from lab.analysis.verdicts.finding_table import AID_NOISE, AS_LIKELY, EITHER, FAULT_OF_LOG, FINDINGS
 from lab.analysis.verdicts.fix_verdict import latency
-from lab.analysis.verdicts.innovation_verdict import explanations, finding_of
+from lab.analysis.verdicts.innovation_verdict import GPS, explanations, finding_of
 from lab.analysis.verdicts.pattern import AXES
 from lab.analysis.verdicts.state_advice import of_log
 from lab.analysis.verdicts.trial import Repeatable
@@ -98,7 +98,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
     except ValueError:  # such as a run of withheld settings that diverges
         return verdict
     holds = cured is not None and cured.mean < limits.VERDICT.consistent_nis
-    moved = first.quantity in _BY_TIME
+    moved = _is_by_time(run, first)
     if holds and not _is_large(first) and not moved:
         return verdict
     since = _since(before, whole.stamps)
@@ -114,6 +114,14 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
 def _is_doubtful(finding: Finding) -> bool:
     """Return whether a finding may be due to a fault of the log."""
     return finding.quantity not in (*AID_NOISE, "GPS outliers", "feedforward", "correction period")
+
+
+def _is_by_time(run: Repeatable, finding: Finding) -> bool:
+    """Return whether a finding is, or may as likely be, one that another rate of a clock causes, too."""
+    if finding.quantity != EITHER:
+        return finding.quantity in _BY_TIME
+    of_fixes = (one.name for one in explanations(run.evidence.innovations) if one.source == GPS)
+    return next(of_fixes, "") in _BY_TIME
 
 
 def _is_large(finding: Finding) -> bool:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.verdicts.finding import Finding
+from lab.analysis.verdicts.finding import Finding, Verdict
 from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
@@ -150,14 +150,22 @@ def _of_losses(log: SensorLog) -> Iterator[LogFault]:
     dt = np.diff(log.time)
     usual = UsualInterval().accept(dt)
     long = dt > LIMITS.missing * usual
-    at, filled = log.time[1:], np.zeros(dt.size, np.bool_)
-    for start, end in log.gaps:
-        filled |= (at > start + 1e-9) & (at <= end + 1e-9)
-    lost = float((dt - usual)[long].sum() + dt[filled].sum()) / log.duration
+    start, end = log.gaps.T  # filled at the usual interval; the sample at the end is there
+    ends = np.clip(np.searchsorted(log.time, end) - 1, 0, dt.size - 1)
+    filled = np.maximum(end - start - usual[ends], 0)
+    lost = float((dt - usual)[long].sum() + filled.sum()) / log.duration
     if lost < _WORTH:
         return
     finding = FINDINGS["losses"].finding(float("nan"), "", percent=100 * lost)
     yield LogFault(finding, _unknown(log, long))
+
+
+def noted(verdict: Verdict, log: SensorLog) -> Verdict:
+    """Return a verdict that names lost samples first, where the filter allows for them and is consistent."""
+    losses = next(_of_losses(log), None) if verdict.consistent else None
+    if losses is None:
+        return verdict
+    return replace(verdict, headline=f"{losses.finding.sentence} {verdict.headline}", note=losses.finding)
 
 
 def _unknown(log: SensorLog, which: NDArray[np.bool_]) -> SensorLog:

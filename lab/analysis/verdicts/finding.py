@@ -215,6 +215,8 @@ class Verdict(NotebookCard):
     suggestions
         What a filter may use besides, whether it is consistent or not; only of a verdict whose advice was
         tried.
+    note
+        What a consistent filter knows to be wrong with its data: it stands first in the headline.
     """
 
     CARD: ClassVar[str] = "verdict"
@@ -223,6 +225,7 @@ class Verdict(NotebookCard):
     findings: tuple[Finding, ...]
     basis: str
     suggestions: tuple[Suggestion, ...] = ()
+    note: Finding | None = None
 
     @property
     def consistent(self) -> bool | None:
@@ -241,6 +244,7 @@ class Verdict(NotebookCard):
     def __repr__(self) -> str:
         found = [f"- {one.sentence} {one.counsel}".rstrip() for one in self.findings]
         found += [f"- {one.sentence} {one.counsel}" for one in self.suggestions]
+        found += [f"- {self.note.counsel}"] if self.note else []
         return "\n".join((f"Verdict by {self.basis}: {self.headline}", *found))
 
 

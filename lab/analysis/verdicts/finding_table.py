@@ -342,6 +342,11 @@ FINDINGS: dict[str, Wording] = {
         "accelerometer biases of {size:.2g} times their σ. {effect}",
         *ADVICE["hold large errors"],
     ),
+    "cured by another model": Wording(
+        LINEAR_MODEL,
+        "The cause is beyond the linear model. Tried where the errors are largest: with {model}, mean NEES "
+        "over its degrees of freedom is {after:.2f} instead of {before:.2f}. {effect}",
+    ),
     # a user's algorithm
     "covariance": Wording(
         "covariance",

@@ -14,7 +14,7 @@ import numpy as np
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE
-from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.verdicts.evidence import Evidence, Linearity
 from lab.analysis.verdicts.finding import Finding, Verdict, Wording, headline
 from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, LINEAR_MODEL, UNEXPLAINED
 from lab.analysis.verdicts.run_means import NEES, Figure, RunMeans
@@ -26,6 +26,13 @@ PERTURBED = ("phi", "psi")
 """Models whose F holds for small attitude errors only."""
 HOLDING = "invariant"
 """The model of the run that tells other causes from a start that is too uncertain."""
+CURES = {
+    "phi": ("invariant", "nonlinear"),
+    "psi": ("invariant", "nonlinear"),
+    "invariant": ("nonlinear",),
+    "nonlinear": (),
+}
+"""Models that are tried where errors larger than σ have no other cause, in this order."""
 _CONSEQUENCES = (*UNEXPLAINED, *AID_NOISE, LINEAR_MODEL)
 """Findings that a wrong attitude causes."""
 
@@ -40,6 +47,7 @@ def judge(
     evidence: Evidence,
     navigator: NavigatorSettings,
     held: Callable[[], tuple[Verdict, Evidence] | None] = lambda: None,
+    repeated: Callable[[str], tuple[float, float] | None] = lambda _model: None,
 ) -> Verdict:
     """Return the verdict, with the linear model as a cause of inconsistency if it is one.
 
@@ -59,6 +67,10 @@ def judge(
         Returns the verdict on the innovations of the same run with the model `HOLDING`, and its evidence, or
         None if it cannot be navigated. Called only for inconsistent innovations from a start that is too
         uncertain for the model of the filter, but not for `HOLDING`.
+    repeated
+        Returns mean NEES over its degrees of freedom of the runs that are off most, as they are and with the
+        named model, or None if they cannot be navigated with it. Called only for errors larger than σ that
+        have no other cause.
     """
     found = evidence.linearity
     if found is None or verdict.consistent is None:  # of a user's algorithm, or without a fix
@@ -69,16 +81,40 @@ def judge(
     unexplained = all(one.quantity in UNEXPLAINED for one in verdict.findings)
     if not verdict.findings or not unexplained or navigator.model == "nonlinear":
         return verdict
+    cause = _in_flight(found, evidence, navigator, verdict) or _cured(repeated, evidence, navigator, verdict)
+    return verdict if cause is None else _with((cause,), verdict)
+
+
+def _in_flight(
+    found: Linearity, evidence: Evidence, navigator: NavigatorSettings, verdict: Verdict
+) -> Finding | None:
+    """Return the finding of attitude errors that are large by their σ, if they are."""
     largest, neglected = float(np.median(found.largest.values)), float(found.neglected.values.mean())
     if largest > limits.VERDICT.wide_attitude and navigator.model in PERTURBED:
-        return _with((_of_flight(largest, navigator, verdict),), verdict)
+        return _of_flight(largest, navigator, verdict)
     if (
         neglected
         > max(limits.VERDICT.neglected_square, limits.VERDICT.neglected_part * _excess(evidence.means))
         and verdict.findings[0].direction == "too large"
     ):
-        return _with((_of_products(neglected, navigator, verdict),), verdict)
-    return verdict
+        return _of_products(neglected, navigator, verdict)
+    return None
+
+
+def _cured(
+    repeated: Callable[[str], tuple[float, float] | None],
+    evidence: Evidence,
+    navigator: NavigatorSettings,
+    verdict: Verdict,
+) -> Finding | None:
+    """Return the finding of errors that are larger than σ with this model, and not with another."""
+    if evidence.states is None or verdict.findings[0].direction != "too large":
+        return None
+    for model in CURES[navigator.model]:
+        means = repeated(model)
+        if means is not None and means[1] - 1 < (1 - limits.VERDICT.cured_part) * (means[0] - 1):
+            return _of_model(model, *means, verdict)
+    return None
 
 
 def _from_wide_start(
@@ -175,4 +211,21 @@ def _of_products(neglected: float, navigator: NavigatorSettings, verdict: Verdic
         f"{limits.VERDICT.neglected_square:g}; {verdict.findings[0].evidence}",
         size=size,
         effect=f"{verdict.findings[0].sentence.split('. ')[0]}.",
+    )
+
+
+def _of_model(model: str, before: float, after: float, verdict: Verdict) -> Finding:
+    advice = ADVICE["nonlinear model" if model == "nonlinear" else "hold large errors"]
+    return (
+        FINDINGS["cured by another model"]
+        .with_advice(advice)
+        .finding(
+            before,
+            f"mean NEES over its degrees of freedom {before:.3g}, {after:.3g} with {model}; "
+            f"{verdict.findings[0].evidence}",
+            model=model,
+            before=before,
+            after=after,
+            effect=f"{verdict.findings[0].sentence.split('. ')[0]}.",
+        )
     )

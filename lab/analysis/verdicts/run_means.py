@@ -96,6 +96,10 @@ class RunMeans(Sum):
         """Number of runs."""
         return int(self.means.values.shape[0])
 
+    def mean_of(self, quantity: str) -> float:
+        """Return the mean over the runs of a quantity, of all states and the whole flight."""
+        return float(np.nanmean(self.means.values[:, self.figures.index(Figure(quantity))]))
+
     def together(self, figure: int) -> Squares:
         """Return the squares of a figure, of all runs together, as independent ones."""
         mean, number = self.means.values[:, figure], self.independent.values[:, figure]

@@ -160,4 +160,5 @@ class Collected:
             algorithm=self._algorithm,
             diverged=dict(self._diverged),
             ended=ended,
+            whole=True,
         )

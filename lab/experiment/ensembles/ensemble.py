@@ -6,7 +6,7 @@ Of the runs only sums are kept, and a few numbers of each; see `lab.experiment.e
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from pathlib import Path
@@ -20,6 +20,7 @@ from lab.analysis.verdicts import linear_verdict, state_advice, trial
 from lab.analysis.verdicts.agreement import agreements
 from lab.analysis.verdicts.algorithm_verdict import judge
 from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
@@ -47,6 +48,8 @@ QUANTITIES = (
 """The kept errors, in this order."""
 TRIED = 4
 """Number of runs on which advice is tried: their mean has half the random scatter of one run."""
+OFF_MOST = 3
+"""Number of runs that are repeated with another error model, where it may be the cause."""
 JUDGED = 100
 """Number of runs whose evidence gives the verdict; it takes twice as long as a run. The verdict names a
 variance only if it is wrong by half, which fewer runs show beyond doubt."""
@@ -109,6 +112,8 @@ class Ensemble(NotebookCard):
         The seeds whose runs diverged, each with the reason: these runs are left out of everything else.
     ended : str
         Why there are fewer runs than asked for: what ended the work of a cluster; empty if nothing did.
+    whole : bool
+        Whether no more runs will come. Before, no run is repeated for the verdict.
     """
 
     CARD: ClassVar[str] = "ensemble"
@@ -134,6 +139,7 @@ class Ensemble(NotebookCard):
     algorithm: str
     diverged: dict[int, str] = field(default_factory=dict)
     ended: str = ""
+    whole: bool = True
 
     @property
     def remark(self) -> str:
@@ -175,7 +181,7 @@ class Ensemble(NotebookCard):
     def verdict(self) -> Verdict:
         """The verdict on the filter from the first `JUDGED` runs together."""
         free, evidence = self._linear_runs()
-        return self._of_linear(free, evidence)
+        return self._of_linear(free, evidence, self._mean_nees_with)
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -203,15 +209,36 @@ class Ensemble(NotebookCard):
         """Verdict on each of the first `JUDGED` runs alone."""
         return tuple(self._of_linear(free, one) for free, one in zip(self.free, self.evidence, strict=True))
 
-    def _of_linear(self, free: feedforward.FreeRun, evidence: Evidence) -> Verdict:
+    def _of_linear(
+        self,
+        free: feedforward.FreeRun,
+        evidence: Evidence,
+        repeated: Callable[[str], tuple[float, float] | None] = lambda _model: None,
+    ) -> Verdict:
         """Return the verdict from evidence, with attitude errors beyond the linear model as a cause."""
-        found = linear_verdict.judge(judge(evidence), evidence, self._navigator)
+        found = linear_verdict.judge(judge(evidence), evidence, self._navigator, repeated=repeated)
         found = feedforward.judge(free, found, self._navigator, evidence.nees)
         if self.algorithm or not self.degrees:
             return found
         settings = self.experiment
         P0 = None if self._navigator.alignment else belief(settings.sensors, self._navigator).P0
         return state_advice.of_simulated(found, settings, P0)
+
+    def _mean_nees_with(self, model: str) -> tuple[float, float] | None:
+        """Return mean NEES over its degrees of freedom where it is largest, and with another error model."""
+        if not self.whole:
+            return None
+        largest = np.argsort(-self.mean_nees[: len(self.evidence)], kind="stable")[:OFF_MOST]
+        try:
+            settings = self.experiment.copy().update({"navigator.model": model})
+            others = [settings.copy().update({"seed": self.seeds[run]}).run() for run in largest]
+        except ValueError:  # of settings, or of a run that diverges
+            return None
+        before, after = (
+            [one.means.mean_of(NEES) for one in some]
+            for some in ([self.evidence[run] for run in largest], [other.evidence for other in others])
+        )
+        return float(np.mean(before)), float(np.mean(after))
 
     @property
     def _navigator(self) -> NavigatorSettings:

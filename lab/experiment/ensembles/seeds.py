@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lab.base.blas_threads import OneBlasThread
@@ -409,7 +410,7 @@ class _Done:
         some = 1 < count < wanted and (self._collected.has_evidence or self._block.has_evidence)
         if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now
-            self._partial(self.ensemble())
+            self._partial(replace(self.ensemble(), whole=False))
 
     def ensemble(self) -> Ensemble:
         """Return the ensemble of the runs that are added.

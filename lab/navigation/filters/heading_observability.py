@@ -11,7 +11,8 @@ tilt would make it show by chance. If it is not more, heading and vertical gyro 
 variances and covariance in the update, as the parameters of Schmidt's filter do. Their correlations with all
 other states remain, so that nothing is lost once the vehicle turns or accelerates.
 
-A smoother has the filter without this rule: its backward pass is that of optimal updates.
+The backward pass of a smoother is that of optimal updates. So a smoother finds such fixes in a first pass; in
+a second one, its F has no heading before them (`observation.straighten`).
 
 References
 ----------
@@ -41,6 +42,10 @@ large that its differences are rounding."""
 LEVEL = 1e-4
 """Least variance by chance of a row of H that is level, as a part of the row's own variance: that of a
 vertical position or velocity is 10⁻⁶ or less, and shows no heading."""
+LINEAR = math.radians(10.0)
+"""Largest σ of the heading for which its effect on the tilts by the Earth's rate is linear, for a smoother
+[rad]. In 15 minutes of cruise with the default gyro, errors of the smoothed heading are 1.1 σ, as those of
+the filter (40 seeds); with 20°, they are 1.2 σ, and 1.4 σ with a factor exp(−σ²/2) instead."""
 DIRECTIONS = 2
 """Directions of the states that are kept: of the heading, and of the gyro biases. Other states turn the
 heading too little for chance to matter: it shows some 0.1/rad² with each fix."""

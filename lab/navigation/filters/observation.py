@@ -25,6 +25,7 @@ from lab.navigation.filters.error_models import ErrorModel, write_fix_map, write
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.heading_observability import (
     DIRECTIONS,
+    LINEAR,
     put_back_covariance,
     shows_heading,
     take_covariance,
@@ -236,6 +237,32 @@ def keeps_heading(
         for i in range(STATES):
             kept[k, DIRECTIONS] += D[k, i] * P[i, X]
     return True
+
+
+@kernel
+def straighten(held: FloatArray, m: int, P: FloatArray, F: FloatArray) -> None:
+    """Remove from F what a heading does, before a fix that shows it by chance only.
+
+    The level specific force, by which a heading would turn velocities, is noise and error of the tilt there.
+    The Earth's rate shows a heading only as far as its error is small.
+
+    Parameters
+    ----------
+    held : (fixes, 3) array
+        As `Solution.fix_held`; zero for all fixes that a filter has yet to use.
+    m
+        The next fix; there may be none.
+    P : (n, ≥ n) array
+        Covariance.
+    F : (n, n) array
+        System matrix for errors in a navigation frame, changed in place.
+    """
+    if m < held.shape[0] and (held[m, 0] != 0 or held[m, 1] != 0 or held[m, 2] != 0):
+        heading = NAV - 1
+        is_small = P[heading, heading] < LINEAR * LINEAR
+        for row in range(2):
+            F[NAV - 6 + row, heading] = 0.0
+            F[NAV - 3 + row, heading] *= is_small
 
 
 @kernel

@@ -29,10 +29,14 @@ from lab.base.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters.blocks import LEVER_ARM
 from lab.navigation.filters.correction import corrected, has_estimate
-from lab.navigation.filters.error_models import PHI, ErrorModel, write_f
+from lab.navigation.filters.error_models import ATT, PHI, ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.further_columns import with_blocks
+from lab.navigation.filters.heading_observability import LINEAR
+from lab.navigation.filters.observation import straighten
 from lab.navigation.filters.prediction import predict
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule, Stretch
+from lab.navigation.filters.wander_models import linear_model
 from lab.navigation.frames import change, model_at
 from lab.navigation.kernels.compilation import inline_kernel, kernel, loop_kernel
 from lab.navigation.kernels.driver import PENDING, SETTLED, aid_due, loop, take_measurements
@@ -48,8 +52,6 @@ from lab.navigation.strapdown import get, step
 GO = 1024
 """Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are
 twice as many: at the start of each block, a copy of the filter is kept, with 12 kB."""
-OPTIMAL = EVERY_FIX._replace(hold_heading=False)
-"""A schedule whose updates are optimal, as the backward pass takes them to be."""
 SHARED = ("P", "F_sum", "F_step", "scalars", "R", "decay", "lever_arm", "turns", "aids", "aid_scalars")
 """Arrays of a filter that are not copied: P is a part of `w`, sums of F serve a covariance that is propagated
 less often, updates by fixes are kept for all fixes, the others do not change. R and the angular rates about
@@ -100,7 +102,7 @@ def navigate(
     fixes: Fixes,
     start: Start,
     belief: Belief,
-    schedule: Schedule = OPTIMAL,
+    schedule: Schedule = EVERY_FIX,
     model: ErrorModel = PHI,
     stretches: Sequence[Stretch] = (),
     aids: Aids = NO_AIDS,
@@ -111,8 +113,7 @@ def navigate(
     Parameters
     ----------
     imu, fixes, start, belief, schedule, model, stretches, aids
-        As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1), and the
-        heading is not held (`schedule.hold_heading` is false).
+        As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
     used
         Called after each block of the backward pass, with the number of the increment from which on all
         have been used.
@@ -124,15 +125,26 @@ def navigate(
         and smoothed covariances at the fixes; innovations remain the filter's.
     """
     assert schedule.stride == 1
-    assert not schedule.hold_heading
     imu, fixes = read_only(imu), read_only(fixes)
     is_long = imu.time.size > SINGLE
     shown = np.float32 if is_long else np.float64
     out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
     turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     kept_aids = aids.time.size
-    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
-    copies = _forward_pass(run, imu, fixes, out, schedule, stretches, model, is_long=is_long)
+
+    def forward_pass(schedule: Schedule, model: ErrorModel) -> list[_Copy]:
+        run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
+        return _forward_pass(run, imu, fixes, out, schedule, stretches, model, is_long=is_long)
+
+    copies = forward_pass(schedule, model)
+    if out.fix_held.any():
+        copies.clear()
+        _forget(out)
+        if model.in_body and np.diag(belief.P0)[ATT].max() < LINEAR**2:
+            model = with_blocks(linear_model("phi", model.mechanization), model.blocks)
+        elif model.in_body:  # the heading is none of its states, and phi does not hold for such a start
+            out.fix_held[:] = 0.0
+        copies = forward_pass(schedule._replace(hold_heading=False), model)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
     end = imu.dtheta.shape[0]
@@ -147,6 +159,15 @@ def navigate(
             used(copy.first)
         end = copy.first
     return out
+
+
+def _forget(out: Solution) -> None:
+    """Forget what a forward pass did, but not which fixes did not show the heading."""
+    out.fix_sample[:], out.aid_sample[:] = -1, -1
+    for flags in (out.fix_rejected, out.fix_recovered, out.rest):
+        flags[:] = False
+    for values in (out.aid_innovation, out.aid_variance, out.aid_H, out.aid_gain):
+        values[:] = np.nan
 
 
 def _forward_pass(
@@ -370,6 +391,7 @@ def backwards(
         if imu.rest.size > 0:
             hold_attitude(run.state, run.rest_sums, imu.rest[k])
         write_f(run.state, run.F)
+        straighten(out.fix_held, m, run.P, run.F)
         predict(run, dt, due, schedule.stride)
         if due or (imu.rest.size > 0 and imu.rest[k]):
             left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)

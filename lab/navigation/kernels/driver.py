@@ -17,7 +17,7 @@ from lab.navigation.filters.error_models import ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import RECOVERED, REJECTED
 from lab.navigation.filters.north_slaved import difference, leaves_frame
-from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest
+from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest, straighten
 from lab.navigation.filters.prediction import (
     add_noise,
     add_noise_in_body,
@@ -155,6 +155,7 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
     state, w, T, x, spare = run.state, run.w, run.T, run.x, run.spare
     F, counts, rest_sums = run.F, run.counts, run.rest_sums
     times, dtheta, dvelocity, rest, fix_time = imu.time, imu.dtheta, imu.dvelocity, imu.rest, fixes.time
+    fix_held = out.fix_held
     left = PENDING if has_estimate(w) else SETTLED
     if first == 0:
         store(out, 0, state, w, T)
@@ -170,6 +171,7 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
         if rest.size > 0:
             hold_attitude(state, rest_sums, rest[k])
         write_f(state, F)
+        straighten(fix_held, m, run.P, F)
         predict(run, dt, due, schedule.stride)
         if due or (rest.size > 0 and rest[k]):
             left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)
@@ -212,7 +214,8 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         own |= {aid_due: _aid_due, take_aids: _take_aids}
     variant = Variant(own, {**model.variant.constants, **layout_constants(model.blocks)})
     name = _name(model, summed=summed, aided=aided)
-    roots = step, write_f, predict, take_measurements, aid_due, corrected, has_estimate, store, store_fix
+    moving = step, write_f, straighten, predict
+    roots = *moving, take_measurements, aid_due, corrected, has_estimate, store, store_fix
     return generated(f"steps {name}", f"The steps of the filter {name}.", roots, variant)
 
 

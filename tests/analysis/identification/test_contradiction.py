@@ -7,8 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from dashboards.verdict_chip import card_html, named
 from lab.analysis.identification import contradiction
 from lab.analysis.identification.contradiction import shown_noise
+from lab.cli.run import verdict_text
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.experiment.result import Result
@@ -98,6 +100,35 @@ def test_a_log_without_a_fault_is_consistent_and_nothing_is_tried(monkeypatch):
 def test_gaps_whose_noise_the_filter_knows_are_no_fault():
     """A third of the samples is lost, some in a row: the filter has large variances there."""
     assert run(log_of(damage=lost(1 / 3, 20))).verdict.consistent
+
+
+@pytest.mark.proof
+def test_a_clock_is_named_where_late_fixes_or_noise_of_the_imu_would_be_as_likely():
+    made = clock(0.003)(tables(20.0, 120.0, seed=1004), np.random.default_rng(1004))
+    (finding,) = run(log_of(made=made)).verdict.findings
+    assert finding.quantity == "IMU clock"
+    assert "fast" in finding.sentence
+
+
+@pytest.mark.parametrize("longest", [1, 20])
+def test_losses_that_the_filter_allows_for_are_named_before_it_is_called_consistent(longest):
+    whole = tables(*SPAN, seed=1001)
+    kept = lost(1 / 3, longest)(whole, np.random.default_rng(1001))
+    verdict = run(log_of(made=kept)).verdict
+    assert verdict.consistent
+    lost_part, said = verdict.headline.split(" % of the samples of the IMU are lost: ")
+    assert float(lost_part) == pytest.approx(100 * (1 - len(kept.imu) / len(whole.imu)), abs=2)
+    assert "Consistent: " in said
+    assert named(verdict) == "● Consistent, IMU losses"
+    assert verdict.note.counsel in repr(verdict)
+    assert verdict.note.counsel in verdict_text(verdict)
+    assert "where samples are lost" in card_html(verdict, tried=True)
+
+
+def test_single_lost_samples_are_not_named():
+    verdict = run(log_of(damage=lost(0.01))).verdict
+    assert verdict.note is None
+    assert verdict.headline.startswith("Consistent: ")
 
 
 def vibrating(times: float):
