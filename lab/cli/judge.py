@@ -72,7 +72,7 @@ def _table(found: ForeignVerdict) -> str:
             _number(one.mean_square),
             " to ".join(map(_number, one.interval)),
             _number(float(one.lagged[0])),
-            f"{one.rejected}",
+            f"{one.rejected.sum()}",
             _number(one.worst),
         )
         for one in found.measurements
@@ -126,7 +126,7 @@ def facts(found: ForeignVerdict) -> dict[str, Any]:
                 "independent": one.independent,
                 "correlation": one.lagged,
                 "bias_sigma": one.bias,
-                "rejected": one.rejected,
+                "rejected": int(one.rejected.sum()),
                 "largest_test_ratio": one.worst,
                 "source": one.innovations.source,
             }

@@ -62,7 +62,7 @@ def _table(measurements: Iterable[Measurement]) -> str:
     rows = "".join(
         f"<tr><td>{escape(one.innovations.name)}</td><td>{one.count}</td><td>{_number(one.mean_square)}</td>"
         f"<td>{' to '.join(map(_number, one.interval))}</td><td>{_number(float(one.lagged[0]))}</td>"
-        f"<td>{one.rejected}</td><td>{_number(one.worst)}</td></tr>"
+        f"<td>{one.rejected.sum()}</td><td>{_number(one.worst)}</td></tr>"
         for one in measurements
     )
     head = "".join(f"<th>{name}</th>" for name in HEADS)

@@ -66,8 +66,9 @@ def test_a_matched_filter_is_hardly_ever_accused() -> None:
 def test_q_and_r_are_told_apart(q: float, r: float, quantity: str, direction: str) -> None:
     named = wrong = 0
     for seed in range(SEEDS):
-        findings = verdict(seed, q, r).verdict.findings
-        said = "".join(one.sentence for one in findings)
+        found = verdict(seed, q, r)
+        findings = found.verdict.findings
+        said = "".join(one.sentence for one in (*findings, *found.remarks))
         right = (
             any(quantity in one.quantity.split() for one in findings) or f"{quantity} is {direction}" in said
         )
@@ -203,3 +204,11 @@ def test_a_different_clock_is_no_error_of_the_position() -> None:
     assert found is not None
     assert not found.weighed
     assert "-0.30 s between the clocks" in found.statement.evidence
+
+
+def test_single_outliers_that_were_rejected_are_a_matter_of_the_gate_alone() -> None:
+    innovations, variances = filtered(np.random.default_rng(6))
+    innovations[20::40] += 40 * np.sqrt(variances[20::40])
+    found = judge_foreign(log_of(innovations, variances, gate=5.0)).verdict.findings
+    assert [one.quantity for one in found] == ["gate"]
+    assert "2.5 %" in found[0].sentence

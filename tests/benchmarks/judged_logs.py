@@ -60,6 +60,8 @@ def named(found: ForeignVerdict) -> str:
             return f"{quantity} {found.verdict.findings[0].direction}"
     if accused:
         return ", ".join(sorted(accused))
+    if any("Q is too large" in one.sentence for one in found.remarks):
+        return "Q too large (remark)"
     if any("R is too large" in one.sentence for one in found.remarks):
         return "R too large (remark)"
     return "overstated σ (remark)" if found.remarks else "nothing"

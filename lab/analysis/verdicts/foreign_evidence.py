@@ -65,8 +65,8 @@ class Measurement:
         σ of these means.
     apart : Stretch or None
         A stretch that is too large while the rest is not.
-    rejected : int
-        Innovations that the filter's own test rejected, single outliers included.
+    offered : Innovations
+        The same with single outliers, which the filter may have rejected.
     """
 
     innovations: Innovations
@@ -78,7 +78,7 @@ class Measurement:
     bias: FloatArray
     bias_sigma: FloatArray
     apart: Stretch | None
-    rejected: int
+    offered: Innovations
 
     @property
     def count(self) -> int:
@@ -86,9 +86,14 @@ class Measurement:
         return len(self.innovations.time)
 
     @property
+    def rejected(self) -> Flags:
+        """Which of those offered the filter's own test rejected."""
+        return np.asarray(self.offered.ratio > 1)
+
+    @property
     def worst(self) -> float:
         """Largest test ratio of the filter; NaN without one."""
-        ratio = self.innovations.ratio
+        ratio = self.offered.ratio
         return float(np.nanmax(ratio)) if np.isfinite(ratio).any() else float("nan")
 
     @property
@@ -118,7 +123,7 @@ def following(lagged: FloatArray, values: float) -> float:
 def measured(one: Innovations) -> Measurement:
     """Return the figures of the innovations of one measurement."""
     judged = _taken(one, slice(SETTLED, None)) if len(one.time) > FEWEST + SETTLED else one
-    rejected = int(np.sum(judged.ratio > 1))
+    offered = judged
     size = np.sqrt(judged.square) if np.isfinite(judged.square).all() else np.zeros(len(judged.time))
     judged = _taken(judged, ~isolated(np.column_stack((np.nan_to_num(judged.normalised), size))))
     count, axes = judged.values.shape
@@ -146,7 +151,7 @@ def measured(one: Innovations) -> Measurement:
         values.mean(axis=0) if known else nothing,
         np.sqrt(np.var(values, axis=0) * memory(centred, len(values)) / len(values)) if known else nothing,
         _apart(judged) if known else None,
-        rejected,
+        offered,
     )
 
 

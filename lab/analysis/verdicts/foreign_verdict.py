@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -104,6 +104,9 @@ _CAREFUL = (
     "The filter overstates the σ of its innovations; in σ, their size is {sizes}. It is careful, which is no "
     "fault."
 )
+_Q_TOO_LARGE = (
+    "The innovations of the fixes are small and alternate: the filter corrects too much. Q is too large."
+)
 _R_TOO_LARGE = (
     "Some of these follow each other: R is too large ({factors}), or errors of these measurements last from "
     "one to the next, which innovations hide."
@@ -157,11 +160,14 @@ def judge_foreign(
     found = tuple(measured(one) for one in log.lane.innovations)
     judged = [one for one in found if one.is_judged]
     weighed = [entry for one in judged for entry in _of_size(one, len(judged))]
-    weighed += _of_gain([one for one in judged if one.innovations.name.startswith(GPS)], bool(weighed))
+    gain = None if weighed else _gain(judged)  # their size says it already
+    weighed += _of_gain(gain)
     weighed += [entry for one in judged for entry in _of_bias(one)]
     weighed += [entry for one in found for entry in _of_rejections(one)]
     weighed += _of_events(log)
     remarks, compared = _careful(judged), list(further)
+    if gain is not None and gain.sigmas < 0 and gain.square < 1 / limits.VERDICT.wrong_factor:
+        remarks.append(Statement(_Q_TOO_LARGE, gain.evidence))
     if sensors is not None:
         explained, statements = _by_jumps(log, found, jumps(sensors.gnss, sensors.epoch))
         weighed += explained
@@ -220,7 +226,7 @@ def _troubles(log: FilterLog, found: Sequence[Measurement]) -> list[tuple[float,
             continue
         if one.apart is not None:
             troubles.append((*one.apart_times, f"the {one.innovations.name} innovations"))
-        outside = one.innovations.time[one.innovations.ratio > 1]
+        outside = one.offered.time[one.rejected]
         if outside.size > 1:
             troubles.append((float(outside[0]), float(outside[-1]), "the rejections"))
     start = max(log.fusing, log.span[0]) + limits.VERDICT.settling
@@ -290,30 +296,53 @@ def _of_size(one: Measurement, tested: int) -> list[Weighed]:
     return [Weighed(size_weight(total, one.independent), finding)]
 
 
-def _of_gain(fixes: Sequence[Measurement], accused: bool) -> list[Weighed]:
-    """Judge the gain by all fixes together, unless their size says it already."""
-    known = [one for one in fixes if one.values]
-    if accused or not known:
-        return []
+class _Gain(NamedTuple):
+    """What the innovations of all fixes together say of the gain.
+
+    Attributes
+    ----------
+    sigmas : float
+        Their correlation in its σ: positive for a gain that is too low, negative for one too high.
+    square : float
+        Their normalised mean square.
+    evidence : str
+        Both in words.
+    """
+
+    sigmas: float
+    square: float
+    evidence: str
+
+
+def _gain(judged: Sequence[Measurement]) -> _Gain | None:
+    """Return what the fixes say of the gain; None if it may be right."""
+    known = [one for one in judged if one.innovations.name.startswith(GPS) and one.values]
+    if not known:
+        return None
     values = sum(one.values for one in known)
     lagged = np.sum([one.values * one.lagged for one in known], axis=0) / values
     # A positive correlation lasts for several lags; an alternation may show at the first lag alone.
-    most = following(lagged, values)
-    first = float(lagged[0] * np.sqrt(values))
-    most = (
-        first
-        if first < min(most, -limits.VERDICT.gain_sigmas) and most < limits.VERDICT.gain_sigmas
-        else most
-    )
+    over, first = following(lagged, values), float(lagged[0] * np.sqrt(values))
+    most = over if over > limits.VERDICT.gain_sigmas else min(over, first)
+    if abs(most) < limits.VERDICT.gain_sigmas:
+        return None
     square = sum(one.values * one.mean_square for one in known) / values
-    if abs(most) < limits.VERDICT.gain_sigmas or (most > 0 and square < 1 / limits.VERDICT.wrong_factor):
-        return []
-    evidence = (
-        f"correlation from one fix to the next {lagged[0]:.2f}, {most:.1f} σ over {len(lagged)} lags; "
-        f"normalised mean square {written(square, 3)} ({', '.join(one.innovations.source for one in known)})"
+    return _Gain(
+        most,
+        square,
+        f"correlation from one fix to the next {lagged[0]:.2f} ({first:.1f} σ; over {len(lagged)} lags "
+        f"{over:.1f} σ); normalised mean square {written(square, 3)} "
+        f"({', '.join(one.innovations.source for one in known)})",
     )
-    row = "follows" if most > 0 else "alternates"
-    return [Weighed(most**2 / 2, WORDINGS[row].finding(float("nan"), evidence, direction=too(most)))]
+
+
+def _of_gain(found: _Gain | None) -> list[Weighed]:
+    """Judge the gain of a filter whose innovations are as large as it says: others are careful."""
+    if found is None or found.square < 1 / limits.VERDICT.wrong_factor:
+        return []
+    row = WORDINGS["follows" if found.sigmas > 0 else "alternates"]
+    finding = row.finding(float("nan"), found.evidence, direction=too(found.sigmas))
+    return [Weighed(found.sigmas**2 / 2, finding)]
 
 
 def _of_bias(one: Measurement) -> list[Weighed]:
@@ -336,15 +365,15 @@ def _of_bias(one: Measurement) -> list[Weighed]:
 
 def _of_rejections(one: Measurement) -> list[Weighed]:
     """Judge the use of measurements: a filter that rejects many does not navigate by them."""
-    part = one.rejected / max(one.count, 1)
-    if part <= limits.VERDICT.unused_fixes or one.rejected < 2:
+    time, outside = one.offered.time, one.rejected
+    count = int(outside.sum())
+    part = count / max(len(time), 1)
+    if part <= limits.VERDICT.unused_fixes or count < 2:
         return []
-    time, outside = one.innovations.time, one.innovations.ratio > 1
-    inside = time[~outside]
-    edges = np.concatenate(([time[0]], inside, [time[-1]]))
+    edges = np.concatenate(([time[0]], time[~outside], [time[-1]]))
     finding = WORDINGS["rejected"].finding(
         part,
-        f"test ratio above 1 in {one.rejected} of {one.count} innovations, {one.worst:.3g} at most "
+        f"test ratio above 1 in {count} of {len(time)} innovations, {one.worst:.3g} at most "
         f"({one.innovations.source})",
         direction="rejected",
         percent=100 * part,
@@ -352,7 +381,7 @@ def _of_rejections(one: Measurement) -> list[Weighed]:
         begin=float(time[outside][0]),
         longest=float(np.diff(edges).max()),
     )
-    return [Weighed(float(one.rejected), finding)]
+    return [Weighed(float(count), finding)]
 
 
 def _of_events(log: FilterLog) -> list[Weighed]:
@@ -383,15 +412,13 @@ def _careful(judged: Sequence[Measurement]) -> list[Statement]:
         return []
     sizes = ", ".join(f"{one.innovations.name} {_size_words(one)}" for one in small)
     found = [Statement(_CAREFUL.format(sizes=sizes), "; ".join(map(_short, small)))]
-    following = [
-        one for one in small if one.follows > limits.VERDICT.correlation_sigmas and one.mean_square > 0
-    ]
-    if following:
+    slow = [one for one in small if one.follows > limits.VERDICT.correlation_sigmas and one.mean_square > 0]
+    if slow:
         factors = ", ".join(
-            f"{one.innovations.name} about {written(1 / one.mean_square)} times" for one in following
+            f"{one.innovations.name} about {written(1 / one.mean_square)} times" for one in slow
         )
         evidence = "; ".join(
-            f"{one.innovations.name}: {_memory_words(one).removeprefix('; ')}" for one in following
+            f"{one.innovations.name}: {_memory_words(one).removeprefix('; ')}" for one in slow
         )
         found.append(Statement(_R_TOO_LARGE.format(factors=factors), evidence))
     return found
