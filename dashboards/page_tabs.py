@@ -21,6 +21,7 @@ from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
 from dashboards.pages.microscope import Microscope
+from dashboards.pages.other_filters import OtherFilters
 from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
 from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
@@ -33,7 +34,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Overview": (Overview,),
     "Flight": (FlightPlots, GroundTrack, View3D),
     "Errors": (Errors, Covariance),
-    "Filter": (Consistency, Innovations, SensorErrors, Budget, Microscope),
+    "Filter": (Consistency, Innovations, SensorErrors, Budget, Microscope, OtherFilters),
     "Sensors": (SensorCards, Allan),
     "Compare": (Compare,),
     "Live": (Live,),

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from lab.experiment.ensembles.seeds import run_ensemble
     from lab.experiment.experiment import Experiment
     from lab.experiment.imu_numbers import numbers
+    from lab.experiment.judged_log import judge
     from lab.experiment.receiver import receiver
     from lab.experiment.result import Result
     from lab.experiment.sweep import Sweep
@@ -80,6 +81,7 @@ __all__ = [
     "declare_states",
     "earth",
     "export_track",
+    "judge",
     "mission",
     "numbers",
     "plots",
@@ -109,6 +111,7 @@ _HOMES = {
     "compare": "lab.experiment.ensembles.comparison",
     "declare_states": "lab.navigation.filters.user_states",
     "export_track": "lab.views.export",
+    "judge": "lab.experiment.judged_log",
     "mission": "lab.missions",
     "numbers": "lab.experiment.imu_numbers",
     "receiver": "lab.experiment.receiver",

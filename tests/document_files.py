@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from copter_logs import copter
 from document_code import ROOT, blocks
+from estimator_logs import ekf3, px4
 from sensor_logs import EPOCH, IMU, Tables, tables, write, write_csv
 from typer.testing import CliRunner
 from writers import WRITERS
@@ -94,6 +95,21 @@ def answered(arguments: list[str]) -> None:
     assert answer.exit_code == 0, answer.output
 
 
+def estimator_log(kind: str) -> bytes:
+    """Return a log of an autopilot's filter whose innovations are as large as it says."""
+    rng, time = np.random.default_rng(1), np.arange(100.0, 160.0, 0.2)
+    if kind == "ulg":
+        return px4(time, rng.normal(size=(len(time), 11)), np.ones((len(time), 11)))
+    return ekf3(time, rng.normal(size=(len(time), 6)), np.ones((len(time), 6)))
+
+
+def innovations(path: Path) -> None:
+    """Write innovations of anyone's filter."""
+    rows = np.random.default_rng(2).normal(size=(100, 3))
+    rows[:, 0], rows[:, 2] = np.arange(100), 1.0
+    write_csv(path, ("time [s]", "position east [m]", "position_sigma east [m]"), rows)
+
+
 def zipped(path: Path) -> None:
     """Write a phone's table as a zip file."""
     with zipfile.ZipFile(path, "w") as archive:
@@ -124,6 +140,9 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "Data.txt": lambda path: written(path, WRITERS["X-Plane Data.txt"](montreal(60))),
     "Data.csv": lambda path: written(path, WRITERS["MSFS/FSX fsLogger csv"](montreal(60))),
     "flight.ulg": lambda path: written(path, WRITERS["PX4 ULog"](montreal(60))),
+    "copter.ulg": lambda path: written(path, estimator_log("ulg")),
+    "copter.bin": lambda path: written(path, estimator_log("bin")),
+    "innovations.csv": innovations,
     "my_flight.csv": lambda path: written(path, WRITERS["INS Lab flight csv"](montreal(60))),
     "phone.csv": lambda path: written(path, WRITERS["csv with named columns"](montreal(60))),
     "phone.zip": zipped,

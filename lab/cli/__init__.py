@@ -58,6 +58,10 @@ COMMANDS |= {
         "lab.cli.receiver:receiver",
         "Find the errors of a receiver's fixes, white and slow, beside its claims, and what a gate rejects.",
     ),
+    "judge": (
+        "lab.cli.judge:judge",
+        "Judge the filter of an autopilot's log, or of a csv of innovations.",
+    ),
     "fly": (
         "lab.cli.fly:fly",
         "Fly a mission's plan and record it.",

@@ -195,7 +195,7 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     MissionError
         If the file cannot be read, or its format is unknown, listing the known ones.
     """
-    head = _head(path)
+    head = start_of(path)
     is_said = units is not None and any(sensor_csv.names_quantity(text) for text in units.values())
     for reader in READERS:
         if reader.recognises(head) and not (is_said and reader.is_guessed):
@@ -237,7 +237,7 @@ def log_reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         As `reader_of`.
     """
     reader = reader_of(path, units)
-    is_table = reader.read_log is None and sensor_csv.recognises(_head(path))
+    is_table = reader.read_log is None and sensor_csv.recognises(start_of(path))
     return READERS[-1] if is_table else reader
 
 
@@ -270,14 +270,14 @@ def read_raw(
                 f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
                 "flight in one format"
             )
-    copied = copied_as_text(_head(files[0], _COPIED_BYTES))
+    copied = copied_as_text(start_of(files[0], _COPIED_BYTES))
     try:
         raw = readers[0].read(files, units or {})
         return replace(raw, remarks=(*raw.remarks, copied)) if copied else raw
     except MissionError as refusal:
         if copied:
             raise MissionError(f"{refusal}. {copied}") from refusal
-        if readers[0].name != _JSBSIM or any(_UNMISTAKABLE.search(_head(path)) for path in files):
+        if readers[0].name != _JSBSIM or any(_UNMISTAKABLE.search(start_of(path)) for path in files):
             raise
         # JSBSim's headings time, latitude and vn are those of any receiver, too.
         try:
@@ -305,7 +305,7 @@ def read_log_of(reader: Reader, path: Path) -> SensorLog:
     if reader.read_log is None:
         logs = ", ".join(other.name for other in READERS if other.read_log is not None)
         raise MissionError(f"{path}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
-    copied = copied_as_text(_head(path, _COPIED_BYTES))
+    copied = copied_as_text(start_of(path, _COPIED_BYTES))
     try:
         log = reader.read_log(path)
     except MissionError as refusal:
@@ -315,7 +315,14 @@ def read_log_of(reader: Reader, path: Path) -> SensorLog:
     return replace(log, repairs=(*log.repairs, copied)) if copied else log
 
 
-def _head(path: Path, size: int = HEAD_BYTES) -> bytes:
+def start_of(path: Path, size: int = HEAD_BYTES) -> bytes:
+    """Return the first bytes of a file, decompressed.
+
+    Raises
+    ------
+    MissionError
+        If it cannot be read.
+    """
     try:
         check_file(path, 2**40)
         with path.open("rb") as file:

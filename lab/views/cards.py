@@ -15,6 +15,7 @@ CARDS = {
     "import report": "lab.views.mission_card:import_report_html",
     "outcome": "lab.views.result_cards:outcome_html",
     "verdict": "lab.views.ensemble_cards:verdict_html",
+    "foreign verdict": "lab.views.foreign_filter:foreign_html",
     "comparison": "lab.views.ensemble_cards:comparison_html",
     "ensemble": "lab.views.ensemble_cards:ensemble_html",
     "sensor card": "lab.views.result_cards:sensor_html",

@@ -40,6 +40,7 @@ WORDS = {
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
     "Microscope": ("x⁺ = K y",),
+    "Other filters": ("What a filter that is not ours says of itself",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }
 """What is written on a tab; those that are not in `FIRST` have no figure."""

@@ -63,7 +63,7 @@ def test_the_version_is_the_one_installed() -> None:
             [
                 "no command 'sail'",
                 "missions, run, report, compare, ensemble, sweep, outage, budget, identify, numbers",
-                "receiver, fly",
+                "receiver, judge, fly",
                 "cards",
                 "allan",
                 "serve",

@@ -160,6 +160,34 @@ class VerdictLimits:
         shows.
     turn_acceleration : float
         Least rms acceleration of the turns [m/s²]: an error of the attitude of 1° is 0.17 m/s².
+    innovation_bias : float
+        Smallest mean of innovations that is reported, in their σ: a quarter of their mean square is then not
+        chance. A plain choice.
+    gain_sigmas : float
+        Correlation of all fixes together, in its σ, from which a gain is called too low or too high: one
+        matched filter in a thousand, as it is one test of a log.
+    settling : float
+        Time from the first use of fixes in which a filter that is not ours may reset its states [s]: PX4 and
+        ArduPilot align yaw and height then.
+    track_gap : float
+        Longest time between positions of a filter that are interpolated, and largest difference of two clocks
+        of one log [s].
+    stamp_error : float
+        σ of the time stamps of autopilots, which stamp messages when they are written [s].
+    lag_speed : float
+        Root mean square speed from which positions show the difference of two clocks [m/s]: 0.1 s is then
+        0.1 m.
+    jump_size : float
+        Smallest jump of a receiver's position that is reported, horizontally [m]: σ of a single fix is 1 to
+        3 m, and from one fix to the next it changes less.
+    jump_factor : float
+        The same in the usual difference of positions and velocities of that receiver: noise with two
+        components exceeds 8 times its median once in 10¹⁹ fixes.
+    jump_interval : float
+        Longest time between fixes in which the mean of their velocities is that of the way [s].
+    explained_within : float
+        Time before a rejection, a reset or a stretch in which a jump explains it [s]: autopilots retry for
+        some seconds.
     upright_part : float
         Least specific force to the right, relative to the acceleration of the turns: between a coordinated
         turn, 0, and a flat one, 1. Cambered bends are in between, and bodies lean outwards.
@@ -217,6 +245,16 @@ class VerdictLimits:
     turned: float = float(np.radians(120.0))
     slip: float = float(np.radians(4.0))
     turn_acceleration: float = 0.3
+    innovation_bias: float = 0.5
+    gain_sigmas: float = 3.3
+    settling: float = 10.0
+    track_gap: float = 1.0
+    stamp_error: float = 0.05
+    lag_speed: float = 1.0
+    jump_size: float = 3.0
+    jump_factor: float = 8.0
+    jump_interval: float = 1.5
+    explained_within: float = 5.0
     upright_part: float = 0.5
 
     @property

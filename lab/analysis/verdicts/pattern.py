@@ -75,7 +75,7 @@ def _likelihood(total: FloatArray, number: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * number * (np.log(np.maximum(mean, FEW)) + 1))
 
 
-def stretch(squares: Squares, kind: int) -> Stretch | None:
+def stretch(squares: Squares, kind: int, *, rest_may_be_small: bool = False) -> Stretch | None:
     """Return the stretch that is too large while the rest is right, or None.
 
     Parameters
@@ -84,6 +84,8 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
         As from `binned`.
     kind
         0 for position, 1 for velocity.
+    rest_may_be_small
+        Whether the rest may be smaller than it should be, as of a filter that overstates its σ.
     """
     total = np.append(0.0, np.cumsum(squares.total[1, kind]))
     number = np.append(0.0, np.cumsum(squares.number[1, kind]))
@@ -93,6 +95,8 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
         (count >= limits.VERDICT.stretch_values)
         & (others > 0)
         & (np.arange(BINS + 1) > np.arange(BINS + 1)[:, None])
+        # What lies outside a stretch at an end of the flight is one, too, and gains as much.
+        & (inside * others > outside * count)
     )
     gain = np.where(
         valid,
@@ -109,7 +113,7 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
     if (
         best < limits.VERDICT.likelihood_ratio + np.log(BINS**2 / 2)
         or size < limits.VERDICT.wrong_factor
-        or not is_right(*rest)
+        or not (is_right(*rest) or (rest_may_be_small and rest[0] < rest[1]))
     ):
         return None
     return Stretch(

@@ -33,6 +33,7 @@ PAGES = (
     "3-D",
     "Budget",
     "Microscope",
+    "Other filters",
     "Compare",
     "Live",
 )

@@ -78,7 +78,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
     path = one_file(paths, NAME, fixed=units)
-    log, times = _log(path, _FLIGHT)
+    log, times = opened(path, _FLIGHT)
     gps = _messages(times, "GPS")
     filtered = [
         Stream.of_fields("velocity", _messages(times, name), "VN", "VE", "VD")
@@ -119,7 +119,7 @@ def read_log(path: Path) -> SensorLog:
     MissionError
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
-    log, times = _log(path, _SENSORS)
+    log, times = opened(path, _SENSORS)
     gps = _messages(times, "GPS")
     missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
     said = f"the log does not have {missing} with a time; accepted are logs with both."
@@ -142,7 +142,7 @@ def read_log(path: Path) -> SensorLog:
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
     return streams.usable_imu(
-        path, _imu(_log(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time"
+        path, _imu(opened(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time"
     )
 
 
@@ -150,7 +150,8 @@ def _imu(times: MessageTimes) -> Stream | None:
     return Stream.of_fields("IMU", _messages(times, "IMU"), "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
 
-def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
+def opened(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
+    """Return a log with the messages that are wanted, and their times; or raise `MissionError`."""
     data = whole(path, streams.MAX_LOG_BYTES)
     if not recognises(data[:_HEAD]):
         raise MissionError(f"{path}: is no {NAME} log")

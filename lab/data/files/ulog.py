@@ -67,7 +67,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
     path = one_file(paths, NAME, fixed=units)
-    log = _log(path, _FLIGHT)
+    log = opened(path, _FLIGHT)
     local, place = _topic(log, "vehicle_local_position"), _topic(log, "vehicle_global_position")
     gps = _gps(log)
     velocity = streams.first_usable((_local_velocity(local), _gps_velocity(gps)))
@@ -100,7 +100,7 @@ def read_log(path: Path) -> SensorLog:
     MissionError
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
-    log = _log(path, _SENSORS)
+    log = opened(path, _SENSORS)
     gps, imu = _gps(log), _imu(log)
     if imu is None or gps is None:
         missing = f"an IMU ({_IMUS})" if imu is None else "a GPS (vehicle_gps_position)"
@@ -120,10 +120,11 @@ def read_log(path: Path) -> SensorLog:
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    return streams.usable_imu(path, _imu(_log(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})")
+    return streams.usable_imu(path, _imu(opened(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})")
 
 
-def _log(path: Path, wanted: Sequence[str]) -> ULogFile:
+def opened(path: Path, wanted: Sequence[str]) -> ULogFile:
+    """Return the content of a ULog, with the topics that are wanted; `MissionError` if it cannot be read."""
     data = whole(path, streams.MAX_LOG_BYTES)
     if not data.startswith(MAGIC):
         raise MissionError(f"{path}: is no {NAME}")
@@ -133,7 +134,7 @@ def _log(path: Path, wanted: Sequence[str]) -> ULogFile:
         raise MissionError(f"{path}: cannot be read: {error}") from error
 
 
-class _Topic(Mapping[str, FloatArray]):
+class TopicRows(Mapping[str, FloatArray]):
     """The messages of a topic: some of their fields as numbers, and their time of validity since boot [s]."""
 
     def __init__(self, rows: NDArray[np.void], fields: Sequence[str]) -> None:
@@ -163,7 +164,8 @@ def _topic(log: ULogFile, name: str, size: int = 0, *vectors: str) -> Messages |
     if rows is None:
         return None
     names = rows.dtype.names or ()
-    return _Topic(rows, [one for one in names if rows[one].shape[1:] == ((size,) if one in vectors else ())])
+    shown = [one for one in names if rows[one].shape[1:] == ((size,) if one in vectors else ())]
+    return TopicRows(rows, shown)
 
 
 def _counter(messages: Messages | None, *names: str) -> FloatArray | None:

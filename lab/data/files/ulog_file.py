@@ -135,10 +135,18 @@ class ULogFile:
         """The wanted topics that have messages."""
         return sorted({topic.name for topic in self._topics if topic.places})
 
-    def topic(self, name: str) -> NDArray[np.void] | None:
-        """Return the messages of a topic, of its lowest instance, as a structured array; None without any."""
+    def instances(self, name: str) -> list[int]:
+        """Return the numbers of the instances of a topic that have messages."""
+        return sorted({topic.instance for topic in self._topics if topic.name == name and topic.places})
+
+    def topic(self, name: str, instance: int | None = None) -> NDArray[np.void] | None:
+        """Return the messages of a topic as a structured array, by default of its lowest instance.
+
+        None without any.
+        """
         found = [topic for topic in self._topics if topic.name == name and topic.places]
-        instance = min((topic.instance for topic in found), default=0)
+        if instance is None:
+            instance = min((topic.instance for topic in found), default=0)
         parts = [self._messages(topic) for topic in found if topic.instance == instance]
         # Of one topic that is subscribed twice, and changed between, the longer part.
         return max(parts, key=len) if parts else None
