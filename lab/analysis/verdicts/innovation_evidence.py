@@ -218,8 +218,8 @@ def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
 
 
 def normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
-    """Return innovations (m, 6) divided by their σ, from their covariances (m, 6, 6)."""
-    return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+    """Return innovations (…, 6) divided by their σ, from their covariances (…, 6, 6)."""
+    return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=-2, axis2=-1)))
 
 
 class Record(NamedTuple):
@@ -305,13 +305,13 @@ def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray, means: Ru
 def nis_means(
     time: FloatArray, nu: FloatArray, S: FloatArray, known: NDArray[np.bool_], span: tuple[float, float]
 ) -> RunMeans:
-    """Return mean NIS of a run: of whole fixes, and of the kinds of innovation.
+    """Return mean NIS of a run, or of each of some runs: of whole fixes, and of the kinds of innovation.
 
     Parameters
     ----------
     time : (m,) array
         Times of the fixes [s].
-    nu, S : (m, 6) and (m, 6, 6) arrays
+    nu, S : (…, m, 6) and (…, m, 6, 6) arrays
         Innovations, zero where nothing is measured, and their covariances.
     known : (m, 6) array
         Mask of what is measured.
@@ -320,7 +320,10 @@ def nis_means(
     """
 
     def series(group: str, own: slice) -> Series:
-        nis = consistency.normalised_squares(nu[:, own], S[:, own, own])
+        width = own.stop - own.start
+        nis = consistency.normalised_squares(
+            nu[..., own].reshape(-1, width), S[..., own, own].reshape(-1, width, width)
+        ).reshape(nu.shape[:-1])
         degrees = known[:, own].sum(axis=1).astype(np.float64)
         return Series(Figure(NIS, group), time, nis, degrees, 0.0, quartered=group == ALL)
 
@@ -411,9 +414,14 @@ def suspicious(found: Innovations) -> bool:
 
 
 def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
-    """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
-    m = normalised.shape[0]
-    lagged = np.array(
-        [np.einsum("mc,mc->c", normalised[k:], normalised[: max(m - k, 0)]) for k in range(1 + LAGS)]
+    """Return squares, sums (…, 6) and lagged products (…, LAGS, 6) of innovations (…, m, 6) in their σ."""
+    m = normalised.shape[-2]
+    lagged = np.stack(
+        [
+            np.einsum("...mc,...mc->...c", normalised[..., k:, :], normalised[..., : max(m - k, 0), :])
+            for k in range(1 + LAGS)
+        ],
+        axis=-2,
     )
-    return Squares(lagged[0], np.full(MEASUREMENTS, float(m))), normalised.sum(axis=0), lagged[1:]
+    count = np.full(MEASUREMENTS, float(m))
+    return Squares(lagged[..., 0, :], count), normalised.sum(axis=-2), lagged[..., 1:, :]

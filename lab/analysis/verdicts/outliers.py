@@ -55,6 +55,8 @@ def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     half = NEIGHBOURS // 2
     apart = errors - _middle(errors, 0, NEIGHBOURS)
     squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
+    if not (squares > largest_square()).any():
+        return np.zeros(count, dtype=np.bool_)
     usual = np.maximum(_middle(squares, 0, half), _middle(squares, half, half))
     usual = np.maximum(usual, np.median(squares, axis=0))
     return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))

@@ -5,6 +5,7 @@ The samples that are stored are those of all runs: a second apart, at the fixes,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,20 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
-from lab.analysis.errors import errors_of, outage_ends, path_of
+from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
-from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
+from lab.analysis.verdicts.evidence import Evidence, between_fixes, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
-from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
+from lab.analysis.verdicts.lane_evidence import Abreast, can_judge_abreast, evidence_abreast
+from lab.analysis.verdicts.sensor_evidence import (
+    Exact,
+    Reference,
+    exacts,
+    sensor_errors,
+    sensor_errors_abreast,
+    window_means,
+)
 from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.run_at_fixes import (
     WIDE,
@@ -33,7 +42,7 @@ from lab.experiment.sensor_stages import SampledFlight
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation.belief import assumed_latency, bias_processes, hidden_by_fixes, of_bias_states
 from lab.navigation.filters.blocks import GYRO_G, SCALES
-from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.error_models import POS, ErrorModel
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.lanes import LaneSolution
@@ -64,6 +73,18 @@ class Sensed(NamedTuple):
     def imu(self, time: FloatArray) -> Imu:
         """Return what the IMU measured at the times (n,) of the samples [s]."""
         return Imu(time, self.gyro.increments, self.accelerometer.increments)
+
+
+class _Judged(NamedTuple):
+    """A run that is judged: its place among those of its block, its lane, and what is known of it."""
+
+    place: int
+    lane: int
+    one: Sensed
+    navigated: LaneSolution
+    solution: Solution  # its fixes tell their places among the stored samples
+    figures: FixFigures
+    means: tuple[FloatArray, FloatArray]
 
 
 class LaneResults:
@@ -139,6 +160,9 @@ class LaneResults:
         self._of_grid = np.searchsorted(self.path, self._grid)
         self._of_before = np.searchsorted(self.stored, self._before)
         self._there = self._truth.taken(self.stored)
+        self._of_fixes = np.searchsorted(self.stored, fixed)
+        between = between_fixes(self._there.time, self._of_fixes)
+        self._of_judged = np.concatenate((self._of_before, between))
         self._true_there = TruthArrays.of(self._there)
         self._on_grid = self._truth.taken(self._grid)
         self._true_path = TruthArrays.of(self._on_grid)
@@ -155,24 +179,56 @@ class LaneResults:
         means = window_means(increments, short)
         return means, means if long is short else window_means(increments, long)
 
-    def kept(
-        self,
-        one: Sensed,
-        navigated: LaneSolution,
-        seconds: float,
-        means: tuple[FloatArray, FloatArray] | None,
-    ) -> RunAtFixes | None:
-        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged.
-
-        A run is judged if the means of its increments (windows, 6) are given.
-        """
+    def kept(self, one: Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
+        """Return what is kept of a run that is not judged; None if it must be run alone, as it diverged."""
         if _diverged(navigated):
             return None
         solution = self._in_stored(navigated.solution)
-        judged = None if means is None else self._evidence(one, solution, navigated, means)
-        if means is not None and judged is None:
-            return None
-        found = self._figures(one, solution, navigated.motion)
+        found = self._figures(one, solution, navigated.motion, self._of_before)
+        return self._run(one, solution, found, seconds, None)
+
+    def judged(
+        self, runs: Sequence[tuple[int, Sensed, LaneSolution]], seconds: float, increments: FloatArray
+    ) -> list[RunAtFixes | None]:
+        """Return what is kept of runs that are judged; None of one that must be run alone.
+
+        That is one that diverged, or whose innovations may have outliers, which need all samples.
+
+        Parameters
+        ----------
+        runs
+            The lane, sensors and solution of each run.
+        seconds
+            Computing time of each [s].
+        increments : (n, 6, LANES) array
+            What the sensors measured.
+        """
+        whole = self.means(increments)
+        kept = list[RunAtFixes | None]([None] * len(runs))
+        judged = list[_Judged]()
+        for place, (lane, one, navigated) in enumerate(runs):
+            if _diverged(navigated):
+                continue
+            solution = self._in_stored(navigated.solution)
+            seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
+            if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
+                continue
+            figures = self._figures(one, solution, navigated.motion, self._of_judged)
+            means = whole[0][..., lane], whole[1][..., lane]
+            judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
+        abreast = [run for run in judged if self._is_usual(run, judged[0])]
+        evidences = dict(zip((run.place for run in abreast), self._abreast(abreast, increments), strict=True))
+        for run in judged:
+            found = evidences.get(run.place) or self._evidence(
+                run.one, run.solution, run.navigated, run.means
+            )
+            kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, found)
+        return kept
+
+    def _run(
+        self, one: Sensed, solution: Solution, found: FixFigures, seconds: float, judged: Evidence | None
+    ) -> RunAtFixes:
+        """Return what is kept of a run."""
         used = solution.fix_sample >= 0
         P, nu, S = _used(solution, used)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
@@ -182,7 +238,7 @@ class LaneResults:
             nees=nees,
             nis=nis,
             grid=self._truth.time[self._before],
-            between=found.between,
+            between=found.between[: self._before.size],
             between_degrees=3,
             error=found.error,
             sigma=found.sigma,
@@ -200,17 +256,66 @@ class LaneResults:
             algorithm="",
         )
 
-    def _figures(self, one: Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
-        """Return the figures of a run."""
+    def _is_usual(self, run: _Judged, first: _Judged) -> bool:
+        """Return whether a run is judged beside the first one: arrays as large, and the same filter."""
+        positions = run.solution.variance[self._of_judged][:, POS]
+        return (
+            run.one.belief is first.one.belief
+            and run.solution.fix_sample.size > 1
+            and can_judge_abreast(run.solution, first.solution)
+            and bool((run.solution.fix_sample == self._of_fixes).all())
+            and bool((positions > 0).all())
+        )
+
+    def _abreast(self, runs: Sequence[_Judged], increments: FloatArray) -> list[Evidence | None]:
+        """Return the evidence of usual runs; None of one that is judged alone."""
+        if len(runs) < 2:
+            return [None] * len(runs)
+        ones = [run.one for run in runs]
+        solutions = [run.solution for run in runs]
+        first = np.zeros(1, dtype=np.int64)
+        begun = [
+            error_state(run.solution, first, self._there, *self._true_errors(run.one), self._further[None])
+            for run in runs
+        ]
+        short, long = ([run.means[part] for run in runs] for part in range(2))
+        sensors = sensor_errors_abreast(
+            ones[0].belief,
+            [one.imu(self._truth.time) for one in ones],
+            [self._whole_reference(one) for one in ones],
+            self._moved(),
+            (np.stack(short), np.stack(long)),
+        )
+        found = Abreast(
+            solutions,
+            ones[0].belief,
+            [one.seen for one in ones],
+            self._there.time[self._of_fixes],
+            self._motions(runs, increments),
+            np.concatenate(begun),
+            np.stack([run.figures.x for run in runs]),
+            np.stack([run.figures.nees for run in runs]),
+            np.stack([run.figures.nis for run in runs]),
+            self._there.time[self._of_judged[self._before.size :]],
+            np.stack([run.figures.between[self._before.size :] for run in runs]),
+            sensors,
+            self._model.blocks,
+            float(self._navigator.gate),
+            self._latency,
+        )
+        return evidence_abreast(found, self._truth)
+
+    def _figures(self, one: Sensed, solution: Solution, motion: FloatArray, before: Samples) -> FixFigures:
+        """Return the figures of a run, with NEES of the position at some of the stored samples."""
         bias, scale = self._true_errors(one)
         path = np.ascontiguousarray(motion[self._of_grid])
         return fix_figures.fix_figures(
-            solution, self._of_before, self._true_there, bias, scale, self._further, path, self._true_path
+            solution, before, self._true_there, bias, scale, self._further, path, self._true_path
         )
 
     def figures(self, one: Sensed, navigated: LaneSolution, seconds: float) -> FloatArray | None:
         """Return the figures of a run that a sweep keeps; None if it must be run alone."""
-        run = self.kept(one, navigated, seconds, None)
+        run = self.kept(one, navigated, seconds)
         at = np.searchsorted(self.stored, self._grid)
         return None if run is None else figures_of(run, self._sigma(navigated.solution, at))
 
@@ -238,13 +343,13 @@ class LaneResults:
         solution: Solution,
         navigated: LaneSolution,
         means: tuple[FloatArray, FloatArray],
-    ) -> Evidence | None:
-        """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
+    ) -> Evidence:
+        """Return the evidence of a run that is judged alone."""
         fixes = one.seen
         stored = Imu(self._truth.time[self.stored], one.gyro.increments[:0], one.accelerometer.increments[:0])
-        seen, samples = offered(solution, fixes, stored)
-        if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
-            return None
+        _, samples = offered(solution, fixes, stored)
+        window = self._window(samples)
+        turned = fix_causes.sums_between(one.gyro.increments, *window)
         return evidence(
             solution,
             one.belief,
@@ -255,28 +360,55 @@ class LaneResults:
             latency=self._latency,
             explain=False,
             names=self._model.blocks,
-            motion=self._motion(one, solution, navigated, samples),
+            motion=self._motion_of(
+                samples, window, turned, *self._flown(solution, navigated, samples, window)
+            ),
             sensors=sensor_errors(
                 one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), means
             ),
         )
 
-    def _motion(
-        self, one: Sensed, solution: Solution, navigated: LaneSolution, samples: Samples
-    ) -> fix_causes.MotionAtFixes:
-        """Return the motion at the fixes, whose places among the stored samples are given."""
+    def _motions(self, runs: Sequence[_Judged], increments: FloatArray) -> fix_causes.MotionAtFixes:
+        """Return the motion of usual runs at the fixes, (runs, m, …) each."""
+        samples = self._of_fixes
+        window = self._window(samples)
+        turned = fix_causes.sums_between(increments[:, :3], *window)[..., [run.lane for run in runs]]
+        flown = [self._flown(run.solution, run.navigated, samples, window) for run in runs]
+        return self._motion_of(
+            samples,
+            window,
+            np.moveaxis(turned, -1, 0),
+            *(np.stack(parts) for parts in zip(*flown, strict=True)),
+        )
+
+    def _window(self, samples: Samples) -> tuple[Samples, Samples]:
+        """Return the first and the last sample of the window before stored samples, given their places."""
         last = np.maximum(self.stored[samples] - 1, 0)
-        first = np.maximum(last - self._width, 0)
-        here = np.searchsorted(self.stored, last)
-        before = navigated.motion[np.searchsorted(self.path, first)]
+        return np.maximum(last - self._width, 0), last
+
+    def _flown(
+        self, solution: Solution, navigated: LaneSolution, samples: Samples, window: tuple[Samples, Samples]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return velocities at both ends of the windows before samples, attitudes, and velocities gained."""
+        here = np.searchsorted(self.stored, window[1])
+        before = navigated.motion[np.searchsorted(self.path, window[0]), 3:6]
+        gained = navigated.force[np.append(samples, self.stored.size - 1)]
+        return before, solution.velocity_n[here], solution.q_nb[here], gained
+
+    def _motion_of(
+        self,
+        samples: Samples,
+        window: tuple[Samples, Samples],
+        turned: FloatArray,
+        before: FloatArray,
+        velocity_n: FloatArray,
+        q_nb: FloatArray,
+        gained: FloatArray,
+    ) -> fix_causes.MotionAtFixes:
+        """Return the motion at stored samples, whose places are given."""
+        ends = np.append(self.stored[samples], self.stored[-1])
         return fix_causes.motion_of(
-            self._truth.time,
-            (first, last),
-            (before[:, 3:6], solution.velocity_n[here]),
-            solution.q_nb[here],
-            one.gyro.increments,
-            np.append(self.stored[samples], self.stored[-1]),
-            navigated.force[np.append(samples, self.stored.size - 1)],
+            self._truth.time, window, (before, velocity_n), q_nb, turned, ends, gained
         )
 
     def _reference(self, one: Sensed) -> Reference:

@@ -55,6 +55,9 @@ __all__ = ["LANES", "SeedLanes"]
 
 T = TypeVar("T")
 
+Navigated = tuple[int, Sensed, LaneSolution]
+"""Lane, sensors and solution of a run."""
+
 LARGEST_TURN = 0.4
 """Largest rotation within a sample for runs abreast [rad]; the series of their rotation holds up to 0.5."""
 
@@ -174,8 +177,8 @@ class SeedLanes:
             The seeds.
         """
 
-        def kept(_index: int, one: Sensed, solution: LaneSolution, seconds: float) -> FloatArray | None:
-            return self._results.figures(one, solution, seconds)
+        def kept(runs: Sequence[Navigated], seconds: float) -> list[FloatArray | None]:
+            return [self._results.figures(one, solution, seconds) for _, one, solution in runs]
 
         return self._navigated(seeds, kept)
 
@@ -208,20 +211,21 @@ class SeedLanes:
 
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
-        whole: list[tuple[FloatArray, FloatArray]] = []
 
-        def kept(index: int, one: Sensed, solution: LaneSolution, seconds: float) -> RunAtFixes | None:
-            if judged and not whole:
-                whole.append(self._results.means(self._sensor_room().increments))
-            means = (whole[0][0][..., index], whole[0][1][..., index]) if judged else None
-            return self._results.kept(one, solution, seconds, means)
+        def kept(runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
+            if judged:
+                return self._results.judged(runs, seconds, self._sensor_room().increments)
+            return [self._results.kept(one, solution, seconds) for _, one, solution in runs]
 
         return self._navigated(seeds, kept)
 
     def _navigated(
-        self, seeds: Sequence[int], kept: Callable[[int, Sensed, LaneSolution, float], T | None]
+        self, seeds: Sequence[int], kept: Callable[[Sequence[Navigated], float], Sequence[T | None]]
     ) -> Iterator[T | None]:
-        """Run up to eight seeds, and return what a function keeps of each that can be abreast."""
+        """Run up to eight seeds, and return what a function keeps of those that can be abreast.
+
+        The function takes these, and the computing time of each [s].
+        """
         room = self._sensor_room()
         sensed = self._sense(seeds, room)
         usable = self._usable(sensed)
@@ -230,8 +234,8 @@ class SeedLanes:
             began = clock.perf_counter()
             solutions = self._navigate(sensed, usable, room.increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            for index in usable:
-                found[index] = kept(index, sensed[index], solutions[index], seconds)
+            runs = [(index, sensed[index], solutions[index]) for index in usable]
+            found = dict(zip(usable, kept(runs, seconds), strict=True))
         return (found.get(index) for index in range(len(seeds)))
 
     def _sensor_room(self) -> SensorRoom:
