@@ -216,12 +216,10 @@ def _gain(P: FloatArray, H: FloatArray, inverse: FloatArray, used: NDArray[np.bo
     for k in range(len(K)):
         at = min(k, len(inverse) - 1)
         for m in range(P.shape[1]) if used[k] else range(0):
-            for c in range(H.shape[1]):
-                weight = 0.0
-                for d in range(H.shape[1]):
-                    weight += H[k, d, m] * inverse[at, d, c]
-                if weight != 0:
-                    for i in range(P.shape[1]):
+            for d in range(H.shape[1]):
+                for c in range(H.shape[1]) if H[k, d, m] != 0 else range(0):
+                    weight = H[k, d, m] * inverse[at, d, c]
+                    for i in range(P.shape[1]) if weight != 0 else range(0):
                         K[k, i, c] += P[k, i, m] * weight
 
 

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.outliers import outliers
+from lab.analysis.verdicts.outliers import outliers, stands_out
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import ecef
+from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import POS, VEL
@@ -143,16 +144,15 @@ def fix_errors_abreast(
     """
     variance = np.diagonal(belief.R)
     there = _interpolated(truth, times)
-    off = [errors.position_error(position, there) for position in positions]
-    error = np.concatenate((np.stack(off), velocities_n - there.velocity_n), axis=2) / np.sqrt(variance)
+    true = np.tile(there.position, (len(positions), 1))
+    off = displacement(true, positions.reshape(-1, 3)).reshape(positions.shape)
+    error = np.concatenate((off, velocities_n - there.velocity_n), axis=2) / np.sqrt(variance)
     causes = causes / np.sqrt(variance)[:, None]
     plain = normal_equations(causes, error)
-    usual = [
-        not _is_late(times.size, *_latency(Fit(*one))) and not outliers(own).any()
-        for own, *one in zip(error, *plain, strict=True)
-    ]
+    late = [_is_late(times.size, *_latency(Fit(*one))) for one in zip(*plain, strict=True)]
+    usual = ~(late | stands_out(error))
     span = float(truth.time[0]), float(truth.time[-1])
-    found = iter(_of_errors(times, causes[usual], error[usual], variance, span) if any(usual) else ())
+    found = iter(_of_errors(times, causes[usual], error[usual], variance, span) if usual.any() else ())
     return [next(found) if own else None for own in usual]
 
 

@@ -15,12 +15,12 @@ from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, mat
 from lab.analysis.verdicts import hypotheses, limits
 from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.imu_causes import Steps, columns, steps, steps_in_parts
-from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers
+from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers, stands_out
 from lab.analysis.verdicts.pattern import BINS, binned
 from lab.analysis.verdicts.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.selection import gain_of
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.navigation.filters import blocks
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
@@ -190,11 +190,11 @@ def _without_outliers(
     return (record.without(apart, known) if apart.any() else record), apart
 
 
-def may_have_outliers(nu: FloatArray, S: FloatArray) -> bool:
-    """Return whether there may be outliers among some innovations (m, 6) with covariances S (m, 6, 6)."""
+def may_have_outliers(nu: FloatArray, S: FloatArray) -> Flags:
+    """Return whether each run may have outliers, given innovations (runs, m, 6) and S (runs, m, 6, 6)."""
     relative = normalised(np.nan_to_num(nu), S)
-    apart = outliers(relative, settled=NEIGHBOURS // 2)
-    return bool(apart.any()) or _beyond(relative, _limit(relative))
+    beyond = [_beyond(own, _limit(own)) for own in relative]
+    return stands_out(relative, settled=NEIGHBOURS // 2) | beyond
 
 
 def _limit(relative: FloatArray) -> float:

@@ -204,26 +204,39 @@ class LaneResults:
             What the sensors measured.
         """
         whole = self.means(increments)
-        kept = list[RunAtFixes | None]([None] * len(runs))
         judged = list[_Judged]()
         for place, (lane, one, navigated) in enumerate(runs):
-            if _diverged(navigated):
-                continue
-            solution = self._in_stored(navigated.solution)
-            seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
-            if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
-                continue
-            figures = self._figures(one, solution, navigated.motion, self._of_judged)
-            means = whole[0][..., lane], whole[1][..., lane]
-            judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
+            if not _diverged(navigated):
+                solution = self._in_stored(navigated.solution)
+                figures = self._figures(one, solution, navigated.motion, self._of_judged)
+                means = whole[0][..., lane], whole[1][..., lane]
+                judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
         abreast = [run for run in judged if self._is_usual(run, judged[0])]
-        evidences = dict(zip((run.place for run in abreast), self._abreast(abreast, increments), strict=True))
+        doubtful = self._doubtful(abreast)
+        places = {run.place for run in abreast}
         for run in judged:
-            found = evidences.get(run.place) or self._evidence(
-                run.one, run.solution, run.navigated, run.means
-            )
-            kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, found)
+            if run.place not in places:
+                doubtful |= self._doubtful([run])
+        sure = [run for run in abreast if run.place not in doubtful]
+        evidences = dict(zip((run.place for run in sure), self._abreast(sure, increments), strict=True))
+        kept = list[RunAtFixes | None]([None] * len(runs))
+        for run in judged:
+            if run.place not in doubtful:
+                found = evidences.get(run.place) or self._evidence(run)
+                kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, found)
         return kept
+
+    def _doubtful(self, runs: Sequence[_Judged]) -> set[int]:
+        """Return the places of the runs that may have outliers; all have as many used or rejected fixes."""
+        if not runs:
+            return set()
+        seen = (run.solution.fix_rejected | (run.solution.fix_sample >= 0) for run in runs)
+        pairs = [
+            (run.solution.innovation[own], run.solution.innovation_covariance[own])
+            for run, own in zip(runs, seen, strict=True)
+        ]
+        doubtful = may_have_outliers(*(np.stack(part) for part in zip(*pairs, strict=True)))
+        return {run.place for run, is_one in zip(runs, doubtful, strict=True) if is_one}
 
     def _run(
         self, one: Sensed, solution: Solution, found: FixFigures, seconds: float, judged: Evidence | None
@@ -273,11 +286,6 @@ class LaneResults:
             return [None] * len(runs)
         ones = [run.one for run in runs]
         solutions = [run.solution for run in runs]
-        first = np.zeros(1, dtype=np.int64)
-        begun = [
-            error_state(run.solution, first, self._there, *self._true_errors(run.one), self._further[None])
-            for run in runs
-        ]
         short, long = ([run.means[part] for run in runs] for part in range(2))
         sensors = sensor_errors_abreast(
             ones[0].belief,
@@ -292,7 +300,7 @@ class LaneResults:
             [one.seen for one in ones],
             self._there.time[self._of_fixes],
             self._motions(runs, increments),
-            np.concatenate(begun),
+            self._begun(runs),
             np.stack([run.figures.x for run in runs]),
             np.stack([run.figures.nees for run in runs]),
             np.stack([run.figures.nis for run in runs]),
@@ -304,6 +312,19 @@ class LaneResults:
             self._latency,
         )
         return evidence_abreast(found, self._truth)
+
+    def _begun(self, runs: Sequence[_Judged]) -> FloatArray:
+        """Return the errors of all states at the start, (runs, n)."""
+        shown = {
+            name: np.stack([getattr(run.solution, name)[0] for run in runs])
+            for name in ("position", "velocity_n", "q_nb", "bias", "scale", "further")
+        }
+        errors = zip(*(self._true_errors(run.one) for run in runs), strict=True)
+        bias, scale = (np.stack([values[0] for values in one]) for one in errors)
+        there = self._there.taken(np.zeros(len(runs), dtype=np.int64))
+        further = np.tile(self._further, (len(runs), 1))
+        begun = runs[0].solution._replace(**shown)
+        return error_state(begun, np.arange(len(runs)), there, bias, scale, further)
 
     def _figures(self, one: Sensed, solution: Solution, motion: FloatArray, before: Samples) -> FixFigures:
         """Return the figures of a run, with NEES of the position at some of the stored samples."""
@@ -337,34 +358,27 @@ class LaneResults:
         at = np.searchsorted(self.stored, solution.fix_sample)
         return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
 
-    def _evidence(
-        self,
-        one: Sensed,
-        solution: Solution,
-        navigated: LaneSolution,
-        means: tuple[FloatArray, FloatArray],
-    ) -> Evidence:
+    def _evidence(self, run: _Judged) -> Evidence:
         """Return the evidence of a run that is judged alone."""
-        fixes = one.seen
+        one, solution = run.one, run.solution
         stored = Imu(self._truth.time[self.stored], one.gyro.increments[:0], one.accelerometer.increments[:0])
-        _, samples = offered(solution, fixes, stored)
+        _, samples = offered(solution, one.seen, stored)
         window = self._window(samples)
         turned = fix_causes.sums_between(one.gyro.increments, *window)
+        flown = self._flown(solution, run.navigated, samples, window)
         return evidence(
             solution,
             one.belief,
-            fixes,
+            one.seen,
             stored,
             self._reference(one),
             gate=float(self._navigator.gate),
             latency=self._latency,
             explain=False,
             names=self._model.blocks,
-            motion=self._motion_of(
-                samples, window, turned, *self._flown(solution, navigated, samples, window)
-            ),
+            motion=self._motion_of(samples, window, turned, *flown),
             sensors=sensor_errors(
-                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), means
+                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), run.means
             ),
         )
 
