@@ -446,10 +446,20 @@ def _observable(
     poor = (estimate.sigma > OBSERVABLE * prior) | search.held
     bounded, held = np.zeros(poor.size, np.bool_), poor.copy()
 
+    every = np.arange(poor.size)
+
     def refuted(index: int, value: float) -> bool:
         other = estimate.value.copy()
         other[index] = value
-        return 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) > REJECTED
+        if 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) <= REJECTED:
+            return False
+        # Another noise may stand for this one: only what no other parameters explain is refuted.
+        kept = search.held | (every == index) | (every >= LATENCY)
+        try:
+            best = maximise(search.run, whole, other, kept, most=AHEAD).log_likelihood
+        except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
+            return True
+        return 2 * (estimate.log_likelihood - best) > REJECTED
 
     for index in range(LOGARITHMS.stop):
         if index < NOISE.stop and not refuted(index, -NOTHING):

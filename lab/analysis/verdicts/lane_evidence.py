@@ -35,7 +35,7 @@ from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.run_means import RunMeans, run_means
 from lab.analysis.verdicts.sensor_evidence import SensorErrors
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, normal_equations
-from lab.base.arrays import Flags, FloatArray
+from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.aids import NO_AIDS
@@ -89,23 +89,21 @@ class Abreast(NamedTuple):
     latency: float
 
 
-def can_judge_abreast(solution: Solution, first: Solution) -> bool:
-    """Return whether a filter used each fix, and its states have a variance where those of the first do."""
-    (shown, always), (others, _) = _uncertain(solution), _uncertain(first)
+def uncertain_states(solution: Solution) -> bytes:
+    """Return which states have a variance, a byte each; empty for a filter that is judged alone.
+
+    That is one that did not use each fix, or whose variances or innovations are none at some fixes. Runs with
+    the same states can be judged abreast.
+    """
+    some = np.diagonal(solution.fix_covariance, axis1=1, axis2=2) > 0
     S = np.diagonal(solution.innovation_covariance, axis1=1, axis2=2)
-    return bool(
+    regular = (
         (solution.fix_sample >= 0).all()
         and np.isfinite(solution.innovation).all()
         and (S > 0).all()
-        and (shown == always).all()
-        and (shown == others).all()
+        and (some == some[:1]).all()
     )
-
-
-def _uncertain(solution: Solution) -> tuple[Flags, Flags]:
-    """Return which states (n,) have a variance after some fix, and after each."""
-    some = np.diagonal(solution.fix_covariance, axis1=1, axis2=2) > 0
-    return some.any(axis=0), some.all(axis=0)
+    return some[0].tobytes() if regular else b""
 
 
 @OneBlasThread()

@@ -165,4 +165,4 @@ def binned_sums(at: NDArray[np.intp], values: FloatArray, bins: int) -> FloatArr
     """Return the sums (runs, bins) of values (runs, m) that belong to bins (m,)."""
     runs = len(values)
     places = (at + bins * np.arange(runs)[:, None]).ravel()
-    return np.bincount(places, np.ravel(values), bins * runs).reshape(runs, bins)
+    return np.asarray(np.bincount(places, np.ravel(values), bins * runs).reshape(runs, bins), np.float64)

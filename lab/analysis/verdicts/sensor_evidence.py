@@ -271,14 +271,21 @@ def sensor_errors_abreast(
     matrix = np.broadcast_to(matrix, (runs, *matrix.shape[1:])) * judged[:, None, None]
     vector, squares, number = vector * judged[:, None], squares * judged, number * judged
     lost, away = (lost * judged).reshape(runs, 2, 3).sum(axis=2), (~kept).sum(axis=2) * judged
+    kept_of_runs = {
+        "matrix": matrix,
+        "vector": vector,
+        "squares": squares,
+        "number": number,
+        "drift_matrix": drift_matrix,
+        "drift_vector": drift_vector,
+        "drift_squares": drift_squares,
+        "log_determinant": determinant,
+        "drive": drive,
+    }
     return [
         SensorErrors(
-            *(Kept(part[run : run + 1]) for part in (matrix, vector, squares, number)),
-            Squares(lost[run], away[run].reshape(2, 3).sum(axis=1).astype(np.float64)),
-            *(
-                Kept(part[run : run + 1])
-                for part in (drift_matrix, drift_vector, drift_squares, determinant, drive)
-            ),
+            clipped=Squares(lost[run], away[run].reshape(2, 3).sum(axis=1).astype(np.float64)),
+            **{name: Kept(values[run : run + 1]) for name, values in kept_of_runs.items()},
         )
         for run in range(runs)
     ]
@@ -417,7 +424,7 @@ def _windows(
         motion[0, ..., column] = true.moved[:, 3 * sensors + (own + column) % 3].T
     motion[0, ..., 3], motion[0, ..., 5] = true.fall.T, true.earth.T
     centred = true.fall.T - true.fall.mean(axis=0)[:, None]
-    late = np.einsum("aw,raw->ra", centred, noise) >= SHORT * np.maximum(np.sum(centred**2, axis=1), TINY)
+    late = np.sum(centred * noise, axis=2) >= SHORT * np.maximum(np.sum(centred**2, axis=1), TINY)
     if late.any():
         motion = np.tile(motion, (len(references), 1, 1, 1))
     for run, axis in np.argwhere(late).tolist():
@@ -497,7 +504,9 @@ def _drift(
     power, basis = spectrum(count, seen.window, decay, period)
     # Saturated windows contain no information about the bias.
     apart = seen.noise[:, axis] - (seen.motion[:, axis] @ spread[:, axis, :, None])[..., 0]
-    values = (np.where(seen.clipped[:, axis], 0.0, apart) + seen.bias[:, axis]) @ basis
+    values = np.where(seen.clipped[:, axis], 0.0, apart) + seen.bias[:, axis]
+    # One product for each run, whose bits then do not depend on those beside it.
+    values = (values[:, None] @ basis)[:, 0]
     causes = basis.T @ seen.drift[axis]
     white = density / seen.window
     own = np.stack(np.broadcast_arrays(drive, matched * np.ones_like(base)), axis=1)

@@ -18,7 +18,7 @@ from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.verdicts.evidence import Evidence, between_fixes, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
-from lab.analysis.verdicts.lane_evidence import Abreast, can_judge_abreast, evidence_abreast
+from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast, uncertain_states
 from lab.analysis.verdicts.sensor_evidence import (
     Exact,
     Reference,
@@ -73,6 +73,17 @@ class Sensed(NamedTuple):
     def imu(self, time: FloatArray) -> Imu:
         """Return what the IMU measured at the times (n,) of the samples [s]."""
         return Imu(time, self.gyro.increments, self.accelerometer.increments)
+
+
+Navigated = tuple[int, Sensed, LaneSolution]
+"""Lane, sensors and solution of a run."""
+
+
+class _Places(NamedTuple):
+    """Places among the stored samples: of all fixes, and where NEES of the position is wanted."""
+
+    fixes: Samples
+    judged: Samples  # of `RunAtFixes.grid`, then those of `between_fixes`
 
 
 class _Judged(NamedTuple):
@@ -134,9 +145,8 @@ class LaneResults:
         self._hidden = np.append(np.zeros(3), hidden_by_fixes(sensors))
         self._exact: tuple[Exact, Exact] | None = None
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
-        time, dt, latency = self._truth.time, self._ideal.dt, self._latency
-        fixed = np.searchsorted(time, fix_time - latency - SLACK * dt)
-        fixed = fixed[(fixed > 0) & (fixed < time.size)]
+        time = self._truth.time
+        fixed = self._samples_of(fix_time - self._latency)
         seconds = whole_seconds(time)
         self._before = np.maximum(seconds - 1, 1)
         ends = np.array([0, min(1, time.size - 1), time.size - 1])
@@ -160,9 +170,6 @@ class LaneResults:
         self._of_grid = np.searchsorted(self.path, self._grid)
         self._of_before = np.searchsorted(self.stored, self._before)
         self._there = self._truth.taken(self.stored)
-        self._of_fixes = np.searchsorted(self.stored, fixed)
-        between = between_fixes(self._there.time, self._of_fixes)
-        self._of_judged = np.concatenate((self._of_before, between))
         self._true_there = TruthArrays.of(self._there)
         self._on_grid = self._truth.taken(self._grid)
         self._true_path = TruthArrays.of(self._on_grid)
@@ -179,16 +186,31 @@ class LaneResults:
         means = window_means(increments, short)
         return means, means if long is short else window_means(increments, long)
 
-    def kept(self, one: Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
-        """Return what is kept of a run that is not judged; None if it must be run alone, as it diverged."""
-        if _diverged(navigated):
-            return None
-        solution = self._in_stored(navigated.solution)
-        found = self._figures(one, solution, navigated.motion, self._of_before)
-        return self._run(one, solution, found, seconds, None)
+    def kept(self, runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
+        """Return what is kept of runs that are not judged; None of one that diverged, for a run alone.
+
+        Parameters
+        ----------
+        runs
+            The lane, sensors and solution of each run.
+        seconds
+            Computing time of each [s].
+        """
+        found = list[RunAtFixes | None]([None] * len(runs))
+        shown = {
+            place: self._in_stored(navigated.solution)
+            for place, (_, _, navigated) in enumerate(runs)
+            if not _diverged(navigated)
+        }
+        sums = _channel_sums([_used(solution) for solution in shown.values()])
+        for (place, solution), own in zip(shown.items(), sums, strict=True):
+            _, one, navigated = runs[place]
+            figures = self._figures(one, solution, navigated.motion, self._of_before)
+            found[place] = self._run(one, solution, figures, seconds, own)
+        return found
 
     def judged(
-        self, runs: Sequence[tuple[int, Sensed, LaneSolution]], seconds: float, increments: FloatArray
+        self, runs: Sequence[Navigated], seconds: float, increments: FloatArray
     ) -> list[RunAtFixes | None]:
         """Return what is kept of runs that are judged; None of one that must be run alone.
 
@@ -203,28 +225,44 @@ class LaneResults:
         increments : (n, 6, LANES) array
             What the sensors measured.
         """
-        whole = self.means(increments)
+        whole, places = self.means(increments), self._places(runs[0][1])
         judged = list[_Judged]()
         for place, (lane, one, navigated) in enumerate(runs):
             if not _diverged(navigated):
                 solution = self._in_stored(navigated.solution)
-                figures = self._figures(one, solution, navigated.motion, self._of_judged)
+                figures = self._figures(one, solution, navigated.motion, places.judged)
                 means = whole[0][..., lane], whole[1][..., lane]
                 judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
-        abreast = [run for run in judged if self._is_usual(run, judged[0])]
-        doubtful = self._doubtful(abreast)
-        places = {run.place for run in abreast}
+        alike = dict[bytes, list[_Judged]]()
         for run in judged:
-            if run.place not in places:
-                doubtful |= self._doubtful([run])
-        sure = [run for run in abreast if run.place not in doubtful]
-        evidences = dict(zip((run.place for run in sure), self._abreast(sure, increments), strict=True))
+            alike.setdefault(self._likeness(run, places), []).append(run)
+        alone = [[run] for run in alike.pop(b"", [])]
+        doubtful = set[int]().union(*(self._doubtful(group) for group in (*alike.values(), *alone)))
+        evidences = dict[int, Evidence | None]()
+        for group in alike.values():
+            sure = [run for run in group if run.place not in doubtful]
+            found = self._abreast(sure, places, increments) if sure else []
+            if len(sure) > 1 and None in found:  # one of them may have spoilt the others
+                found = [one for run in sure for one in self._abreast([run], places, increments)]
+            evidences |= zip((run.place for run in sure), found, strict=True)
         kept = list[RunAtFixes | None]([None] * len(runs))
         for run in judged:
             if run.place not in doubtful:
-                found = evidences.get(run.place) or self._evidence(run)
-                kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, found)
+                own = evidences.get(run.place) or self._evidence(run)
+                sums = ChannelSums.of(own.innovations)
+                kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, sums, own)
         return kept
+
+    def _samples_of(self, times: FloatArray) -> Samples:
+        """Return the samples at which fixes valid at some times are due."""
+        samples = np.searchsorted(self._truth.time, times - SLACK * self._ideal.dt)
+        return samples[(samples > 0) & (samples < self._truth.time.size)]
+
+    def _places(self, one: Sensed) -> _Places:
+        """Return where a run with all of its fixes is judged."""
+        fixes = np.searchsorted(self.stored, self._samples_of(one.seen.time))
+        between = between_fixes(self._there.time, fixes)
+        return _Places(fixes, np.concatenate((self._of_before, between)))
 
     def _doubtful(self, runs: Sequence[_Judged]) -> set[int]:
         """Return the places of the runs that may have outliers; all have as many used or rejected fixes."""
@@ -239,15 +277,20 @@ class LaneResults:
         return {run.place for run, is_one in zip(runs, doubtful, strict=True) if is_one}
 
     def _run(
-        self, one: Sensed, solution: Solution, found: FixFigures, seconds: float, judged: Evidence | None
+        self,
+        one: Sensed,
+        solution: Solution,
+        found: FixFigures,
+        seconds: float,
+        sums: ChannelSums,
+        judged: Evidence | None = None,
     ) -> RunAtFixes:
         """Return what is kept of a run."""
-        used = solution.fix_sample >= 0
-        P, nu, S = _used(solution, used)
+        P, nu, S = _used(solution)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
-            time=one.fixes.time[used],
+            time=one.fixes.time[solution.fix_sample >= 0],
             nees=nees,
             nis=nis,
             grid=self._truth.time[self._before],
@@ -261,7 +304,7 @@ class LaneResults:
             at_outage_ends=self._at_outage_ends(solution),
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
-            innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
+            innovations=sums,
             span=self._span,
             evidence=judged,
             free=CORRECTED,
@@ -269,21 +312,21 @@ class LaneResults:
             algorithm="",
         )
 
-    def _is_usual(self, run: _Judged, first: _Judged) -> bool:
-        """Return whether a run is judged beside the first one: arrays as large, and the same filter."""
-        positions = run.solution.variance[self._of_judged][:, POS]
-        return (
-            run.one.belief is first.one.belief
-            and run.solution.fix_sample.size > 1
-            and can_judge_abreast(run.solution, first.solution)
-            and bool((run.solution.fix_sample == self._of_fixes).all())
-            and bool((positions > 0).all())
+    def _likeness(self, run: _Judged, places: _Places) -> bytes:
+        """Return what runs that are judged abreast have in common; empty for a run that is judged alone."""
+        solution, fixes = run.solution, places.fixes
+        regular = (
+            run.one.constants is None
+            and solution.fix_sample.size == fixes.size > 1
+            and bool((solution.fix_sample == fixes).all())
+            and bool((solution.variance[places.judged][:, POS] > 0).all())
         )
+        return uncertain_states(solution) if regular else b""
 
-    def _abreast(self, runs: Sequence[_Judged], increments: FloatArray) -> list[Evidence | None]:
-        """Return the evidence of usual runs; None of one that is judged alone."""
-        if len(runs) < 2:
-            return [None] * len(runs)
+    def _abreast(
+        self, runs: Sequence[_Judged], places: _Places, increments: FloatArray
+    ) -> list[Evidence | None]:
+        """Return the evidence of runs that are alike; None of one that is judged alone."""
         ones = [run.one for run in runs]
         solutions = [run.solution for run in runs]
         short, long = ([run.means[part] for run in runs] for part in range(2))
@@ -298,13 +341,13 @@ class LaneResults:
             solutions,
             ones[0].belief,
             [one.seen for one in ones],
-            self._there.time[self._of_fixes],
-            self._motions(runs, increments),
+            self._there.time[places.fixes],
+            self._motions(runs, places.fixes, increments),
             self._begun(runs),
             np.stack([run.figures.x for run in runs]),
             np.stack([run.figures.nees for run in runs]),
             np.stack([run.figures.nis for run in runs]),
-            self._there.time[self._of_judged[self._before.size :]],
+            self._there.time[places.judged[self._before.size :]],
             np.stack([run.figures.between[self._before.size :] for run in runs]),
             sensors,
             self._model.blocks,
@@ -334,11 +377,13 @@ class LaneResults:
             solution, before, self._true_there, bias, scale, self._further, path, self._true_path
         )
 
-    def figures(self, one: Sensed, navigated: LaneSolution, seconds: float) -> FloatArray | None:
-        """Return the figures of a run that a sweep keeps; None if it must be run alone."""
-        run = self.kept(one, navigated, seconds)
+    def figures(self, runs: Sequence[Navigated], seconds: float) -> list[FloatArray | None]:
+        """Return the figures of runs that a sweep keeps; None of one that must be run alone."""
         at = np.searchsorted(self.stored, self._grid)
-        return None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+        return [
+            None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+            for run, (_, _, navigated) in zip(self.kept(runs, seconds), runs, strict=True)
+        ]
 
     def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
         """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
@@ -382,9 +427,10 @@ class LaneResults:
             ),
         )
 
-    def _motions(self, runs: Sequence[_Judged], increments: FloatArray) -> fix_causes.MotionAtFixes:
-        """Return the motion of usual runs at the fixes, (runs, m, …) each."""
-        samples = self._of_fixes
+    def _motions(
+        self, runs: Sequence[_Judged], samples: Samples, increments: FloatArray
+    ) -> fix_causes.MotionAtFixes:
+        """Return the motion of runs that are alike at the fixes, (runs, m, …) each."""
         window = self._window(samples)
         turned = fix_causes.sums_between(increments[:, :3], *window)[..., [run.lane for run in runs]]
         flown = [self._flown(run.solution, run.navigated, samples, window) for run in runs]
@@ -486,14 +532,22 @@ class LaneResults:
         )
 
 
-def _used(solution: Solution, used: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _used(solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return covariance, innovation and its covariance of the used fixes, without a copy if all are used."""
+    used = solution.fix_sample >= 0
     every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
     return (
         solution.fix_covariance[every],
         solution.innovation[every],
         solution.innovation_covariance[every],
     )
+
+
+def _channel_sums(used: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> list[ChannelSums]:
+    """Return the sums of the innovations of runs; see `_used`."""
+    if len({len(nu) for _, nu, _ in used}) == 1:
+        return ChannelSums.of_used(*(np.stack([one[part] for one in used]) for part in (1, 2)))
+    return [ChannelSums.of_used(nu[None], S[None])[0] for _, nu, S in used]
 
 
 def _diverged(navigated: LaneSolution) -> bool:

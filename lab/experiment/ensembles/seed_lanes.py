@@ -24,7 +24,7 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
-from lab.experiment.ensembles.lane_results import LaneResults, Samples, Sensed
+from lab.experiment.ensembles.lane_results import LaneResults, Navigated, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
@@ -54,9 +54,6 @@ from lab.sensors import gps, imu
 __all__ = ["LANES", "SeedLanes"]
 
 T = TypeVar("T")
-
-Navigated = tuple[int, Sensed, LaneSolution]
-"""Lane, sensors and solution of a run."""
 
 LARGEST_TURN = 0.4
 """Largest rotation within a sample for runs abreast [rad]; the series of their rotation holds up to 0.5."""
@@ -176,11 +173,7 @@ class SeedLanes:
         seeds
             The seeds.
         """
-
-        def kept(runs: Sequence[Navigated], seconds: float) -> list[FloatArray | None]:
-            return [self._results.figures(one, solution, seconds) for _, one, solution in runs]
-
-        return self._navigated(seeds, kept)
+        return self._navigated(seeds, self._results.figures)
 
     def navigate(self, seeds: Sequence[int], samples: Samples) -> list[LaneSolution | None]:
         """Navigate up to eight seeds; of each, only the solution at some samples is computed.
@@ -215,7 +208,7 @@ class SeedLanes:
         def kept(runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
             if judged:
                 return self._results.judged(runs, seconds, self._sensor_room().increments)
-            return [self._results.kept(one, solution, seconds) for _, one, solution in runs]
+            return self._results.kept(runs, seconds)
 
         return self._navigated(seeds, kept)
 
@@ -258,7 +251,7 @@ class SeedLanes:
         ):
             assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
-            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
+            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size, sensors.gps)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
             if self._withheld:
                 kept = ~gps.within(self._withheld, fixes.time)
