@@ -276,9 +276,9 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
     """
     both = np.concatenate((causes, values[..., None]), axis=-1)
     m, channels, width = both.shape[-3:]
-    runs, tried = both.size // max(m * channels * width, 1), (len(TIMES), len(RATIOS))
-    columns = aligned_zeros(m * channels * width * LANES)
-    columns.reshape(m * channels * width, LANES)[:, :runs] = both.reshape(runs, -1).T
+    runs, tried, rows = math.prod(both.shape[:-3]), (len(TIMES), len(RATIOS)), m * channels * width
+    columns = aligned_zeros(rows * LANES)
+    columns.reshape(rows, LANES)[:, :runs] = both.reshape(runs, rows).T
     squares, log_determinant = aligned_zeros(math.prod(tried) * width**2 * LANES), np.zeros(tried)
     room, left = aligned_zeros((channels + 1) * width * LANES), np.empty(m)
     _whiten(
