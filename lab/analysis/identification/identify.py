@@ -263,7 +263,7 @@ def _judged(
     done = 0.8 if search.masks else 0.5
     zero = _zero(stands)
     joint = estimate
-    estimate, shown, bounded = _observable(search, whole, estimate, zero, tell, done)
+    estimate, shown, bounded = find_observable(search, whole, estimate, zero, tell, done)
     known = _known(search, whole, estimate, shown, bounded)
     start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
     wrong = refuted(estimate, known, start)
@@ -433,13 +433,14 @@ def _outliers(seen: InnovationSeries) -> Flags:
     return np.asarray(far & few)
 
 
-def _observable(
+def find_observable(
     search: _Search, whole: list[Parameter], estimate: Estimate, zero: Flags, tell: Progress, done: float
 ) -> tuple[Estimate, Flags, Flags]:
     """Return the estimate with unobservable parameters held, and masks: observable, without lower bound.
 
-    A noise that may be zero is not observable, unless the log refutes the assumed value: then the log shows
-    an upper bound. Other poorly known parameters are also set back to their start values.
+    A noise that may be zero, because the log refutes that beside no other noise, is not observable, unless the
+    log refutes the assumed value: then the log shows an upper bound. Other poorly known parameters are also
+    set back to their start values.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
