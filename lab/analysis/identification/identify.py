@@ -438,9 +438,9 @@ def find_observable(
 ) -> tuple[Estimate, Flags, Flags]:
     """Return the estimate with unobservable parameters held, and masks: observable, without lower bound.
 
-    A noise that may be zero, because the log refutes that beside no other noise, is not observable, unless the
-    log refutes the assumed value: then the log shows an upper bound. Other poorly known parameters are also
-    set back to their start values.
+    A noise that may be zero, if the others change with it, is not observable, unless the log refutes the
+    assumed value: then the log shows an upper bound. Other poorly known parameters are also set back to their
+    start values.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
