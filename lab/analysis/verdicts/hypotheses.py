@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.verdicts.hypothesis_bank import Found, Offered, Place, Terms, follow
+from lab.analysis.verdicts.hypothesis_bank import TOGETHER, Found, Offered, Place, Terms, follow
 from lab.analysis.verdicts.imu_causes import Steps
 from lab.analysis.verdicts.pattern import AXES
 from lab.base.arrays import FloatArray, of_kernel
@@ -233,7 +233,7 @@ class _Bank:
 
     def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
         self._count, n = len(tried), P0.shape[0]
-        if n % 3:
+        if n % TOGETHER:
             raise ValueError(f"a filter with {n} states; hypotheses are tried for states that come in threes")
         tried = [*tried, *[tried[-1]] * (-len(tried) % LANES)]
         variance = position * np.array([one.correlated[0] for one in tried])

@@ -20,6 +20,8 @@ CHANNELS, AXES = 6, 3
 """Components of a fix: position, then velocity; and those of either."""
 PARTS = 5
 """Parts of the noise that have factors of their own; see `imu_causes.Steps`."""
+TOGETHER = 3
+"""Rows or columns of P that are computed together: states come in threes."""
 
 
 class Place(NamedTuple):
@@ -97,7 +99,7 @@ def _move(w: Any, place: Place, transition: FloatArray, decay: Any, terms: Terms
     n, N = transition.shape[0], place.N
     for i in range(n):
         own = transition[i, i]
-        for j in range(0, N, 3):  # three sums at a time share the search for what is not zero
+        for j in range(0, N, TOGETHER):  # three sums at a time share the search for what is not zero
             at = i * N + j
             a, b, c = own * w[at], own * w[at + 1], own * w[at + 2]
             for t in range(terms.number[i]):
@@ -129,9 +131,9 @@ def _propagate(
     """Propagate P and the errors to the next fix."""
     n, N = transition.shape[0], place.N
     _move(w, place, transition, decay, terms)
-    for i in range(0, N, 3):
+    for i in range(0, N, TOGETHER):
         row = place.PRODUCT + i * N
-        for j in range(min(i + 3, n)):
+        for j in range(min(i + TOGETHER, n)):
             own, at = transition[j, j], row + j
             a, b, c = own * w[at], own * w[at + N], own * w[at + 2 * N]
             for t in range(terms.number[j]):
