@@ -69,7 +69,7 @@ def motion_at_fixes(
         window,
         (solution.velocity_n[window[0]], solution.velocity_n[window[1]]) if velocity is None else velocity,
         solution.q_nb[window[1]],
-        imu.dtheta,
+        sums_between(imu.dtheta, *window),
         ends,
         _gained_until(solution, ends, imu),
     )
@@ -95,11 +95,11 @@ def motion_of(
     window: tuple[NDArray[np.intp], NDArray[np.intp]],
     velocity: tuple[FloatArray, FloatArray],
     q_nb: FloatArray,
-    dtheta: FloatArray,
+    turned: FloatArray,
     ends: NDArray[np.intp],
     gained: FloatArray,
 ) -> MotionAtFixes:
-    """Return the motion at m fixes from the values at some samples.
+    """Return the motion at m fixes from the values at some samples, of a run or of some runs.
 
     Parameters
     ----------
@@ -108,14 +108,14 @@ def motion_of(
     window
         First and last sample (m,) of the window before each fix.
     velocity
-        Estimated velocities (m, 3) at both [m/s].
-    q_nb : (m, 4) array
+        Estimated velocities (…, m, 3) at both [m/s].
+    q_nb : (…, m, 4) array
         Estimated attitude at the last.
-    dtheta : (n, 3) array
-        Angular increments [rad].
+    turned : (…, m, 3) array
+        Sums of the angular increments in the window, as from `sums_between` [rad].
     ends : (m + 1,) array
         Samples of the fixes, and the last of all.
-    gained : (m + 1, 3) array
+    gained : (…, m + 1, 3) array
         Sums of the velocity increments, resolved in n, up to these samples [m/s].
     """
     first, last = window
@@ -124,8 +124,8 @@ def motion_of(
     return MotionAtFixes(
         velocity=velocity[1],
         acceleration=(velocity[1] - velocity[0]) / span,
-        rate_b=_sums_between(dtheta, first, last) / span,
-        force_n=np.diff(gained, axis=0) / flown,
+        rate_b=turned / span,
+        force_n=np.diff(gained, axis=-2) / flown,
         C_nb=C_nb_from_euler(euler_from_quaternion(q_nb)),
     )
 
@@ -141,12 +141,14 @@ def _gained_until(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> Float
     return _sums_of(gained, imu.dvelocity.shape[0], ends)
 
 
-def _sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
-    """Return the sums (m, 3) of values (n, 3) from each first sample (m,) to that before the last (m,)."""
+def sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """Return the sums (m, …) of values (n, …) from each first sample (m,) to that before the last (m,)."""
     samples = first[:, None] + np.arange(np.max(last - first, initial=0))
-    inside = (samples < last[:, None])[..., None]
+    inside = samples < last[:, None]
     there = values[np.minimum(samples, values.shape[0] - 1)]
-    return np.asarray(np.sum(there, axis=1, where=inside, dtype=np.float64))
+    if not inside.all():
+        there[~inside] = 0.0
+    return np.asarray(np.sum(there, axis=1, dtype=np.float64))
 
 
 def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray[np.intp]) -> FloatArray:
@@ -162,16 +164,15 @@ def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray
 
 
 def causes_of(motion: MotionAtFixes) -> FloatArray:
-    """Return the error (m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
+    """Return the error (…, m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
 
     A fix with the latency τ reports p(t − τ) and v(t − τ). A fix of an antenna at l reports p + C_nb l and v
     + C_nb (ω × l) (Groves 14.3).
     """
-    m = motion.velocity.shape[0]
-    causes = np.empty((m, 6, CAUSES))
-    causes[:, POS, 0], causes[:, VEL, 0] = -motion.velocity, -motion.acceleration
-    causes[:, POS, 1:] = motion.C_nb
-    causes[:, VEL, 1:] = motion.C_nb @ _skew(motion.rate_b)
+    causes = np.empty((*motion.velocity.shape[:-1], 6, CAUSES))
+    causes[..., POS, 0], causes[..., VEL, 0] = -motion.velocity, -motion.acceleration
+    causes[..., POS, 1:] = motion.C_nb
+    causes[..., VEL, 1:] = motion.C_nb @ _skew(motion.rate_b)
     return causes
 
 
@@ -215,12 +216,10 @@ def _gain(P: FloatArray, H: FloatArray, inverse: FloatArray, used: NDArray[np.bo
     for k in range(len(K)):
         at = min(k, len(inverse) - 1)
         for m in range(P.shape[1]) if used[k] else range(0):
-            for c in range(H.shape[1]):
-                weight = 0.0
-                for d in range(H.shape[1]):
-                    weight += H[k, d, m] * inverse[at, d, c]
-                if weight != 0:
-                    for i in range(P.shape[1]):
+            for d in range(H.shape[1]):
+                for c in range(H.shape[1]) if H[k, d, m] != 0 else range(0):
+                    weight = H[k, d, m] * inverse[at, d, c]
+                    for i in range(P.shape[1]) if weight != 0 else range(0):
                         K[k, i, c] += P[k, i, m] * weight
 
 
@@ -291,21 +290,26 @@ def _transitions(
     """Iterate over the transitions (k, n, n) of the error from some fixes to the next, `dt` later [s]."""
     for first in range(0, dt.size, FIXES_AT_ONCE):
         part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
-        here, T = MotionAtFixes(*(values[part] for values in motion)), dt[part, None, None]
-        step = np.zeros((part.stop - first, n, n))
-        step[:, POS, VEL] = np.eye(3)
-        step[:, VEL, ATT] = _skew(here.force_n)
-        step[:, VEL, ACCEL_BIAS] = -here.C_nb
-        step[:, ATT, GYRO_BIAS] = here.C_nb
-        force_b = np.einsum("mji,mj->mi", here.C_nb, here.force_n)
-        write_imu_columns(step, names, here.C_nb, here.rate_b, force_b)
-        step *= T
-        # The exponential has no more terms: velocity changes by attitude, and position by velocity.
-        turning = step[:, VEL, ATT] @ step[:, ATT]
-        faster = step[:, VEL] / 2 + turning / 6
-        step[:, VEL] += turning / 2
-        step[:, POS] += T * faster
-        yield np.eye(n) + step
+        yield transitions(MotionAtFixes(*(values[part] for values in motion)), dt[part], n, names)
+
+
+def transitions(motion: MotionAtFixes, dt: FloatArray, n: int, names: tuple[str, ...]) -> FloatArray:
+    """Return the transitions (k, n, n) of the error from some fixes, with motion (k, …), until dt later."""
+    step, T = np.zeros((dt.size, n, n)), dt[:, None, None]
+    step[:, POS, VEL] = np.eye(3)
+    step[:, VEL, ATT] = _skew(motion.force_n)
+    step[:, VEL, ACCEL_BIAS] = -motion.C_nb
+    step[:, ATT, GYRO_BIAS] = motion.C_nb
+    force_b = np.einsum("mji,mj->mi", motion.C_nb, motion.force_n)
+    write_imu_columns(step, names, motion.C_nb, motion.rate_b, force_b)
+    step *= T
+    # The exponential has no more terms: velocity changes by attitude, and position by velocity.
+    turning = step[:, VEL, ATT] @ step[:, ATT]
+    faster = step[:, VEL] / 2 + turning / 6
+    step[:, VEL] += turning / 2
+    step[:, POS] += T * faster
+    step[:, range(n), range(n)] += 1.0
+    return step
 
 
 def respond(
@@ -376,5 +380,8 @@ def _add_product(left: FloatArray, right: FloatArray, factor: float, out: FloatA
 
 
 def _skew(vectors: FloatArray) -> FloatArray:
-    """Return [v ×] (m, 3, 3) of vectors (m, 3)."""
-    return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    """Return [v ×] (…, 3, 3) of vectors (…, 3)."""
+    found = np.zeros((*vectors.shape, 3))
+    for row, column, axis in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        found[..., row, column], found[..., column, row] = vectors[..., axis], -vectors[..., axis]
+    return found

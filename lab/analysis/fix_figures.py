@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import SINGULAR
 from lab.base.arrays import FloatArray
+from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.kernels import compilation
 from lab.navigation.kernels.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
-from lab.navigation.strapdown import Vector, get, radii
+from lab.navigation.strapdown import Vector, get
 
 Samples = NDArray[np.int64]
 
@@ -42,17 +43,21 @@ class TruthArrays(NamedTuple):
         Attitude, scalar first.
     euler : (n, 3) array
         Roll, pitch, yaw [rad].
+    metres : (n, 2) array
+        Metres to the north and to the east for each radian of latitude and longitude.
     """
 
     position: FloatArray
     velocity_n: FloatArray
     q_nb: FloatArray
     euler: FloatArray
+    metres: FloatArray
 
     @classmethod
     def of(cls, truth: Truth) -> TruthArrays:
         """Return the truth as contiguous arrays."""
-        arrays = truth.position, truth.velocity_n, truth.q_nb, truth.euler
+        metres = np.stack(metres_per_radian(truth.latitude, truth.height), axis=-1)
+        arrays = truth.position, truth.velocity_n, truth.q_nb, truth.euler, metres
         return cls(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
 
 
@@ -108,13 +113,11 @@ def _wrapped(angle: float) -> float:
 
 
 @inline_kernel
-def _offset(position: FloatArray, true: FloatArray) -> Vector:
-    """Return the displacement from the true position, north, east, down of it [m]."""
-    sine = math.sin(true[0])
-    meridian, transverse = radii(sine)
-    north = (position[0] - true[0]) * (meridian + true[2])
-    east = _wrapped(position[1] - true[1]) * (transverse + true[2]) * math.cos(true[0])
-    return north, east, true[2] - position[2]
+def _offset(position: FloatArray, there: TruthArrays, k: int) -> Vector:
+    """Return the displacement from the true position at time k, north, east, down of it [m]."""
+    true, metres = there.position[k], there.metres[k]
+    north = (position[0] - true[0]) * metres[0]
+    return north, _wrapped(position[1] - true[1]) * metres[1], true[2] - position[2]
 
 
 @inline_kernel
@@ -230,7 +233,7 @@ def _at_fixes(
     for m in range(fixes.size):
         s = solution.fix_sample[fixes[m]]
         q, x = solution.q_nb[s], out.x[m]
-        off, euler = _offset(solution.position[s], there.position[s]), _euler(q)
+        off, euler = _offset(solution.position[s], there, s), _euler(q)
         phi = _turned(q, there.q_nb[s])
         x[0], x[1], x[2] = off
         x[6], x[7], x[8] = phi
@@ -257,7 +260,7 @@ def _between(solution: Solution, before: Samples, there: TruthArrays, out: FixFi
     root, row = np.empty((3, 3)), np.empty((2, 3))
     for k in range(before.size):
         s = before[k]
-        v[0], v[1], v[2] = _offset(solution.position[s], there.position[s])
+        v[0], v[1], v[2] = _offset(solution.position[s], there, s)
         for i in range(3):
             P[i, i] = solution.variance[s, i]
         c = solution.covariance[s, 0]
@@ -273,7 +276,7 @@ def _along(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
     out.largest[:] = 0.0
     for k in range(motion.shape[0]):
         here = motion[k]
-        off, euler = _offset(here, path.position[k]), _euler(here[6:])
+        off, euler = _offset(here, path, k), _euler(here[6:])
         faster = (
             here[3] - path.velocity_n[k, 0],
             here[4] - path.velocity_n[k, 1],

@@ -197,7 +197,7 @@ class SensorStages:
         return CACHE.get(
             "gps",
             digest(self.flight_key, seed, errors.to_dict()),
-            lambda: gps.measure(truth, errors, gps.GpsDraws.of(seed, truth.time.size), seen),
+            lambda: gps.measure(truth, errors, gps.GpsDraws.of(seed, truth.time.size, errors), seen),
         )
 
     def readings(self, flight: SampledFlight) -> dict[str, Readings]:

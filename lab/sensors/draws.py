@@ -60,4 +60,5 @@ def unit_draws(seed: Seed, name: str, shape: tuple[int, ...]) -> NDArray[np.floa
 
 def generator(seed: int, name: str) -> np.random.Generator:
     """Return the generator of the draws of one error source; see `unit_draws`."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),)))
+    sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
+    return np.random.Generator(np.random.PCG64(sequence))

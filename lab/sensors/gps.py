@@ -161,14 +161,21 @@ class GpsDraws(NamedTuple):
     outlier: FloatArray
 
     @classmethod
-    def of(cls, seed: Seed, fixes: int) -> GpsDraws:
-        """Draw for a number of fixes, or for the next ones of a stream."""
+    def of(cls, seed: Seed, fixes: int, errors: GpsErrors | None = None) -> GpsDraws:
+        """Draw for a number of fixes, or for the next ones of a stream; only what given errors need."""
+        drifts, jumps = (
+            fixes if errors is None or wanted else 0
+            for wanted in (
+                errors is not None and any(errors.correlated_sigma),
+                errors is not None and errors.outlier_rate,
+            )
+        )
         return cls(
             position=unit_draws(seed, "gps.position", (fixes, 3)),
             velocity=unit_draws(seed, "gps.velocity", (fixes, 3)),
-            correlated=unit_draws(seed, "gps.correlated", (fixes, 3)),
-            jump=unit_draws(seed, "gps.jump", (fixes, 3)),
-            outlier=unit_draws(seed, "gps.outlier", (fixes,)),
+            correlated=unit_draws(seed, "gps.correlated", (drifts, 3)),
+            jump=unit_draws(seed, "gps.jump", (jumps, 3)),
+            outlier=unit_draws(seed, "gps.outlier", (jumps,)),
         )
 
 

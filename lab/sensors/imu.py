@@ -162,7 +162,7 @@ def measure(
 
 
 def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
-    """Return the constant part of the bias (3,): given plus drawn [rad/s] or [m/s²]."""
+    """Return the constant part of the bias (…, 3): given plus drawn [rad/s] or [m/s²]."""
     return si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
 
 
@@ -206,9 +206,9 @@ def induced_bias(errors: GyroErrors | AccelerometerErrors, environment: Environm
 
 
 def cross_coupling(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
-    """Return M (3, 3) at 25 °C: scale factor errors on the diagonal, misalignments [rad] off it."""
+    """Return M (…, 3, 3) at 25 °C: scale factor errors on the diagonal, misalignments [rad] off it."""
     scale = si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale
-    return np.asarray(np.diag(scale) + misalignment(errors))
+    return np.asarray(scale[..., None] * np.eye(3) + misalignment(errors))
 
 
 def misalignment(errors: GyroErrors | AccelerometerErrors) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,16 @@ class ImuDraws(NamedTuple):
             walk=processes.random_walk(long("rate_random_walk", walk)),
             noise=long("noise"),
         )
+
+    @classmethod
+    def constants(cls, seeds: Sequence[int], sensor: str) -> ImuDraws:
+        """Draw turn-on bias and scale factor of a triad for some seeds, (runs, 3) each, and nothing else."""
+        bias, scale = (
+            np.stack([unit_draws(seed, f"{sensor}.{name}", (3,)) for seed in seeds])
+            for name in ("bias", "scale_factor")
+        )
+        none = np.zeros((0, 3))
+        return cls(bias, scale, *(none,) * 5)
 
 
 class ImuDrawStream:

@@ -17,11 +17,14 @@ from polar_flights import over_the_pole
 
 import lab.experiment.ensembles.seed_lanes as seed_lanes_module
 import lab.experiment.ensembles.seeds as seeds_module
+from lab.analysis.verdicts.evidence import Evidence
+from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.verdict import judge
 from lab.base.cache import _freeze
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
+from lab.experiment.ensembles import lane_results
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes, kept_of
@@ -29,6 +32,7 @@ from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.motion.recordings.flight_csv import write_flight_csv
+from lab.motion.truth.trajectory import Truth
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
 from lab.sensors.cards import card, cards
@@ -205,6 +209,31 @@ def test_a_run_does_not_depend_on_those_beside_it(*, judged: bool) -> None:
         left, right = (numbers_in(run._replace(seconds=0.0)) for run in (together[2], other))
         for one, two in zip(left, right, strict=True):
             assert np.array_equal(one, two, equal_nan=True)
+
+
+def test_runs_are_judged_abreast_and_those_with_an_own_covariance_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Bit for bit the same beside others, too, where an alignment gives each run a P0 of its own."""
+    sizes: list[int] = []
+
+    def counted(runs: Abreast, truth: Truth) -> list[Evidence | None]:
+        sizes.append(len(runs.solutions))
+        return evidence_abreast(runs, truth)
+
+    monkeypatch.setattr(lane_results, "evidence_abreast", counted)
+    lanes, aligned = SeedLanes.of(of({})), SeedLanes.of(of(ALIGNED))
+    assert lanes is not None
+    assert aligned is not None
+    list(lanes.run(range(3, 11)))
+    assert sizes == [8]
+    beside, (single,) = list(aligned.run((3, 7))), list(aligned.run((7,)))
+    assert sizes == [8]
+    assert beside[1] is not None
+    assert single is not None
+    left, right = (numbers_in(run._replace(seconds=0.0)) for run in (beside[1], single))
+    for one, two in zip(left, right, strict=True):
+        assert np.array_equal(one, two, equal_nan=True)
 
 
 def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pytest.MonkeyPatch) -> None:

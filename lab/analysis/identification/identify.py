@@ -263,7 +263,7 @@ def _judged(
     done = 0.8 if search.masks else 0.5
     zero = _zero(stands)
     joint = estimate
-    estimate, shown, bounded = _observable(search, whole, estimate, zero, tell, done)
+    estimate, shown, bounded = find_observable(search, whole, estimate, zero, tell, done)
     known = _known(search, whole, estimate, shown, bounded)
     start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
     wrong = refuted(estimate, known, start)
@@ -433,23 +433,34 @@ def _outliers(seen: InnovationSeries) -> Flags:
     return np.asarray(far & few)
 
 
-def _observable(
+def find_observable(
     search: _Search, whole: list[Parameter], estimate: Estimate, zero: Flags, tell: Progress, done: float
 ) -> tuple[Estimate, Flags, Flags]:
     """Return the estimate with unobservable parameters held, and masks: observable, without lower bound.
 
-    A noise that may be zero is not observable, unless the log refutes the assumed value: then the log shows
-    an upper bound. Other poorly known parameters are also set back to their start values.
+    A noise that may be zero, if the others change with it, is not observable, unless the log refutes the
+    assumed value: then the log shows an upper bound. Other poorly known parameters are also set back to their
+    start values.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
     poor = (estimate.sigma > OBSERVABLE * prior) | search.held
     bounded, held = np.zeros(poor.size, np.bool_), poor.copy()
 
+    every = np.arange(poor.size)
+
     def refuted(index: int, value: float) -> bool:
         other = estimate.value.copy()
         other[index] = value
-        return 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) > REJECTED
+        if 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) <= REJECTED:
+            return False
+        # Another noise may stand for this one: only what no other parameters explain is refuted.
+        kept = search.held | (every == index) | (every >= LATENCY)
+        try:
+            best = maximise(search.run, whole, other, kept, most=AHEAD).log_likelihood
+        except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
+            return True
+        return 2 * (estimate.log_likelihood - best) > REJECTED
 
     for index in range(LOGARITHMS.stop):
         if index < NOISE.stop and not refuted(index, -NOTHING):

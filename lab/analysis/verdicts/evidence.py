@@ -74,19 +74,45 @@ def linearity(solution: Solution, belief: Belief, motion: MotionAtFixes, seen: N
     motion
         Motion at the fixes `seen` (m,), used or not.
     """
-    start = float(np.sqrt(np.diag(belief.P0)[ATT].max()))
     used = np.flatnonzero(solution.fix_sample[seen] >= 0)
-    largest, neglected = start, 0.0
     if used.size and solution.fix_covariance.size:
         P = of_fixes(solution.fix_covariance, seen[used])
-        about, force = P[:, ATT, ATT], motion.force_n[used]
-        largest = max(start, float(np.sqrt(np.diagonal(about, axis1=1, axis2=2).max())))
-        # The mean of φ × (φ × f) is (P − tr P) f.
-        trace = np.trace(about, axis1=1, axis2=2)[:, None]
-        mean_n = (np.einsum("mij,mj->mi", about, force) - trace * force) / 2
-        mean_b = np.einsum("mji,mj->mi", motion.C_nb[used], mean_n)
-        neglected = float(normalised_squares(mean_b, P[:, ACCEL_BIAS, ACCEL_BIAS]).mean())
-    return Linearity(*(Kept(np.array([value])) for value in (start, largest, neglected)))
+        (found,) = linearity_abreast(belief, P[None], motion.force_n[None, used], motion.C_nb[None, used])
+        return found
+    start = _largest_attitude(belief.P0)
+    return Linearity(*(Kept(np.array([value])) for value in (start, start, 0.0)))
+
+
+def _largest_attitude(P: FloatArray) -> float:
+    """Return the largest σ of the attitude in covariances (…, n, n) [rad]."""
+    return float(np.sqrt(np.diagonal(P[..., ATT, ATT], axis1=-2, axis2=-1).max()))
+
+
+def linearity_abreast(
+    belief: Belief, P: FloatArray, force_n: FloatArray, C_nb: FloatArray
+) -> list[Linearity]:
+    """Return how far the attitude errors of some runs are from small; see `linearity`.
+
+    Parameters
+    ----------
+    belief
+        The assumptions of all filters.
+    P : (runs, m, n, n) array
+        Covariances after the used fixes.
+    force_n, C_nb : (runs, m, 3), (runs, m, 3, 3) arrays
+        Specific forces [m/s²] and attitudes there.
+    """
+    start, about = _largest_attitude(belief.P0), P[..., ATT, ATT]
+    # The mean of φ × (φ × f) is (P − tr P) f.
+    trace = np.trace(about, axis1=-2, axis2=-1)[..., None]
+    mean_n = ((about @ force_n[..., None])[..., 0] - trace * force_n) / 2
+    mean_b = (np.swapaxes(C_nb, -1, -2) @ mean_n[..., None])[..., 0]
+    of_bias = np.ascontiguousarray(P[..., ACCEL_BIAS, ACCEL_BIAS])
+    neglected = normalised_squares(mean_b.reshape(-1, 3), of_bias.reshape(-1, 3, 3)).reshape(len(P), -1)
+    return [
+        Linearity(*(Kept(np.array([value])) for value in (start, max(start, _largest_attitude(own)), mean)))
+        for own, mean in zip(P, neglected.mean(axis=1).tolist(), strict=True)
+    ]
 
 
 __all__ = [
@@ -288,17 +314,25 @@ def usage(solution: Solution, gate: float) -> Usage:
 
 
 def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
-    first = np.zeros(1, dtype=np.int64)
-    x = _errors(solution, first, reference)
-    total, number = np.zeros(1 + len(BLOCKS)), np.zeros(1 + len(BLOCKS))
+    x = _errors(solution, np.zeros(1, dtype=np.int64), reference)
+    (found,) = start_squares(belief, x, scaled=solution.scale.shape[1] > 0)
+    return found
+
+
+def start_squares(belief: Belief, x: FloatArray, *, scaled: bool) -> list[Squares]:
+    """Return the squares of the initial errors (runs, n) of filters with the same P0; see `Evidence`.
+
+    `scaled` is true if the filter has states for scale factors.
+    """
+    total, number = np.zeros((len(x), 1 + len(BLOCKS))), np.zeros(1 + len(BLOCKS))
     for at, block in enumerate((slice(None), *BLOCKS.values())):
-        if block in (GYRO_SCALE, ACCEL_SCALE) and not solution.scale.shape[1]:
+        if block in (GYRO_SCALE, ACCEL_SCALE) and not scaled:
             continue  # other states may be there
         P0 = belief.P0[block, block]
         if P0.size:
             inverse, number[at] = _inverse(P0.tobytes())
-            total[at] = x[0, block] @ inverse @ x[0, block]
-    return Squares(total, number)
+            total[:, at] = [own @ inverse @ own for own in x[:, block]]
+    return [Squares(own, number) for own in total]
 
 
 def _errors(solution: Solution, at: NDArray[np.intp], reference: Reference) -> FloatArray:
@@ -332,27 +366,59 @@ def state_means(
     span = float(time[0]), float(time[-1])
     at, P = solution.fix_sample[used], of_fixes(solution.fix_covariance, used)
     x = _errors(solution, at, reference)
+    after = series_of_states(time[at], x[None], P[None], solution)
+    seconds = between_fixes(time, samples)
+    nees, degrees = position_nees(solution, seconds, reference) if seconds.size else (np.zeros(0), 0)
+    return run_means([*after, series_between(time[seconds], nees, degrees)], span)
+
+
+def between_fixes(time: FloatArray, samples: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return those of the samples at times (n,) at whole seconds, and just before fixes at samples (m,)."""
+    return np.unique(np.concatenate((whole_seconds(time), np.maximum(samples - 1, 1))))
+
+
+def series_between(time: FloatArray, nees: FloatArray, degrees: int) -> Series:
+    """Return the series of NEES (k,) or (runs, k) of the position between fixes at times (k,) [s]."""
+    return Series(Figure(BETWEEN), time, nees, np.full(time.size, float(degrees)), SETTLING)
+
+
+def series_of_states(
+    time: FloatArray, x: FloatArray, P: FloatArray, solution: Solution, nees: FloatArray | None = None
+) -> list[Series]:
+    """Return the series of NEES of all states, and of each group of them, after the fixes.
+
+    Parameters
+    ----------
+    time : (m,) array
+        Times of the fixes [s].
+    x, P : (runs, m, n), (runs, m, n, n) arrays
+        Errors of all states, and their covariances.
+    solution
+        A solution with these states.
+    nees : (runs, m) array
+        NEES of all states, if it is known.
+    """
+    further = slice(solution.states - solution.further.shape[1], solution.states)
 
     def series(group: str, block: slice, apart: float) -> Series:
-        own = P[:, block, block]
-        degrees = np.full(used.size, float(consistency.uncertain(own).size if own.size else 0))
-        nees = consistency.normalised_squares(x[:, block], own) if own.size else np.zeros(used.size)
-        return Series(Figure(NEES, group), time[at], nees, degrees, apart, quartered=group == ALL)
+        values, own = x[..., block], P[..., block, block]
+        width, squares = values.shape[-1], np.zeros(x.shape[:-1])
+        own = own.reshape(squares.size, width, width)
+        degrees = np.full(time.size, float(consistency.uncertain(own).size if own.size else 0))
+        if group == ALL and nees is not None:
+            squares = nees
+        elif own.size:
+            squares = consistency.normalised_squares(values.reshape(squares.size, width), own).reshape(
+                squares.shape
+            )
+        return Series(Figure(NEES, group), time, squares, degrees, apart, quartered=group == ALL)
 
-    after = [series(ALL, slice(None), SETTLING)]
-    for group, block in (BLOCKS | {FURTHER: _further(solution)}).items():
+    found = [series(ALL, slice(None), SETTLING)]
+    for group, block in (BLOCKS | {FURTHER: further}).items():
         missing = block in (GYRO_SCALE, ACCEL_SCALE) and not solution.scale.shape[1]
         own = slice(0, 0) if missing else block  # other states may be there
-        after.append(series(group, own, APART.get(group, np.inf)))
-    seconds = np.unique(np.concatenate((whole_seconds(time), np.maximum(samples - 1, 1))))
-    nees, degrees = position_nees(solution, seconds, reference) if seconds.size else (np.zeros(0), 0)
-    between = Series(Figure(BETWEEN), time[seconds], nees, np.full(seconds.size, float(degrees)), SETTLING)
-    return run_means([*after, between], span)
-
-
-def _further(solution: Solution) -> slice:
-    """Return the states beyond those of the inertial sensors."""
-    return slice(solution.states - solution.further.shape[1], solution.states)
+        found.append(series(group, own, APART.get(group, np.inf)))
+    return found
 
 
 def whole_seconds(time: FloatArray) -> NDArray[np.intp]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.outliers import outliers
+from lab.analysis.verdicts.outliers import outliers, stands_out
 from lab.analysis.verdicts.pattern import binned
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import ecef
+from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 from lab.navigation.filters.error_models import POS, VEL
+from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels.compilation import entry_kernel
+from lab.navigation.kernels.lane_views import LANES, wide, wide_vectors
 from lab.navigation.solution import Belief, Fixes
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
@@ -101,37 +104,91 @@ def fix_errors(
     root = np.sqrt(np.diagonal(belief.R))
     plain = normal_equations(causes / root[:, None], error / root)
     late, gain = _latency(plain)
-    if (
-        times.size >= limits.VERDICT.cause_fixes
-        and gain > limits.VERDICT.cause_ratio
-        and abs(late) > NONLINEAR
-    ):
+    if _is_late(times.size, late, gain):
         # For a long latency, the error is not velocity times latency, so the fixes are compared with the
         # earlier truth.
         error = _errors(fixes, used, truth, late) - assumed + causes[..., 0] * late
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
     kept = ~outliers(error)
-    times, error, causes = times[kept], error[kept], causes[kept]
-    position, log_determinant = coloured(times, causes[:, POS], error[:, POS])
-    plain = normal_equations(causes, error)
-    rest = error - causes @ (np.linalg.pinv(plain.matrix, hermitian=True) @ plain.vector)
     span = float(truth.time[0]), float(truth.time[-1])
-    return FixErrors(
-        count=times.size,
-        position=position,
-        log_determinant=log_determinant,
-        velocity=normal_equations(causes[:, VEL], error[:, VEL]),
-        variance=variance * times.size,
-        outliers=int(np.sum(~kept & ~rejected)),
-        refused=int(np.sum(~kept & rejected)),
-        channels=Squares(
-            np.stack((np.sum(rest**2, axis=0), np.sum(np.minimum(rest**2, CAPPED), axis=0))),
-            np.full((2, 6), float(times.size)),
-        ),
-        in_time=binned(rest, times, span),
-        span=Kept(np.array([span])),
-    )
+    (found,) = _of_errors(times[kept], causes[None, kept], error[None, kept], variance, span)
+    return replace(found, outliers=int(np.sum(~kept & ~rejected)), refused=int(np.sum(~kept & rejected)))
+
+
+def fix_errors_abreast(
+    belief: Belief,
+    times: FloatArray,
+    positions: FloatArray,
+    velocities_n: FloatArray,
+    causes: FloatArray,
+    truth: Truth,
+) -> list[FixErrors | None]:
+    """Return the statistics of the fixes of some runs, all used and none with a lever arm; see `fix_errors`.
+
+    None stands for a run whose fixes may have outliers, or are so late that they are compared with an earlier
+    truth.
+
+    Parameters
+    ----------
+    belief
+        The assumptions of all filters.
+    times : (m,) array
+        Times of the fixes of all runs [s].
+    positions, velocities_n : (runs, m, 3) arrays
+        The fixes of each.
+    causes : (runs, m, 6, CAUSES) array
+        Effects of latency and lever arm on them.
+    truth
+        The true flight.
+    """
+    variance = np.diagonal(belief.R)
+    there = _interpolated(truth, times)
+    true = np.tile(there.position, (len(positions), 1))
+    off = displacement(true, positions.reshape(-1, 3)).reshape(positions.shape)
+    error = np.concatenate((off, velocities_n - there.velocity_n), axis=2) / np.sqrt(variance)
+    causes = causes / np.sqrt(variance)[:, None]
+    plain = normal_equations(causes, error)
+    late = [_is_late(times.size, *_latency(Fit(*one))) for one in zip(*plain, strict=True)]
+    usual = ~(late | stands_out(error))
+    span = float(truth.time[0]), float(truth.time[-1])
+    found = iter(_of_errors(times, causes[usual], error[usual], variance, span) if usual.any() else ())
+    return [next(found) if own else None for own in usual]
+
+
+def _of_errors(
+    times: FloatArray, causes: FloatArray, error: FloatArray, variance: FloatArray, span: tuple[float, float]
+) -> list[FixErrors]:
+    """Return the statistics of errors (runs, m, 6) and causes (runs, m, 6, p), both in σ, at times (m,)."""
+    position, log_determinant = coloured(times, causes[:, :, POS], error[:, :, POS])
+    velocity, plain = normal_equations(causes[:, :, VEL], error[:, :, VEL]), normal_equations(causes, error)
+    by_causes = np.linalg.pinv(plain.matrix, hermitian=True) @ plain.vector[..., None]
+    rest = error - (causes @ by_causes[:, None])[..., 0]
+    squares = np.stack((np.sum(rest**2, axis=1), np.sum(np.minimum(rest**2, CAPPED), axis=1)), axis=1)
+    in_time = binned(rest, times, span)
+    return [
+        FixErrors(
+            count=times.size,
+            position=Fit(*(part[run] for part in position)),
+            log_determinant=log_determinant,
+            velocity=Fit(*(np.asarray(part[run]) for part in velocity)),
+            variance=variance * times.size,
+            outliers=0,
+            refused=0,
+            channels=Squares(squares[run], np.full((2, 6), float(times.size))),
+            in_time=Squares(*(part[run] for part in in_time)),
+            span=Kept(np.array([span])),
+        )
+        for run in range(len(error))
+    ]
+
+
+def _is_late(fixes: int, late: float, gain: float) -> bool:
+    """Return whether a latency [s] of so many fixes is so sure and long that the errors depend on its square.
+
+    `gain` is that in log-likelihood.
+    """
+    return fixes >= limits.VERDICT.cause_fixes and gain > limits.VERDICT.cause_ratio and abs(late) > NONLINEAR
 
 
 def _latency(fit: Fit) -> tuple[float, float]:
@@ -180,11 +237,20 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
 
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
     """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
-    times = np.clip(fixes.time[used] - late, truth.time[0], truth.time[-1])
+    there = _interpolated(truth, fixes.time[used] - late)
+    velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
+    return np.concatenate(
+        (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
+    )
+
+
+def _interpolated(truth: Truth, times: FloatArray) -> Truth:
+    """Return the truth at times (m,) without attitudes [s]."""
+    times = np.clip(times, truth.time[0], truth.time[-1])
     after = np.clip(np.searchsorted(truth.time, times, side="right"), 1, truth.time.size - 1)
     before, then = truth.taken(after - 1), truth.taken(after)
     part = (times - before.time) / (then.time - before.time)
-    there = Truth(
+    return Truth(
         time=times,
         latitude=before.latitude + part * (then.latitude - before.latitude),
         longitude=wrap(before.longitude + part * wrap(then.longitude - before.longitude)),
@@ -193,10 +259,6 @@ def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> 
         q_nb=before.q_nb[:0],
         euler=np.zeros((0, 3)),
     )
-    velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
-    return np.concatenate(
-        (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
-    )
 
 
 def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple[Fit, FloatArray]:
@@ -204,54 +266,83 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
 
     The covariance of the values at t and t' is δ(t − t') + ratio exp(−|t − t'| / time): the correlated part
     is a process of first order, which a scalar Kalman filter follows.
+
+    Parameters
+    ----------
+    times : (m,) array
+        Times of the values [s].
+    causes, values : (runs, m, c, p) and (runs, m, c) arrays
+        Of up to eight runs; for a single one, the first dimension may be missing.
     """
-    both = np.concatenate((causes, values[:, :, None]), axis=2)
-    wide = both.shape[2]
-    squares, log_determinant = (
-        np.zeros((len(TIMES), wide, wide, len(RATIOS))),
-        np.zeros((len(TIMES), len(RATIOS))),
+    both = np.concatenate((causes, values[..., None]), axis=-1)
+    m, channels, width = both.shape[-3:]
+    runs, tried, rows = math.prod(both.shape[:-3]), (len(TIMES), len(RATIOS)), m * channels * width
+    columns = aligned_zeros(rows * LANES)
+    columns.reshape(rows, LANES)[:, :runs] = both.reshape(runs, rows).T
+    squares, log_determinant = aligned_zeros(math.prod(tried) * width**2 * LANES), np.zeros(tried)
+    room, left = aligned_zeros((channels + 1) * width * LANES), np.empty(m)
+    _whiten(
+        of_kernel(times),
+        columns,
+        (m, channels, width),
+        np.array(TIMES),
+        np.array(RATIOS),
+        left,
+        room,
+        squares,
+        log_determinant,
     )
-    _whiten(of_kernel(times), of_kernel(both), np.array(TIMES), np.array(RATIOS), squares, log_determinant)
-    squares = squares.transpose(0, 3, 1, 2)
-    return Fit(squares[..., :-1, :-1], squares[..., :-1, -1], squares[..., -1, -1]), log_determinant
+    found = squares.reshape(*tried, width, width, LANES)[..., :runs]
+    found = np.ascontiguousarray(np.moveaxis(found, -1, 0)).reshape(*both.shape[:-3], *found.shape[:-1])
+    return Fit(found[..., :-1, :-1], found[..., :-1, -1], found[..., -1, -1]), log_determinant
 
 
 @entry_kernel
 def _whiten(
     times: FloatArray,
-    both: FloatArray,
+    columns: FloatArray,
+    shape: tuple[int, int, int],
     lasting: FloatArray,
     ratios: FloatArray,
+    left: FloatArray,
+    room: FloatArray,
     squares: FloatArray,
     log_determinant: FloatArray,
 ) -> None:
-    """Add products of whitened columns (m, c, w) to `squares` (times, w, w, ratios)."""
-    m, channels, wide = both.shape
-    every = ratios.size
-    variance, gain, per = np.empty(every), np.empty(every), np.empty(every)
-    expected, rest = np.empty((channels, wide, every)), np.empty((wide, every))
+    """Write products of whitened columns (m, c, w, LANES) into `squares` (times, ratios, w, w, LANES).
+
+    `left` (m,) and `room` (c + 1, w, LANES) are room for what is left of the correlated part at each time,
+    and for expected and whitened values.
+    """
+    wide_vectors()
+    m, channels, width = shape
+    both, expected, rest = wide(columns, 0), wide(room, 0), wide(room, channels * width)
     for a in range(lasting.size):
-        expected[:] = 0.0
-        variance[:] = ratios
-        for k in range(m):
-            left = math.exp((times[k - 1] - times[k]) / lasting[a]) if k > 0 else 0.0
-            for b in range(every):
-                variance[b] = left * left * variance[b] + (1 - left * left) * ratios[b]
-                per[b] = 1 / (1 + variance[b])
-                gain[b] = variance[b] * per[b]
-                log_determinant[a, b] -= channels * math.log(per[b])
-                variance[b] *= per[b]
-            for c in range(channels):
-                for i in range(wide):
-                    value = both[k, c, i]
-                    for b in range(every):
-                        before = left * expected[c, i, b]
-                        rest[i, b] = value - before
-                        expected[c, i, b] = before + gain[b] * rest[i, b]
-                for i in range(wide):
-                    for j in range(i + 1):
-                        for b in range(every):
-                            squares[a, i, j, b] += rest[i, b] * rest[j, b] * per[b]
-        for i in range(wide):
-            for j in range(i):
-                squares[a, j, i] = squares[a, i, j]
+        for k in range(1, m):
+            left[k] = math.exp((times[k - 1] - times[k]) / lasting[a])
+        for b in range(ratios.size):
+            total = wide(squares, (a * ratios.size + b) * width * width)
+            for i in range(channels * width):
+                expected[i] = 0.0
+            variance = ratios[b]
+            for k in range(m):
+                fade = left[k] if k > 0 else 0.0
+                variance = fade * fade * variance + (1 - fade * fade) * ratios[b]
+                per = 1 / (1 + variance)
+                gain = variance * per
+                log_determinant[a, b] -= channels * math.log(per)
+                variance = gain
+                for c in range(channels):
+                    at = (k * channels + c) * width
+                    for i in range(width):
+                        before = expected[c * width + i] * fade
+                        apart = both[at + i] - before
+                        expected[c * width + i] = before + apart * gain
+                        rest[i] = apart
+                    for i in range(width):
+                        weighted = rest[i] * per
+                        for j in range(i + 1):
+                            total[i * width + j] = total[i * width + j] + weighted * rest[j]
+            for i in range(width):
+                for j in range(i):
+                    total[j * width + i] = total[i * width + j]

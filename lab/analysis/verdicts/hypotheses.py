@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.verdicts.hypothesis_bank import Found, Offered, Place, Terms, follow
+from lab.analysis.verdicts.hypothesis_bank import TOGETHER, Found, Offered, Place, Terms, follow
 from lab.analysis.verdicts.imu_causes import Steps
 from lab.analysis.verdicts.pattern import AXES
 from lab.base.arrays import FloatArray, of_kernel
@@ -233,6 +233,8 @@ class _Bank:
 
     def __init__(self, tried: Sequence[Hypothesis], P0: FloatArray, position: float) -> None:
         self._count, n = len(tried), P0.shape[0]
+        if n % TOGETHER:
+            raise ValueError(f"a filter with {n} states; hypotheses are tried for states that come in threes")
         tried = [*tried, *[tried[-1]] * (-len(tried) % LANES)]
         variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])
@@ -274,6 +276,8 @@ class _Bank:
             self._place,
             offered,
             Terms.of(offered.transition),
+            Terms.of(offered.H),
+            (offered.noise != 0).any(axis=(0, 2, 3)),
             limit,
             found,
         )
@@ -283,9 +287,9 @@ def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
     """Return P0 under each hypothesis (h, N, N)."""
     n = P0.shape[0]
     P = np.zeros((len(tried), N, N))
-    for at, hypothesis in enumerate(tried):
-        scale = np.full(n, np.sqrt(hypothesis.p0[0]))
-        for block, factor in zip(STARTS.values(), hypothesis.p0[1:], strict=True):
-            scale[block] *= np.sqrt(factor)
-        P[at, :n, :n] = P0 * scale[:, None] * scale
+    roots = np.sqrt(np.array([one.p0 for one in tried]))
+    scale = np.repeat(roots[:, :1], n, axis=1)
+    for block, own in zip(STARTS.values(), roots.T[1:], strict=True):
+        scale[:, block] *= own[:, None]
+    P[:, :n, :n] = P0 * scale[:, :, None] * scale[:, None]
     return P

@@ -20,6 +20,8 @@ CHANNELS, AXES = 6, 3
 """Components of a fix: position, then velocity; and those of either."""
 PARTS = 5
 """Parts of the noise that have factors of their own; see `imu_causes.Steps`."""
+TOGETHER = 3
+"""Rows or columns of P that are computed together: states come in threes."""
 
 
 class Place(NamedTuple):
@@ -68,15 +70,15 @@ class Found(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """The elements of a transition that are not zero: in each row (n,), their number and columns (n, n)."""
+    """The elements of matrices that are not zero: in each row (r,), their number and columns (r, n)."""
 
     number: NDArray[np.int64]
     column: NDArray[np.int64]
 
     @classmethod
-    def of(cls, transition: FloatArray) -> Terms:
-        """Return those of some transitions (m, n, n)."""
-        some = (transition != 0).any(axis=0)
+    def of(cls, matrices: FloatArray) -> Terms:
+        """Return those of some matrices (m, r, n)."""
+        some = (matrices != 0).any(axis=0)
         return cls(some.sum(axis=1), np.argsort(~some, axis=1, kind="stable"))
 
 
@@ -92,14 +94,21 @@ def _moved(w: Any, first: int, apart: int, transition: FloatArray, i: int, terms
 
 
 @kernel
-def _propagate(
-    w: Any, place: Place, transition: FloatArray, noise: FloatArray, decay: Any, terms: Terms
-) -> None:
-    """Propagate P and the errors to the next fix."""
+def _move(w: Any, place: Place, transition: FloatArray, decay: Any, terms: Terms) -> None:
+    """Write the product of the transition and P, and propagate the errors."""
     n, N = transition.shape[0], place.N
     for i in range(n):
-        for j in range(N):
-            w[place.PRODUCT + i * N + j] = _moved(w, j, N, transition, i, terms)
+        own = transition[i, i]
+        for j in range(0, N, TOGETHER):  # three sums at a time share the search for what is not zero
+            at = i * N + j
+            a, b, c = own * w[at], own * w[at + 1], own * w[at + 2]
+            for t in range(terms.number[i]):
+                m = terms.column[i, t]
+                if m != i:
+                    factor, at = transition[i, m], m * N + j
+                    a, b, c = a + factor * w[at], b + factor * w[at + 1], c + factor * w[at + 2]
+            at = place.PRODUCT + i * N + j
+            w[at], w[at + 1], w[at + 2] = a, b, c
         w[place.MOVED + i] = _moved(w, place.APART, 1, transition, i, terms)
     for i in range(n):
         w[place.APART + i] = w[place.MOVED + i]
@@ -107,29 +116,55 @@ def _propagate(
         w[place.APART + i] = decay * w[place.APART + i]
         for j in range(N):
             w[place.PRODUCT + i * N + j] = decay * w[i * N + j]
-    for i in range(N):
+
+
+@kernel
+def _propagate(
+    w: Any,
+    place: Place,
+    transition: FloatArray,
+    noise: FloatArray,
+    decay: Any,
+    terms: Terms,
+    driven: NDArray[np.bool_],
+) -> None:
+    """Propagate P and the errors to the next fix."""
+    n, N = transition.shape[0], place.N
+    _move(w, place, transition, decay, terms)
+    for i in range(0, N, TOGETHER):
         row = place.PRODUCT + i * N
-        for j in range(min(i + 1, n)):
-            total = _moved(w, row, 1, transition, j, terms)
-            for b in range(PARTS if i < n else 0):
-                if noise[b, i, j] != 0:
-                    total = total + noise[b, i, j] * w[place.Q + b]
-            w[i * N + j] = total
-            w[j * N + i] = total
+        for j in range(min(i + TOGETHER, n)):
+            own, at = transition[j, j], row + j
+            a, b, c = own * w[at], own * w[at + N], own * w[at + 2 * N]
+            for t in range(terms.number[j]):
+                m = terms.column[j, t]
+                if m != j:
+                    factor, at = transition[j, m], row + m
+                    a, b, c = a + factor * w[at], b + factor * w[at + N], c + factor * w[at + 2 * N]
+            for part in range(PARTS if i < n else 0):
+                if driven[part]:
+                    drive = w[place.Q + part]
+                    a = a + noise[part, i, j] * drive
+                    b = b + noise[part, i + 1, j] * drive
+                    c = c + noise[part, i + 2, j] * drive
+            w[i * N + j], w[(i + 1) * N + j], w[(i + 2) * N + j] = a, b, c
+            w[j * N + i], w[j * N + i + 1], w[j * N + i + 2] = a, b, c
+    for i in range(n, N):
+        row = place.PRODUCT + i * N
         for j in range(n, i + 1):
             w[i * N + j] = decay * w[row + j]
             w[j * N + i] = w[i * N + j]
-    for i in range(n, N):
         w[i * N + i] = w[i * N + i] + w[place.VARIANCE] * (1.0 - decay * decay)
 
 
 @inline_kernel
-def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int) -> Any:
+def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int, seen: Terms) -> Any:
     """Return component c of the product of H and the numbers from `first` on, each `apart`."""
     n = H.shape[1]
     total = w[first] * H[c, 0]
-    for m in range(1, n):
-        if H[c, m] != 0:
+    for t in range(seen.number[c]):
+        m = seen.column[c, t]
+        if m != 0:
             total = total + w[first + m * apart] * H[c, m]
     if n + c < N and c < AXES:  # the slow error of a position is a part of the fix
         total = total - w[first + (n + c) * apart]
@@ -138,18 +173,24 @@ def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int) -> Any
 
 @kernel
 def _predict(
-    w: Any, place: Place, H: FloatArray, R: FloatArray, innovation: FloatArray, correction: FloatArray
+    w: Any,
+    place: Place,
+    H: FloatArray,
+    R: FloatArray,
+    innovation: FloatArray,
+    correction: FloatArray,
+    seen: Terms,
 ) -> None:
     """Predict a fix, given innovation and correction of the filter that ran."""
     N = place.N
     for i in range(N):
         for c in range(CHANNELS):
-            w[place.SEEN + i * CHANNELS + c] = _shown(w, i * N, 1, H, c, N)
+            w[place.SEEN + i * CHANNELS + c] = _shown(w, i * N, 1, H, c, N, seen)
     for c in range(CHANNELS):
         for d in range(c + 1):
             noise = w[place.RATIO + c] * w[place.RATIO + d] * R[c, d]
-            w[place.S + c * CHANNELS + d] = noise + _shown(w, place.SEEN + d, CHANNELS, H, c, N)
-        w[place.INNOVATION + c] = innovation[c] - _shown(w, place.APART, 1, H, c, N)
+            w[place.S + c * CHANNELS + d] = noise + _shown(w, place.SEEN + d, CHANNELS, H, c, N, seen)
+        w[place.INNOVATION + c] = innovation[c] - _shown(w, place.APART, 1, H, c, N, seen)
     for i in range(correction.size):
         w[place.APART + i] = w[place.APART + i] - correction[i]
 
@@ -260,6 +301,8 @@ def follow(
     place: Place,
     offered: Offered,
     terms: Terms,
+    seen: Terms,
+    driven: NDArray[np.bool_],
     limit: float,
     found: Found,
 ) -> None:
@@ -275,8 +318,10 @@ def follow(
         Number of groups.
     place
         Where the numbers of a hypothesis begin.
-    offered, terms
-        The fixes, and the elements of their transitions that are not zero.
+    offered, terms, seen
+        The fixes, and the elements of their transitions and of their H that are not zero.
+    driven : (PARTS,) array
+        Mask of the parts of the noise that are not zero.
     limit
         As of `hypotheses.likelihoods`.
     found
@@ -287,13 +332,14 @@ def follow(
         w = wide(buffer, g * place.END)
         for k in range(offered.skipped.size):
             decay = wide(decays, k * groups + g)[0]
-            _propagate(w, place, offered.transition[k], offered.noise[k], decay, terms)
-            _predict(w, place, offered.H[k], offered.R[k], offered.innovation[k], offered.correction[k])
+            _propagate(w, place, offered.transition[k], offered.noise[k], decay, terms, driven)
+            nu, correction = offered.innovation[k], offered.correction[k]
+            _predict(w, place, offered.H[k], offered.R[k], nu, correction, seen)
             if g == 0:
-                nu, S = found.innovation[k], found.covariance[k]
-                _note(buffer, place, nu, S)
+                own, S = found.innovation[k], found.covariance[k]
+                _note(buffer, place, own, S)
                 if limit < math.inf:
-                    most = max(_square_of_three(nu, S, 0), _square_of_three(nu, S, 3))
+                    most = max(_square_of_three(own, S, 0), _square_of_three(own, S, 3))
                     offered.skipped[k] = offered.skipped[k] or most > limit
             if offered.skipped[k]:
                 continue

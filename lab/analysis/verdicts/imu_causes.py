@@ -6,18 +6,19 @@ through its gains. The rest appears in the innovations, like the effect of fix c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.imu_columns import write_imu_columns
-from lab.base.arrays import FloatArray
-from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
+from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.kernels.compilation import entry_kernel
 from lab.navigation.solution import Belief, Imu, Solution
+from lab.navigation.strapdown import matrix
 
 CAUSES = {
     "gyro scale factor": ("gyro", "scale"),
@@ -37,6 +38,11 @@ NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
 AT_ONCE = 64
 """Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
+
+STEP, DTHETA, DVELOCITY = 0, slice(1, 4), slice(4, 7)
+"""Places of the signals: length of a sample interval [s], and increments of gyros and accelerometers."""
+GYRO_SLOPE, ACCEL_SLOPE, SINCE, SIGNALS = slice(7, 10), slice(10, 13), 13, 14
+"""Places of minus what these lose in a sample, of a bias drift, and the number of signals."""
 
 
 class Steps(NamedTuple):
@@ -136,33 +142,22 @@ def _steps(
     forced: bool,
 ) -> Steps:
     """Return the propagation over the intervals (m,) between samples `edges` (m + 1,)."""
-    begin, end = int(edges.min()), int(edges.max()) + 1
-    here, count = slice(begin, end), duration.size
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[begin : end + 1]))
-    C_mid = 0.5 * (C_nb[1:] + C_nb[:-1])
-    del C_nb
-
-    def gathered(values: FloatArray) -> FloatArray:
-        sums = np.add.reduceat(values, edges - begin, axis=0)[:-1]
-        return np.where((duration > 0).reshape(-1, *(1,) * (values.ndim - 1)), sums, 0.0)
-
-    dt = np.diff(imu.time[begin : end + 1])[:, None]
-    mean_C = gathered(C_mid * dt[..., None])
-    safe = np.maximum(duration, 1e-9)[:, None]
-    # Of a long flight, they are float32, which would not do for sums.
-    dtheta, dvelocity = (
-        values[here].astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
-    )
-    force_n = gathered(np.einsum("nij,nj->ni", C_mid, dvelocity)) / safe
-    rate_b, force_b = gathered(dtheta) / safe, gathered(dvelocity) / safe
+    count = duration.size
+    rotated, plain = _gathered(solution, imu, edges, forced=forced)
+    rotated[duration <= 0], plain[duration <= 0] = 0.0, 0.0
+    mean_C, safe = rotated[..., STEP], np.maximum(duration, 1e-9)[:, None]
+    force_n = np.trace(rotated[..., DVELOCITY], axis1=2, axis2=3) / safe
+    rate_b, force_b = plain[:, DTHETA] / safe, plain[:, DVELOCITY] / safe
     F = _system_matrix(names, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
     T = duration[:, None, None]
     n, unknown = solution.states, _in_gaps(belief, imu.time, edges, duration)
     noise = np.zeros((count, 5, n, n))
     blocks = [(ATT, 0, belief.noise[:3]), (VEL, 1, belief.noise[3:6])]
     blocks += [(ATT, 4, unknown[:, :3]), (VEL, 4, unknown[:, 3:])] if unknown.any() else []
+    square = F @ F
+    powers = F, square / 2, square @ F / 6
     for node, weight in NODES:
-        onwards = exponential(F, 0.5 * (1 - node) * T)
+        onwards = exponential(powers, 0.5 * (1 - node) * T)
         for rows, block, density in blocks:
             G = onwards[:, :, rows] @ (mean_C / safe[..., None] * np.sqrt(density)[..., None, :])
             noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
@@ -170,12 +165,13 @@ def _steps(
             G = onwards[:, :, rows] * np.sqrt(belief.noise[3 * block : 3 * block + 3])
             noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
     if not forced:
-        return Steps(exponential(F, T), noise, np.zeros((count, n, 0)))
-    direct = _forced(imu, C_mid, here, gathered)
-    kick = np.zeros((count, n, direct[0].shape[2] + direct[1].shape[2]))
-    gyros = direct[0].shape[2]
-    kick[:, ATT, :gyros], kick[:, VEL, gyros:] = -direct[0], direct[1]
-    return Steps(exponential(F, T), noise, exponential(F, 0.5 * T) @ kick)
+        return Steps(exponential(powers, T), noise, np.zeros((count, n, 0)))
+    # The errors that the causes of gyros and accelerometers add, resolved in n.
+    gyros, axes, signals = _REGRESSORS
+    direct = rotated[:, :, axes, signals]
+    kick = np.zeros((count, n, axes.size))
+    kick[:, ATT, gyros], kick[:, VEL, ~gyros] = -direct[..., gyros], direct[..., ~gyros]
+    return Steps(exponential(powers, T), noise, exponential(powers, 0.5 * T) @ kick)
 
 
 def _in_gaps(belief: Belief, time: FloatArray, edges: NDArray[np.intp], duration: FloatArray) -> FloatArray:
@@ -186,11 +182,12 @@ def _in_gaps(belief: Belief, time: FloatArray, edges: NDArray[np.intp], duration
     return np.asarray(within @ belief.gaps[:, 2:] / np.maximum(duration, 1e-9)[:, None])
 
 
-def exponential(F: FloatArray, T: FloatArray) -> FloatArray:
-    """Return exp(F T) (m, n, n) to third order, of system matrices (m, n, n) and times (m, 1, 1) [s]."""
-    step = F * T
-    square = step @ step
-    return np.asarray(np.eye(F.shape[-1]) + step + square / 2 + square @ step / 6)
+def exponential(powers: tuple[FloatArray, FloatArray, FloatArray], T: FloatArray) -> FloatArray:
+    """Return exp(F T) (m, n, n) to third order, from F, F²/2 and F³/6 and times (m, 1, 1) [s]."""
+    first, second, third = powers
+    found = T * (first + T * (second + T * third))
+    found[:, range(found.shape[1]), range(found.shape[1])] += 1.0
+    return np.asarray(found)
 
 
 def _system_matrix(
@@ -217,30 +214,70 @@ def _system_matrix(
     return F
 
 
-def _forced(
-    imu: Imu, C_nb: FloatArray, here: slice, gathered: Callable[[FloatArray], FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the errors (m, 3, p) that the causes of gyros and accelerometers add, resolved in n."""
-    dt = np.diff(imu.time[here.start : here.stop + 1])
-    since = (imu.time[here.start + 1 : here.stop + 1] - imu.time[0]) / DRIFT_TIME * dt
-    # A slope needs the samples on both sides.
-    around = slice(max(here.start - 1, 0), min(here.stop + 1, imu.dtheta.shape[0]))
-    inner = slice(here.start - around.start, here.stop - around.start)
-    parts: dict[str, list[FloatArray]] = {"gyro": [], "accelerometer": []}
+def _regressors() -> tuple[NDArray[np.bool_], NDArray[np.intp], NDArray[np.intp]]:
+    """Return of each regressor whether it is one of the gyros, its axis, and its place among the signals."""
+    found = list[tuple[bool, int, int]]()
     for sensor, kind in CAUSES.values():
-        measured = imu.dtheta if sensor == "gyro" else imu.dvelocity
-        increments = measured[here]
+        gyro = sensor == "gyro"
+        own, slope = (DTHETA, GYRO_SLOPE) if gyro else (DVELOCITY, ACCEL_SLOPE)
         for axis in range(3):
-            if kind == "cross":
-                signals = [increments[:, (axis + 1) % 3], increments[:, (axis + 2) % 3]]
-            elif kind == "scale":
-                signals = [increments[:, axis]]
-            elif kind == "force":
-                signals = [imu.dvelocity[here, axis]]
-            elif kind == "slope":
-                rate = measured[around, axis] / np.diff(imu.time[around.start : around.stop + 1])
-                signals = [-np.gradient(rate)[inner]]
-            else:
-                signals = [since]
-            parts[sensor] += [gathered(C_nb[:, :, axis] * one[:, None]) for one in signals]
-    return np.stack(parts["gyro"], axis=-1), np.stack(parts["accelerometer"], axis=-1)
+            signals = {
+                "cross": [own.start + (axis + 1) % 3, own.start + (axis + 2) % 3],
+                "scale": [own.start + axis],
+                "force": [DVELOCITY.start + axis],
+                "slope": [slope.start + axis],
+                "drift": [SINCE],
+            }
+            found += [(gyro, axis, signal) for signal in signals[kind]]
+    gyros, axes, places = zip(*found, strict=True)
+    return np.array(gyros), np.array(axes), np.array(places)
+
+
+_REGRESSORS = _regressors()
+
+
+def _gathered(
+    solution: Solution, imu: Imu, edges: NDArray[np.intp], *, forced: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return sums of signals between samples `edges` (m + 1,): of C_nb s, (m, 3, 3, s), and of s, (m, s).
+
+    C_nb s has the columns of C_nb, each times the signal. Without the effects of the causes, the signals are
+    the first ones.
+    """
+    begin, end = int(edges.min()), int(edges.max()) + 1
+    here = slice(begin, end)
+    dt = np.diff(imu.time[begin : end + 1])
+    signals = np.empty((end - begin, SIGNALS if forced else DVELOCITY.stop))
+    # Of a long flight, increments are float32, which would not do for sums.
+    signals[:, STEP], signals[:, DTHETA], signals[:, DVELOCITY] = dt, imu.dtheta[here], imu.dvelocity[here]
+    if forced:
+        # A slope needs the samples on both sides.
+        around = slice(max(begin - 1, 0), min(end + 1, imu.dtheta.shape[0]))
+        inner = slice(begin - around.start, end - around.start)
+        per = 1 / np.diff(imu.time[around.start : around.stop + 1])[:, None]
+        for measured, place in ((imu.dtheta, GYRO_SLOPE), (imu.dvelocity, ACCEL_SLOPE)):
+            signals[:, place] = -np.gradient(measured[around] * per, axis=0)[inner]
+        signals[:, SINCE] = (imu.time[begin + 1 : end + 1] - imu.time[0]) / DRIFT_TIME * dt
+    rotated = np.zeros((edges.size - 1, 3, 3, signals.shape[1]))
+    plain = np.zeros((edges.size - 1, signals.shape[1]))
+    _gather(of_kernel(solution.q_nb[begin : end + 1]), signals, edges - begin, rotated, plain)
+    return rotated, plain
+
+
+@entry_kernel
+def _gather(
+    q_nb: FloatArray, signals: FloatArray, edges: NDArray[np.intp], rotated: FloatArray, plain: FloatArray
+) -> None:
+    """Add signals (n, s) of the intervals, and their products with the mean of C_nb at both ends of each."""
+    for k in range(edges.size - 1):
+        for sample in range(edges[k], edges[k + 1]):
+            before, after = q_nb[sample], q_nb[sample + 1]
+            first = matrix((before[0], before[1], before[2], before[3]))
+            last = matrix((after[0], after[1], after[2], after[3]))
+            for i in range(3):
+                for j in range(3):
+                    entry = 0.5 * (first[i][j] + last[i][j])
+                    for s in range(signals.shape[1]):
+                        rotated[k, i, j, s] += entry * signals[sample, s]
+            for s in range(signals.shape[1]):
+                plain[k, s] += signals[sample, s]

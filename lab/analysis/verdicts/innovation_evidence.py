@@ -15,12 +15,12 @@ from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, mat
 from lab.analysis.verdicts import hypotheses, limits
 from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.imu_causes import Steps, columns, steps, steps_in_parts
-from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers
+from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers, stands_out
 from lab.analysis.verdicts.pattern import BINS, binned
 from lab.analysis.verdicts.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
 from lab.analysis.verdicts.selection import gain_of
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.navigation.filters import blocks
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
@@ -190,11 +190,11 @@ def _without_outliers(
     return (record.without(apart, known) if apart.any() else record), apart
 
 
-def may_have_outliers(nu: FloatArray, S: FloatArray) -> bool:
-    """Return whether there may be outliers among some innovations (m, 6) with covariances S (m, 6, 6)."""
+def may_have_outliers(nu: FloatArray, S: FloatArray) -> Flags:
+    """Return whether each run may have outliers, given innovations (runs, m, 6) and S (runs, m, 6, 6)."""
     relative = normalised(np.nan_to_num(nu), S)
-    apart = outliers(relative, settled=NEIGHBOURS // 2)
-    return bool(apart.any()) or _beyond(relative, _limit(relative))
+    beyond = [_beyond(own, _limit(own)) for own in relative]
+    return stands_out(relative, settled=NEIGHBOURS // 2) | beyond
 
 
 def _limit(relative: FloatArray) -> float:
@@ -218,8 +218,8 @@ def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
 
 
 def normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
-    """Return innovations (m, 6) divided by their σ, from their covariances (m, 6, 6)."""
-    return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+    """Return innovations (…, 6) divided by their σ, from their covariances (…, 6, 6)."""
+    return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=-2, axis2=-1)))
 
 
 class Record(NamedTuple):
@@ -305,13 +305,13 @@ def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray, means: Ru
 def nis_means(
     time: FloatArray, nu: FloatArray, S: FloatArray, known: NDArray[np.bool_], span: tuple[float, float]
 ) -> RunMeans:
-    """Return mean NIS of a run: of whole fixes, and of the kinds of innovation.
+    """Return mean NIS of a run, or of each of some runs: of whole fixes, and of the kinds of innovation.
 
     Parameters
     ----------
     time : (m,) array
         Times of the fixes [s].
-    nu, S : (m, 6) and (m, 6, 6) arrays
+    nu, S : (…, m, 6) and (…, m, 6, 6) arrays
         Innovations, zero where nothing is measured, and their covariances.
     known : (m, 6) array
         Mask of what is measured.
@@ -320,7 +320,10 @@ def nis_means(
     """
 
     def series(group: str, own: slice) -> Series:
-        nis = consistency.normalised_squares(nu[:, own], S[:, own, own])
+        width = own.stop - own.start
+        nis = consistency.normalised_squares(
+            nu[..., own].reshape(-1, width), S[..., own, own].reshape(-1, width, width)
+        ).reshape(nu.shape[:-1])
         degrees = known[:, own].sum(axis=1).astype(np.float64)
         return Series(Figure(NIS, group), time, nis, degrees, 0.0, quartered=group == ALL)
 
@@ -411,9 +414,14 @@ def suspicious(found: Innovations) -> bool:
 
 
 def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
-    """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
-    m = normalised.shape[0]
-    lagged = np.array(
-        [np.einsum("mc,mc->c", normalised[k:], normalised[: max(m - k, 0)]) for k in range(1 + LAGS)]
+    """Return squares, sums (…, 6) and lagged products (…, LAGS, 6) of innovations (…, m, 6) in their σ."""
+    m = normalised.shape[-2]
+    lagged = np.stack(
+        [
+            np.einsum("...mc,...mc->...c", normalised[..., k:, :], normalised[..., : max(m - k, 0), :])
+            for k in range(1 + LAGS)
+        ],
+        axis=-2,
     )
-    return Squares(lagged[0], np.full(MEASUREMENTS, float(m))), normalised.sum(axis=0), lagged[1:]
+    count = np.full(MEASUREMENTS, float(m))
+    return Squares(lagged[..., 0, :], count), normalised.sum(axis=-2), lagged[..., 1:, :]

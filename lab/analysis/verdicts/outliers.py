@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.verdicts import limits
-from lab.base.arrays import FloatArray, of_kernel
+from lab.base.arrays import Flags, FloatArray, of_kernel
 from lab.navigation.kernels.compilation import entry_kernel
 
 NEIGHBOURS = 10
@@ -21,7 +20,7 @@ def largest_square() -> float:
     return chi_square_interval(3, 1, 1 - 2 * limits.VERDICT.outlier_chance)[1]
 
 
-def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
+def outliers(errors: FloatArray, settled: int = 0) -> Flags:
     """Return which errors (m,) stand out from those around them.
 
     Each is compared with the median of its neighbours, which removes slow changes (correlated errors, a
@@ -47,37 +46,55 @@ def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
         found[new] = True
 
 
-def _apart(errors: FloatArray) -> NDArray[np.bool_]:
-    """Return which errors (m,) stand out from those around them."""
-    count = errors.shape[0]
+def stands_out(errors: FloatArray, settled: int = 0) -> Flags:
+    """Return whether `outliers` finds any in the errors of each run, (runs, m, 6)."""
+    return np.asarray(_apart(errors)[..., settled:].any(axis=-1))
+
+
+def _apart(errors: FloatArray) -> Flags:
+    """Return which errors (…, m) stand out from those around them."""
+    count = errors.shape[-2]
+    none = np.zeros(errors.shape[:-1], dtype=np.bool_)
     if count <= NEIGHBOURS:
-        return np.zeros(count, dtype=np.bool_)
+        return none
     half = NEIGHBOURS // 2
     apart = errors - _middle(errors, 0, NEIGHBOURS)
-    squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
+    squares = np.sum(apart.reshape(*errors.shape[:-1], 2, 3) ** 2, axis=-1)
+    if not (squares > largest_square()).any():
+        return none
     usual = np.maximum(_middle(squares, 0, half), _middle(squares, half, half))
-    usual = np.maximum(usual, np.median(squares, axis=0))
-    return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=1))
+    usual = np.maximum(usual, np.median(squares, axis=-2, keepdims=True))
+    return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=-1))
 
 
 def _middle(values: FloatArray, first: int, count: int) -> FloatArray:
-    """Return the medians (m, c) of some of the neighbours of each of m values (m, c)."""
-    middle = np.empty(values.shape)
-    _write_middle(of_kernel(values), first, count, NEIGHBOURS, middle)
-    return middle
+    """Return the medians (…, m, c) of some of the neighbours of each of m values (…, m, c)."""
+    m = values.shape[-2]
+    columns = np.moveaxis(values, -2, 0)
+    middle, room = np.empty(columns.shape), np.empty((count, columns.size // m))
+    _write_middle(of_kernel(columns).reshape(m, -1), first, NEIGHBOURS, middle.reshape(m, -1), room)
+    return np.moveaxis(middle, 0, -2)
 
 
 @entry_kernel
-def _write_middle(values: FloatArray, first: int, count: int, neighbours: int, middle: FloatArray) -> None:
-    ordered = np.empty(count)
+def _write_middle(
+    values: FloatArray, first: int, neighbours: int, middle: FloatArray, room: FloatArray
+) -> None:
+    """Write the medians of neighbours of values (m, columns), with `room` for these, (count, columns).
+
+    Neighbours change places until they are in order, in all columns at once and without a branch.
+    """
+    count, columns = room.shape
     for k in range(values.shape[0]):
         start = min(max(k - neighbours // 2, 0), values.shape[0] - neighbours - 1) + first
-        for c in range(values.shape[1]):
-            for i in range(count):
-                row = start + i
-                value, at = values[row + (row >= k), c], i
-                while at > 0 and ordered[at - 1] > value:
-                    ordered[at] = ordered[at - 1]
-                    at -= 1
-                ordered[at] = value
-            middle[k, c] = 0.5 * (ordered[(count - 1) // 2] + ordered[count // 2])
+        for i in range(count):
+            row = start + i + (start + i >= k)
+            for c in range(columns):
+                room[i, c] = values[row, c]
+        for turn in range(count):
+            for i in range(turn % 2, count - 1, 2):
+                for c in range(columns):
+                    low, high = room[i, c], room[i + 1, c]
+                    room[i, c], room[i + 1, c] = min(low, high), max(low, high)
+        for c in range(columns):
+            middle[k, c] = 0.5 * (room[(count - 1) // 2, c] + room[count // 2, c])

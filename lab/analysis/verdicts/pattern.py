@@ -6,12 +6,14 @@ different fault from an R that is wrong as a whole.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import is_right
+from lab.analysis.verdicts.run_means import binned_sums
 from lab.analysis.verdicts.sums import Kept, Squares
 from lab.base.arrays import FloatArray
 
@@ -48,8 +50,8 @@ def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> 
 
     Parameters
     ----------
-    values : (m, 6) array
-        Values that should have unit variance; NaN has no effect.
+    values : (m, 6) or (runs, m, 6) array
+        Values that should have unit variance; NaN has no effect. Those of runs give squares of each.
     times : (m,) array
         Times of the values [s].
     span
@@ -57,16 +59,16 @@ def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> 
     """
     length = max(span[1] - span[0], 1e-9)
     at = np.clip(((times - span[0]) / length * BINS).astype(np.int64), 0, BINS - 1)
-    total, number = np.zeros((2, 2, BINS)), np.zeros((2, 2, BINS))
-    known = np.isfinite(values)
-    squares = np.where(known, values, 0.0) ** 2
+    shape = (*values.shape[:-2], 2, 2, BINS)
+    known = np.isfinite(values).reshape(math.prod(shape[:-3]), times.size, 2, 3)
+    total, number = np.zeros((len(known), 2, 2, BINS)), np.zeros((len(known), 2, 2, BINS))
+    squares = np.sum(np.where(known, values.reshape(known.shape), 0.0) ** 2, axis=-1)
+    count = known.sum(axis=-1)
     for kind in range(2):
-        own = slice(3 * kind, 3 * kind + 3)
-        sums = squares[:, own].sum(axis=1)
-        total[0, kind] = np.bincount(at, sums, BINS)
-        total[1, kind] = np.bincount(at, np.minimum(sums, CAPPED), BINS)
-        number[:, kind] = np.bincount(at, known[:, own].sum(axis=1), BINS)
-    return Squares(total, number)
+        total[:, 0, kind] = binned_sums(at, squares[..., kind], BINS)
+        total[:, 1, kind] = binned_sums(at, np.minimum(squares[..., kind], CAPPED), BINS)
+        number[:, :, kind] = binned_sums(at, count[..., kind], BINS)[:, None]
+    return Squares(total.reshape(shape), number.reshape(shape))
 
 
 def _likelihood(total: FloatArray, number: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray
@@ -108,7 +109,7 @@ class RunMeans(Sum):
 
 
 class Series(NamedTuple):
-    """Normalised squares of a run at m times.
+    """Normalised squares of a run, or of some runs, at m times.
 
     Attributes
     ----------
@@ -116,7 +117,7 @@ class Series(NamedTuple):
         What they are, for the whole flight.
     time : (m,) array
         Times [s].
-    squares : (m,) array
+    squares : (m,) or (runs, m) array
         Normalised squares.
     degrees : (m,) array
         Degrees of freedom of each.
@@ -135,7 +136,7 @@ class Series(NamedTuple):
 
 
 def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
-    """Return the means of a run.
+    """Return the means of a run, or of each of some runs.
 
     Parameters
     ----------
@@ -144,23 +145,28 @@ def run_means(series: Sequence[Series], span: tuple[float, float]) -> RunMeans:
     span
         Start and end of the flight [s].
     """
-    figures: list[Figure] = []
-    means: list[float] = []
-    independent: list[float] = []
-    length = max(span[1] - span[0], 1e-9)
+    figures, means, independent = list[Figure](), list[FloatArray](), list[float]()
+    length, quarters = max(span[1] - span[0], 1e-9), len(QUARTERS)
     for one in series:
-        at = np.clip((one.time - span[0]) / length * len(QUARTERS), 0, len(QUARTERS) - 1).astype(int)
-        count, squares, degrees = (
-            np.bincount(at, values, len(QUARTERS)) for values in (None, one.squares, one.degrees)
-        )
-        parts = [("", count.sum(), squares.sum(), degrees.sum(), length)]
+        at = np.clip((one.time - span[0]) / length * quarters, 0, quarters - 1).astype(int)
+        count, degrees = (np.bincount(at, values, quarters) for values in (None, one.degrees))
+        squares = binned_sums(at, np.atleast_2d(one.squares), quarters)
+        parts = [("", count.sum(), squares.sum(axis=1), degrees.sum(), length)]
         if one.quartered:
-            lasting = length / len(QUARTERS)
-            parts += [(*each, lasting) for each in zip(QUARTERS, count, squares, degrees, strict=True)]
+            lasting = length / quarters
+            parts += [(*each, lasting) for each in zip(QUARTERS, count, squares.T, degrees, strict=True)]
         for name, number, total, freedom, lasting in parts:
             figures.append(one.figure._replace(quarter=name))
             free = float(freedom)
-            means.append(float(total) / free if free else np.nan)
+            means.append(total / free if free else np.full(total.shape, np.nan))
             most = max(1.0, lasting / one.apart) if one.apart else np.inf
             independent.append(min(free, most * free / max(int(number), 1)))
-    return RunMeans(tuple(figures), Kept(np.array(means)[None]), Kept(np.array(independent)[None]))
+    found = np.stack(means, axis=1)
+    return RunMeans(tuple(figures), Kept(found), Kept(np.tile(independent, (len(found), 1))))
+
+
+def binned_sums(at: NDArray[np.intp], values: FloatArray, bins: int) -> FloatArray:
+    """Return the sums (runs, bins) of values (runs, m) that belong to bins (m,)."""
+    runs = len(values)
+    places = (at + bins * np.arange(runs)[:, None]).ravel()
+    return np.asarray(np.bincount(places, np.ravel(values), bins * runs).reshape(runs, bins), np.float64)

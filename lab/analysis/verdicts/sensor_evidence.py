@@ -7,7 +7,7 @@ tested with sums over windows of `WINDOW`, the bias process with the bias as vis
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import NamedTuple
@@ -54,6 +54,8 @@ UNSEEN = 0.01
 
 SHOWN = 1e-12
 """Smallest square of a combination of causes, each of unit size, that is fitted: rounding leaves 1e-15."""
+TINY = 1e-300
+"""Smallest divisor."""
 SLOW = 1e-6
 """Fraction of the correlation time below which a flight cannot distinguish a first-order process from a
 random walk."""
@@ -174,15 +176,15 @@ class Exact(NamedTuple):
     earth: FloatArray
 
 
-class _Axis(NamedTuple):
-    """The errors of an axis of a sensor, summed over windows of a length [s]."""
+class _Windows(NamedTuple):
+    """The errors of the six axes of some runs, averaged over windows of a length [s]."""
 
     window: float
-    noise: FloatArray  # (windows,) error besides the bias, divided by the time
-    bias: FloatArray
-    motion: FloatArray  # (windows, 6) MOTION
-    drift: FloatArray  # (windows, 4) DRIFT
-    clipped: NDArray[np.bool_]
+    noise: FloatArray  # (runs, 6, windows) error besides the bias
+    bias: FloatArray  # likewise
+    motion: FloatArray  # (1 or runs, 6, windows, 6) MOTION: of all runs, or of each
+    drift: FloatArray  # (6, windows, 4) DRIFT
+    clipped: NDArray[np.bool_]  # (runs, 6, windows)
 
 
 def sensor_errors(
@@ -208,60 +210,95 @@ def sensor_errors(
         The mean increments (windows, 6) in the windows of both, as from `window_means`; by default, from the
         output of the sensors.
     """
-    runs, drives = 1, FACTORS.size + 2
-    terms = len(MOTION)
-    matrix, vector = np.zeros((runs, 6, terms, terms)), np.zeros((runs, 6, terms))
-    squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6, 2))
-    matched = np.zeros(6) if reference.bias_drive is None else reference.bias_drive
-    hidden = np.zeros(6) if reference.hidden is None else reference.hidden
-    clipped = Squares(np.zeros(2), np.zeros(2))
-    drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
-    drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
     short, long = true or exacts(reference, imu.time)
+    if measured is None:
+        first = _measured_means(imu, short)
+        measured = first, first if long is short else _measured_means(imu, long)
+    means = measured[0][None], measured[1][None]
+    return sensor_errors_abreast(belief, [imu], [reference], (short, long), means)[0]
 
-    def means(at: int) -> FloatArray:
-        return _measured_means(imu, (short, long)[at]) if measured is None else measured[at]
 
-    sums = _sums(reference, short, means(0))
-    of_long = sums if long is short else _sums(reference, long, means(1))
-    for axis in np.flatnonzero(belief.noise[:6] > 0):
-        seen = _axis(imu, reference, int(axis), short, sums)
-        wide = seen if long is short else _axis(imu, reference, int(axis), long, of_long)
-        root = np.sqrt(belief.noise[axis] / seen.window)
-        noise, motion = seen.noise / root, seen.motion / root
-        kept = ~seen.clipped
-        clipped.total[axis // 3] += np.sum(noise[~kept] ** 2)
-        clipped.number[axis // 3] += np.count_nonzero(~kept)
-        noise, motion = noise[kept], motion[kept]
-        matrix[0, axis], vector[0, axis] = motion.T @ motion, motion.T @ noise
-        squares[0, axis], number[0, axis] = noise @ noise, noise.size
-        spread = _least_squares(matrix[0, axis], vector[0, axis])
-        rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
-        found = _drift(wide, belief, int(axis), float(matched[axis]), float(hidden[axis]), rest, spread)
-        drive[0, axis] = found[0]
-        drift_matrix[0, axis], drift_vector[0, axis], drift_squares[0, axis], determinant[0, axis] = found[1:]
-    return SensorErrors(
-        Kept(matrix),
-        Kept(vector),
-        Kept(squares),
-        Kept(number),
-        clipped,
-        Kept(drift_matrix),
-        Kept(drift_vector),
-        Kept(drift_squares),
-        Kept(determinant),
-        Kept(drive),
+def sensor_errors_abreast(
+    belief: Belief,
+    imus: Sequence[Imu],
+    references: Sequence[Reference],
+    true: tuple[Exact, Exact],
+    measured: tuple[FloatArray, FloatArray],
+) -> list[SensorErrors]:
+    """Return the errors that the sensors of some runs added, whose matched filters are the same.
+
+    Parameters
+    ----------
+    belief
+        The assumptions of all filters about the sensors.
+    imus, references
+        Output of the sensors and true values of each run.
+    true
+        As from `exacts`.
+    measured
+        The mean increments (runs, windows, 6) in the windows of both.
+    """
+    short, long = true
+    axes = np.flatnonzero(belief.noise[:6] > 0)
+    seen = _windows(imus, references, short, measured[0])
+    wide = seen if long is short else _windows(imus, references, long, measured[1])
+    root = np.sqrt(np.where(belief.noise[:6] > 0, belief.noise[:6], 1.0) / seen.window)
+    noise, motion = seen.noise / root[:, None], seen.motion / root[:, None, None]
+    kept = ~seen.clipped
+    number = kept.sum(axis=2).astype(np.float64)
+    lost = np.sum(np.where(kept, 0.0, noise**2), axis=2)
+    if not kept.all():
+        noise, motion = np.where(kept, noise, 0.0), np.where(kept[..., None], motion, 0.0)
+    across = np.swapaxes(motion, -1, -2)
+    matrix, vector = across @ motion, (across @ noise[..., None])[..., 0]
+    spread = _least_squares(matrix, vector)
+    left = np.sum((noise - (motion @ spread[..., None])[..., 0]) ** 2, axis=2)
+    rest = np.where(number > 0, np.maximum(left / np.maximum(number, 1.0), 1e-12), 1.0)
+    squares = np.sum(noise**2, axis=2)
+    judged = np.isin(np.arange(6), axes)
+    runs, drives, terms = len(references), FACTORS.size + 2, len(DRIFT)
+    parts = [np.zeros((runs, 6, *size)) for size in ((2,), (drives, terms, terms), (drives, terms))]
+    parts += [np.zeros((runs, 6, drives)) for _ in range(2)]
+    matched, hidden = (
+        np.zeros(6) if values is None else values
+        for values in (references[0].bias_drive, references[0].hidden)
     )
+    for axis in axes.tolist():
+        found = _drift(wide, belief, axis, float(matched[axis]), float(hidden[axis]), rest, spread)
+        for part, values in zip(parts, found, strict=True):
+            part[:, axis] = values
+    drive, drift_matrix, drift_vector, drift_squares, determinant = parts
+    matrix = np.broadcast_to(matrix, (runs, *matrix.shape[1:])) * judged[:, None, None]
+    vector, squares, number = vector * judged[:, None], squares * judged, number * judged
+    lost, away = (lost * judged).reshape(runs, 2, 3).sum(axis=2), (~kept).sum(axis=2) * judged
+    kept_of_runs = {
+        "matrix": matrix,
+        "vector": vector,
+        "squares": squares,
+        "number": number,
+        "drift_matrix": drift_matrix,
+        "drift_vector": drift_vector,
+        "drift_squares": drift_squares,
+        "log_determinant": determinant,
+        "drive": drive,
+    }
+    return [
+        SensorErrors(
+            clipped=Squares(lost[run], away[run].reshape(2, 3).sum(axis=1).astype(np.float64)),
+            **{name: Kept(values[run : run + 1]) for name, values in kept_of_runs.items()},
+        )
+        for run in range(runs)
+    ]
 
 
 def _least_squares(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    """Return the solution of normal equations (p, p), (p,), without what their causes do not show."""
-    size = np.sqrt(np.diagonal(matrix))
+    """Return the solution of normal equations (…, p, p), (…, p), without what their causes do not show."""
+    size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
     per = np.divide(1, size, out=np.zeros_like(size), where=size > 0)
-    values, along = np.linalg.eigh(matrix * per[:, None] * per)
-    shown = values > SHOWN
-    along = along[:, shown]
-    return np.asarray(per * (along @ ((along.T @ (per * vector)) / values[shown])))
+    values, along = np.linalg.eigh(matrix * per[..., :, None] * per[..., None, :])
+    weight = np.divide(1, values, out=np.zeros_like(values), where=values > SHOWN)
+    parts = np.swapaxes(along, -1, -2) @ (per * vector)[..., None]
+    return np.asarray(per * (along @ (weight[..., None] * parts))[..., 0])
 
 
 def exacts(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
@@ -374,48 +411,53 @@ def _sums(reference: Reference, true: Exact, measured: FloatArray) -> _Sums:
     return _Sums(noise, biases)
 
 
-def _axis(imu: Imu, reference: Reference, axis: int, true: Exact, sums: _Sums) -> _Axis:
-    """Return the errors of an axis, averaged over windows."""
-    sensor, own = divmod(axis, 3)
+def _windows(
+    imus: Sequence[Imu], references: Sequence[Reference], true: Exact, measured: FloatArray
+) -> _Windows:
+    """Return the errors of the axes, given the means (runs, windows, 6) of the output of the sensors."""
     count, width, dt = true.moved.shape[0], true.width, true.dt
-    added = sums.noise[:, axis]
-    motion = np.empty((count, len(MOTION)))
+    sums = [_sums(reference, true, means) for reference, means in zip(references, measured, strict=True)]
+    noise, bias = (np.stack([one[part].T for one in sums]) for part in range(2))
+    sensors, own = np.divmod(np.arange(6), 3)
+    motion = np.zeros((1, 6, count, len(MOTION)))
     for column in range(3):
-        other = 3 * sensor + (own + column) % 3
-        motion[:, column] = true.moved[:, other]
-    increments = (reference.dtheta, reference.dvelocity)[sensor]
-    motion[:, 5] = true.earth[:, axis]
-    motion[:, 3:5] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
-    drift = np.empty((count, 4))
-    drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
-    drift[:, 2] = true.temperature
-    drift[:, 3] = 0.0 if sensor else true.moved[:, 3 + own]
-    clipped = np.zeros(count, dtype=np.bool_)
-    if reference.saturated[sensor]:
-        measured = (imu.dtheta, imu.dvelocity)[sensor]
-        size = np.abs(measured[: count * width, own])
-        at_end = size >= np.abs(measured).max() * (1 - 1e-9)
-        clipped = at_end.reshape(count, width).any(axis=1)
-    return _Axis(width * dt, added, sums.bias[:, axis], motion, drift, clipped)
+        motion[0, ..., column] = true.moved[:, 3 * sensors + (own + column) % 3].T
+    motion[0, ..., 3], motion[0, ..., 5] = true.fall.T, true.earth.T
+    centred = true.fall.T - true.fall.mean(axis=0)[:, None]
+    late = np.sum(centred * noise, axis=2) >= SHORT * np.maximum(np.sum(centred**2, axis=1), TINY)
+    if late.any():
+        motion = np.tile(motion, (len(references), 1, 1, 1))
+    for run, axis in np.argwhere(late).tolist():
+        increments = (references[run].dtheta, references[run].dvelocity)[axis // 3]
+        values = increments[: count * width, axis % 3] / dt
+        motion[run, axis, :, 3:5] = _lag(values, noise[run, axis], true.fall[:, axis], dt)
+    drift = np.zeros((6, count, len(DRIFT)))
+    drift[..., 0], drift[..., 1] = 1.0, (np.arange(count) + 0.5) * width * dt
+    drift[..., 2], drift[:3, :, 3] = true.temperature, true.moved[:, 3:].T
+    clipped = np.zeros(noise.shape, dtype=np.bool_)
+    for run, (imu, reference) in enumerate(zip(imus, references, strict=True)):
+        for sensor, increments in enumerate((imu.dtheta, imu.dvelocity)):
+            if reference.saturated[sensor]:
+                size = np.abs(increments[: count * width])
+                at_end = (size >= np.abs(increments).max() * (1 - 1e-9)).reshape(count, width, 3)
+                clipped[run, 3 * sensor : 3 * sensor + 3] = at_end.any(axis=1).T
+    return _Windows(width * dt, noise, bias, motion, drift, clipped)
 
 
-def _lag(moved: Callable[[], FloatArray], added: FloatArray, fall: FloatArray, dt: float) -> FloatArray:
+def _lag(values: FloatArray, added: FloatArray, fall: FloatArray, dt: float) -> FloatArray:
     """Return the effect of a first-order lag on values, per second of lag, and of a longer lag (windows, 2).
 
-    The lag that fits the `added` errors is determined first, because a long lag has effects beyond the slope.
-    `moved` returns the values, and `fall` is minus their mean slope in each window.
+    The lag that fits the `added` errors is determined first, because a lag beyond `SHORT` has effects beyond
+    the slope. `fall` is minus the mean slope of the values in each window.
     """
-    windows = fall.size
-    lag = _fitted(fall, added)
-    if lag < SHORT:
-        return np.stack((fall, np.zeros(windows)), axis=-1)
-    values = of_kernel(moved())
+    values, windows = of_kernel(values), fall.size
 
     def effect(lag: float) -> FloatArray:
         means = np.empty(windows)
         _lagged_means(values, float(np.exp(-dt / lag)), means)
         return means / lag
 
+    lag = _fitted(fall, added)
     for _ in range(3):
         lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
     return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
@@ -436,44 +478,48 @@ def _lagged_means(values: FloatArray, forget: float, means: FloatArray) -> None:
 def _fitted(effect: FloatArray, added: FloatArray) -> float:
     """Return the fitted factor of an effect, next to a constant."""
     centred = effect - effect.mean()
-    return float(centred @ added / max(centred @ centred, 1e-300))
+    return float(centred @ added / max(centred @ centred, TINY))
 
 
 def _drift(
-    seen: _Axis,
+    seen: _Windows,
     belief: Belief,
     axis: int,
     matched: float,
     period: float,
-    rest: float,
+    rest: FloatArray,
     spread: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the first two drives, and the normal equations of a bias under all tried drives.
+    """Return the first two drives of an axis, and the normal equations of its bias under all tried drives.
 
     `matched` is the drive of a filter matched to the sensor, which does not follow changes with a period
-    below `period` [s]; `rest` the variance of the noise relative to the assumed one, `spread` the errors that
-    depend on the motion (6,).
+    below `period` [s]; `rest` (runs, 6) the variance of the noise relative to the assumed one, `spread`
+    (runs, 6, 6) the errors that depend on the motion.
     """
-    duration = seen.window * seen.noise.size
-    density = belief.noise[axis] * rest
+    count = seen.noise.shape[2]
+    density = belief.noise[axis] * rest[:, axis]
     drive, decay = float(belief.noise[6 + axis]), float(belief.decay[axis])
-    hidden = 3 * density / duration**2
-    base = max(drive, UNSEEN * hidden)
-    power, basis = spectrum(seen.noise.size, seen.window, decay, period)
+    hidden = 3 * density / (seen.window * count) ** 2
+    base = np.maximum(drive, UNSEEN * hidden)
+    power, basis = spectrum(count, seen.window, decay, period)
     # Saturated windows contain no information about the bias.
-    values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
-    both = basis.T @ np.concatenate((seen.drift, values[:, None]), axis=1)
-    causes, values = both[:, :-1], both[:, -1]
+    apart = seen.noise[:, axis] - (seen.motion[:, axis] @ spread[:, axis, :, None])[..., 0]
+    values = np.where(seen.clipped[:, axis], 0.0, apart) + seen.bias[:, axis]
+    # One product for each run, whose bits then do not depend on those beside it.
+    values = (values[:, None] @ basis)[:, 0]
+    causes = basis.T @ seen.drift[axis]
     white = density / seen.window
-    own = np.array((drive, matched))
-    variance = white + np.append(own, base * FACTORS)[:, None] * power
+    own = np.stack(np.broadcast_arrays(drive, matched * np.ones_like(base)), axis=1)
+    tried = np.concatenate((own, base[:, None] * FACTORS), axis=1)
+    variance = white[:, None, None] + tried[..., None] * power
     weight = 1 / variance
+    products = (causes[:, :, None] * causes[:, None, :]).reshape(len(causes), -1)
     return (
-        own / base,
-        (weight @ (causes[:, :, None] * causes[:, None, :]).reshape(len(causes), -1)).reshape(-1, 4, 4),
-        weight @ (causes * values[:, None]),
-        np.asarray(weight @ values**2),
-        np.asarray(np.log(variance / white).sum(axis=1)),
+        own / base[:, None],
+        (weight @ products).reshape(*tried.shape, len(DRIFT), len(DRIFT)),
+        weight @ (causes * values[..., None]),
+        (weight @ (values**2)[..., None])[..., 0],
+        np.log(variance / white[:, None, None]).sum(axis=2),
     )
 
 

@@ -56,9 +56,7 @@ def _add(one: object, other: object) -> object:
 
 
 def normal_equations(causes: FloatArray, values: FloatArray) -> Fit:
-    """Return the normal equations of white values (m, c) on causes (m, c, p)."""
-    return Fit(
-        np.einsum("mci,mcj->ij", causes, causes),
-        np.einsum("mci,mc->i", causes, values),
-        np.array(np.sum(values**2)),
-    )
+    """Return the normal equations of white values (…, m, c) on causes (…, m, c, p)."""
+    rows = causes.reshape(*causes.shape[:-3], -1, causes.shape[-1])
+    across, white = np.swapaxes(rows, -1, -2), values.reshape(*values.shape[:-2], -1, 1)
+    return Fit(across @ rows, (across @ white)[..., 0], np.array(np.sum(white**2, axis=(-2, -1))))

@@ -5,6 +5,7 @@ The samples that are stored are those of all runs: a second apart, at the fixes,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,20 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
-from lab.analysis.errors import errors_of, outage_ends, path_of
+from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
-from lab.analysis.verdicts.evidence import Evidence, evidence, whole_seconds
+from lab.analysis.verdicts.evidence import Evidence, between_fixes, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
-from lab.analysis.verdicts.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
+from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast, uncertain_states
+from lab.analysis.verdicts.sensor_evidence import (
+    Exact,
+    Reference,
+    exacts,
+    sensor_errors,
+    sensor_errors_abreast,
+    window_means,
+)
 from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.run_at_fixes import (
     WIDE,
@@ -33,7 +42,7 @@ from lab.experiment.sensor_stages import SampledFlight
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation.belief import assumed_latency, bias_processes, hidden_by_fixes, of_bias_states
 from lab.navigation.filters.blocks import GYRO_G, SCALES
-from lab.navigation.filters.error_models import ErrorModel
+from lab.navigation.filters.error_models import POS, ErrorModel
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.lanes import LaneSolution
@@ -64,6 +73,29 @@ class Sensed(NamedTuple):
     def imu(self, time: FloatArray) -> Imu:
         """Return what the IMU measured at the times (n,) of the samples [s]."""
         return Imu(time, self.gyro.increments, self.accelerometer.increments)
+
+
+Navigated = tuple[int, Sensed, LaneSolution]
+"""Lane, sensors and solution of a run."""
+
+
+class _Places(NamedTuple):
+    """Places among the stored samples: of all fixes, and where NEES of the position is wanted."""
+
+    fixes: Samples
+    judged: Samples  # of `RunAtFixes.grid`, then those of `between_fixes`
+
+
+class _Judged(NamedTuple):
+    """A run that is judged: its place among those of its block, its lane, and what is known of it."""
+
+    place: int
+    lane: int
+    one: Sensed
+    navigated: LaneSolution
+    solution: Solution  # its fixes tell their places among the stored samples
+    figures: FixFigures
+    means: tuple[FloatArray, FloatArray]
 
 
 class LaneResults:
@@ -113,9 +145,8 @@ class LaneResults:
         self._hidden = np.append(np.zeros(3), hidden_by_fixes(sensors))
         self._exact: tuple[Exact, Exact] | None = None
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
-        time, dt, latency = self._truth.time, self._ideal.dt, self._latency
-        fixed = np.searchsorted(time, fix_time - latency - SLACK * dt)
-        fixed = fixed[(fixed > 0) & (fixed < time.size)]
+        time = self._truth.time
+        fixed = self._samples_of(fix_time - self._latency)
         seconds = whole_seconds(time)
         self._before = np.maximum(seconds - 1, 1)
         ends = np.array([0, min(1, time.size - 1), time.size - 1])
@@ -155,34 +186,115 @@ class LaneResults:
         means = window_means(increments, short)
         return means, means if long is short else window_means(increments, long)
 
-    def kept(
+    def kept(self, runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
+        """Return what is kept of runs that are not judged; None of one that diverged, for a run alone.
+
+        Parameters
+        ----------
+        runs
+            The lane, sensors and solution of each run.
+        seconds
+            Computing time of each [s].
+        """
+        found = list[RunAtFixes | None]([None] * len(runs))
+        shown = {
+            place: self._in_stored(navigated.solution)
+            for place, (_, _, navigated) in enumerate(runs)
+            if not _diverged(navigated)
+        }
+        sums = _channel_sums([_used(solution) for solution in shown.values()])
+        for (place, solution), own in zip(shown.items(), sums, strict=True):
+            _, one, navigated = runs[place]
+            figures = self._figures(one, solution, navigated.motion, self._of_before)
+            found[place] = self._run(one, solution, figures, seconds, own)
+        return found
+
+    def judged(
+        self, runs: Sequence[Navigated], seconds: float, increments: FloatArray
+    ) -> list[RunAtFixes | None]:
+        """Return what is kept of runs that are judged; None of one that must be run alone.
+
+        That is one that diverged, or whose innovations may have outliers, which need all samples.
+
+        Parameters
+        ----------
+        runs
+            The lane, sensors and solution of each run.
+        seconds
+            Computing time of each [s].
+        increments : (n, 6, LANES) array
+            What the sensors measured.
+        """
+        whole, places = self.means(increments), self._places(runs[0][1])
+        judged = list[_Judged]()
+        for place, (lane, one, navigated) in enumerate(runs):
+            if not _diverged(navigated):
+                solution = self._in_stored(navigated.solution)
+                figures = self._figures(one, solution, navigated.motion, places.judged)
+                means = whole[0][..., lane], whole[1][..., lane]
+                judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
+        alike = dict[bytes, list[_Judged]]()
+        for run in judged:
+            alike.setdefault(self._likeness(run, places), []).append(run)
+        alone = [[run] for run in alike.pop(b"", [])]
+        doubtful = set[int]().union(*(self._doubtful(group) for group in (*alike.values(), *alone)))
+        evidences = dict[int, Evidence | None]()
+        for group in alike.values():
+            sure = [run for run in group if run.place not in doubtful]
+            found = self._abreast(sure, places, increments) if sure else []
+            if len(sure) > 1 and None in found:  # one of them may have spoilt the others
+                found = [one for run in sure for one in self._abreast([run], places, increments)]
+            evidences |= zip((run.place for run in sure), found, strict=True)
+        kept = list[RunAtFixes | None]([None] * len(runs))
+        for run in judged:
+            if run.place not in doubtful:
+                own = evidences.get(run.place) or self._evidence(run)
+                sums = ChannelSums.of(own.innovations)
+                kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, sums, own)
+        return kept
+
+    def _samples_of(self, times: FloatArray) -> Samples:
+        """Return the samples at which fixes valid at some times are due."""
+        samples = np.searchsorted(self._truth.time, times - SLACK * self._ideal.dt)
+        return samples[(samples > 0) & (samples < self._truth.time.size)]
+
+    def _places(self, one: Sensed) -> _Places:
+        """Return where a run with all of its fixes is judged."""
+        fixes = np.searchsorted(self.stored, self._samples_of(one.seen.time))
+        between = between_fixes(self._there.time, fixes)
+        return _Places(fixes, np.concatenate((self._of_before, between)))
+
+    def _doubtful(self, runs: Sequence[_Judged]) -> set[int]:
+        """Return the places of the runs that may have outliers; all have as many used or rejected fixes."""
+        if not runs:
+            return set()
+        seen = (run.solution.fix_rejected | (run.solution.fix_sample >= 0) for run in runs)
+        pairs = [
+            (run.solution.innovation[own], run.solution.innovation_covariance[own])
+            for run, own in zip(runs, seen, strict=True)
+        ]
+        doubtful = may_have_outliers(*(np.stack(part) for part in zip(*pairs, strict=True)))
+        return {run.place for run, is_one in zip(runs, doubtful, strict=True) if is_one}
+
+    def _run(
         self,
         one: Sensed,
-        navigated: LaneSolution,
+        solution: Solution,
+        found: FixFigures,
         seconds: float,
-        means: tuple[FloatArray, FloatArray] | None,
-    ) -> RunAtFixes | None:
-        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged.
-
-        A run is judged if the means of its increments (windows, 6) are given.
-        """
-        if _diverged(navigated):
-            return None
-        solution = self._in_stored(navigated.solution)
-        judged = None if means is None else self._evidence(one, solution, navigated, means)
-        if means is not None and judged is None:
-            return None
-        found = self._figures(one, solution, navigated.motion)
-        used = solution.fix_sample >= 0
-        P, nu, S = _used(solution, used)
+        sums: ChannelSums,
+        judged: Evidence | None = None,
+    ) -> RunAtFixes:
+        """Return what is kept of a run."""
+        P, nu, S = _used(solution)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
-            time=one.fixes.time[used],
+            time=one.fixes.time[solution.fix_sample >= 0],
             nees=nees,
             nis=nis,
             grid=self._truth.time[self._before],
-            between=found.between,
+            between=found.between[: self._before.size],
             between_degrees=3,
             error=found.error,
             sigma=found.sigma,
@@ -192,7 +304,7 @@ class LaneResults:
             at_outage_ends=self._at_outage_ends(solution),
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
-            innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
+            innovations=sums,
             span=self._span,
             evidence=judged,
             free=CORRECTED,
@@ -200,19 +312,78 @@ class LaneResults:
             algorithm="",
         )
 
-    def _figures(self, one: Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
-        """Return the figures of a run."""
+    def _likeness(self, run: _Judged, places: _Places) -> bytes:
+        """Return what runs that are judged abreast have in common; empty for a run that is judged alone."""
+        solution, fixes = run.solution, places.fixes
+        regular = (
+            run.one.constants is None
+            and solution.fix_sample.size == fixes.size > 1
+            and bool((solution.fix_sample == fixes).all())
+            and bool((solution.variance[places.judged][:, POS] > 0).all())
+        )
+        return uncertain_states(solution) if regular else b""
+
+    def _abreast(
+        self, runs: Sequence[_Judged], places: _Places, increments: FloatArray
+    ) -> list[Evidence | None]:
+        """Return the evidence of runs that are alike; None of one that is judged alone."""
+        ones = [run.one for run in runs]
+        solutions = [run.solution for run in runs]
+        short, long = ([run.means[part] for run in runs] for part in range(2))
+        sensors = sensor_errors_abreast(
+            ones[0].belief,
+            [one.imu(self._truth.time) for one in ones],
+            [self._whole_reference(one) for one in ones],
+            self._moved(),
+            (np.stack(short), np.stack(long)),
+        )
+        found = Abreast(
+            solutions,
+            ones[0].belief,
+            [one.seen for one in ones],
+            self._there.time[places.fixes],
+            self._motions(runs, places.fixes, increments),
+            self._begun(runs),
+            np.stack([run.figures.x for run in runs]),
+            np.stack([run.figures.nees for run in runs]),
+            np.stack([run.figures.nis for run in runs]),
+            self._there.time[places.judged[self._before.size :]],
+            np.stack([run.figures.between[self._before.size :] for run in runs]),
+            sensors,
+            self._model.blocks,
+            float(self._navigator.gate),
+            self._latency,
+        )
+        return evidence_abreast(found, self._truth)
+
+    def _begun(self, runs: Sequence[_Judged]) -> FloatArray:
+        """Return the errors of all states at the start, (runs, n)."""
+        shown = {
+            name: np.stack([getattr(run.solution, name)[0] for run in runs])
+            for name in ("position", "velocity_n", "q_nb", "bias", "scale", "further")
+        }
+        errors = zip(*(self._true_errors(run.one) for run in runs), strict=True)
+        bias, scale = (np.stack([values[0] for values in one]) for one in errors)
+        there = self._there.taken(np.zeros(len(runs), dtype=np.int64))
+        further = np.tile(self._further, (len(runs), 1))
+        begun = runs[0].solution._replace(**shown)
+        return error_state(begun, np.arange(len(runs)), there, bias, scale, further)
+
+    def _figures(self, one: Sensed, solution: Solution, motion: FloatArray, before: Samples) -> FixFigures:
+        """Return the figures of a run, with NEES of the position at some of the stored samples."""
         bias, scale = self._true_errors(one)
         path = np.ascontiguousarray(motion[self._of_grid])
         return fix_figures.fix_figures(
-            solution, self._of_before, self._true_there, bias, scale, self._further, path, self._true_path
+            solution, before, self._true_there, bias, scale, self._further, path, self._true_path
         )
 
-    def figures(self, one: Sensed, navigated: LaneSolution, seconds: float) -> FloatArray | None:
-        """Return the figures of a run that a sweep keeps; None if it must be run alone."""
-        run = self.kept(one, navigated, seconds, None)
+    def figures(self, runs: Sequence[Navigated], seconds: float) -> list[FloatArray | None]:
+        """Return the figures of runs that a sweep keeps; None of one that must be run alone."""
         at = np.searchsorted(self.stored, self._grid)
-        return None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+        return [
+            None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+            for run, (_, _, navigated) in zip(self.kept(runs, seconds), runs, strict=True)
+        ]
 
     def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
         """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
@@ -232,51 +403,72 @@ class LaneResults:
         at = np.searchsorted(self.stored, solution.fix_sample)
         return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
 
-    def _evidence(
-        self,
-        one: Sensed,
-        solution: Solution,
-        navigated: LaneSolution,
-        means: tuple[FloatArray, FloatArray],
-    ) -> Evidence | None:
-        """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
-        fixes = one.seen
+    def _evidence(self, run: _Judged) -> Evidence:
+        """Return the evidence of a run that is judged alone."""
+        one, solution = run.one, run.solution
         stored = Imu(self._truth.time[self.stored], one.gyro.increments[:0], one.accelerometer.increments[:0])
-        seen, samples = offered(solution, fixes, stored)
-        if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
-            return None
+        _, samples = offered(solution, one.seen, stored)
+        window = self._window(samples)
+        turned = fix_causes.sums_between(one.gyro.increments, *window)
+        flown = self._flown(solution, run.navigated, samples, window)
         return evidence(
             solution,
             one.belief,
-            fixes,
+            one.seen,
             stored,
             self._reference(one),
             gate=float(self._navigator.gate),
             latency=self._latency,
             explain=False,
             names=self._model.blocks,
-            motion=self._motion(one, solution, navigated, samples),
+            motion=self._motion_of(samples, window, turned, *flown),
             sensors=sensor_errors(
-                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), means
+                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), run.means
             ),
         )
 
-    def _motion(
-        self, one: Sensed, solution: Solution, navigated: LaneSolution, samples: Samples
+    def _motions(
+        self, runs: Sequence[_Judged], samples: Samples, increments: FloatArray
     ) -> fix_causes.MotionAtFixes:
-        """Return the motion at the fixes, whose places among the stored samples are given."""
+        """Return the motion of runs that are alike at the fixes, (runs, m, …) each."""
+        window = self._window(samples)
+        turned = fix_causes.sums_between(increments[:, :3], *window)[..., [run.lane for run in runs]]
+        flown = [self._flown(run.solution, run.navigated, samples, window) for run in runs]
+        return self._motion_of(
+            samples,
+            window,
+            np.moveaxis(turned, -1, 0),
+            *(np.stack(parts) for parts in zip(*flown, strict=True)),
+        )
+
+    def _window(self, samples: Samples) -> tuple[Samples, Samples]:
+        """Return the first and the last sample of the window before stored samples, given their places."""
         last = np.maximum(self.stored[samples] - 1, 0)
-        first = np.maximum(last - self._width, 0)
-        here = np.searchsorted(self.stored, last)
-        before = navigated.motion[np.searchsorted(self.path, first)]
+        return np.maximum(last - self._width, 0), last
+
+    def _flown(
+        self, solution: Solution, navigated: LaneSolution, samples: Samples, window: tuple[Samples, Samples]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return velocities at both ends of the windows before samples, attitudes, and velocities gained."""
+        here = np.searchsorted(self.stored, window[1])
+        before = navigated.motion[np.searchsorted(self.path, window[0]), 3:6]
+        gained = navigated.force[np.append(samples, self.stored.size - 1)]
+        return before, solution.velocity_n[here], solution.q_nb[here], gained
+
+    def _motion_of(
+        self,
+        samples: Samples,
+        window: tuple[Samples, Samples],
+        turned: FloatArray,
+        before: FloatArray,
+        velocity_n: FloatArray,
+        q_nb: FloatArray,
+        gained: FloatArray,
+    ) -> fix_causes.MotionAtFixes:
+        """Return the motion at stored samples, whose places are given."""
+        ends = np.append(self.stored[samples], self.stored[-1])
         return fix_causes.motion_of(
-            self._truth.time,
-            (first, last),
-            (before[:, 3:6], solution.velocity_n[here]),
-            solution.q_nb[here],
-            one.gyro.increments,
-            np.append(self.stored[samples], self.stored[-1]),
-            navigated.force[np.append(samples, self.stored.size - 1)],
+            self._truth.time, window, (before, velocity_n), q_nb, turned, ends, gained
         )
 
     def _reference(self, one: Sensed) -> Reference:
@@ -340,14 +532,22 @@ class LaneResults:
         )
 
 
-def _used(solution: Solution, used: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _used(solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return covariance, innovation and its covariance of the used fixes, without a copy if all are used."""
+    used = solution.fix_sample >= 0
     every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
     return (
         solution.fix_covariance[every],
         solution.innovation[every],
         solution.innovation_covariance[every],
     )
+
+
+def _channel_sums(used: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> list[ChannelSums]:
+    """Return the sums of the innovations of runs; see `_used`."""
+    if len({len(nu) for _, nu, _ in used}) == 1:
+        return ChannelSums.of_used(*(np.stack([one[part] for one in used]) for part in (1, 2)))
+    return [ChannelSums.of_used(nu[None], S[None])[0] for _, nu, S in used]
 
 
 def _diverged(navigated: LaneSolution) -> bool:

@@ -146,9 +146,8 @@ def triads(
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
     ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
     lanes = [*range(len(seeds)), *[len(seeds) - 1] * (LANES - len(seeds))]
-    draws = [imu.ImuDraws.of(seed, name, 0, instability=False) for seed in seeds]
-    bias = [imu.turn_on_bias(errors, one) for one in draws]
-    M = [imu.cross_coupling(errors, one) for one in draws]
+    draws = imu.ImuDraws.constants(seeds, name)
+    bias, M = imu.turn_on_bias(errors, draws), imu.cross_coupling(errors, draws)
     out, process = room.increments, _processes(seeds, name, errors, dt, room)
     warmer = _warmer(errors, sensors, flight)
     felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
@@ -156,8 +155,8 @@ def triads(
     lags = cutoff > 0
     forget = np.where(lags, np.exp(-cutoff), 0.0)
     given = _Triad(
-        np.stack([bias[lane] for lane in lanes], axis=-1),
-        np.stack([np.eye(3) + M[lane] for lane in lanes], axis=-1),
+        np.ascontiguousarray(bias[lanes].T),
+        np.ascontiguousarray(np.moveaxis(np.eye(3) + M[lanes], 0, -1)),
         np.stack([found[lane] for lane in lanes], axis=-1),
         np.asarray(si(errors, "noise_density") * np.sqrt(dt), dtype=np.float64),
         np.asarray(si(errors, "quantisation") * dt, dtype=np.float64),

@@ -14,7 +14,7 @@ from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
 from lab.analysis.feedforward import CORRECTED, FreeRun
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.verdicts.evidence import Evidence, position_nees, whole_seconds
-from lab.analysis.verdicts.innovation_evidence import Innovations, sizes
+from lab.analysis.verdicts.innovation_evidence import Innovations, normalised, sizes
 from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
 from lab.analysis.verdicts.sums import Squares, Sum
 from lab.base.arrays import FloatArray
@@ -49,12 +49,20 @@ class ChannelSums(Sum):
         return cls(innovations.squares, innovations.sums, innovations.lagged)
 
     @classmethod
-    def of_used(cls, innovation: FloatArray, covariance: FloatArray) -> ChannelSums:
-        """Return the sums of innovations (m, 6) of used fixes with covariances (m, 6, 6); NaN is unknown."""
-        known = np.isfinite(innovation)
-        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        squares, sums, lagged = sizes(np.nan_to_num(innovation) / sigma)
-        return cls(Squares(squares.total, known.sum(axis=0).astype(np.float64)), sums, lagged)
+    def of_used(cls, innovation: FloatArray, covariance: FloatArray) -> list[ChannelSums]:
+        """Return the sums of the used fixes of some runs; NaN is unknown.
+
+        Parameters
+        ----------
+        innovation, covariance : (runs, m, 6), (runs, m, 6, 6) arrays
+            Innovations and their covariances.
+        """
+        number = np.isfinite(innovation).sum(axis=1).astype(np.float64)
+        squares, sums, lagged = sizes(normalised(np.nan_to_num(innovation), covariance))
+        return [
+            cls(Squares(total, known), whole, later)
+            for total, known, whole, later in zip(squares.total, number, sums, lagged, strict=True)
+        ]
 
 
 WITHOUT_ENDS = np.full((2, 9), np.nan, dtype=np.float32)
@@ -64,7 +72,13 @@ WITHOUT_ENDS = np.full((2, 9), np.nan, dtype=np.float32)
 def most_of(horizontal: FloatArray) -> float:
     """Return the 95 % quantile of a horizontal error (n,); NaN if it is unknown."""
     known = horizontal[np.isfinite(horizontal)]
-    return float(np.quantile(known, 0.95)) if known.size else float("nan")
+    if not known.size:
+        return float("nan")
+    # Of thousands of runs, `numpy.quantile` takes a tenth of the time of their figures.
+    place = 0.95 * (known.size - 1)
+    low, high = int(place), min(int(place) + 1, known.size - 1)
+    ordered = np.partition(known, (low, high))
+    return float(ordered[low] + (place - low) * (ordered[high] - ordered[low]))
 
 
 def rms_at_ends(error: FloatArray, sigma: FloatArray) -> NDArray[Any]:
@@ -200,7 +214,9 @@ def kept_of(result: Result, *, explain: bool = True, judged: bool = True) -> Run
         at_outage_ends=at_outage_ends,
         degrees=degrees,
         nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
-        innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
+        innovations=ChannelSums.of_used(nu[None, used], S[None])[0]
+        if found is None
+        else ChannelSums.of(found.innovations),
         span=(float(result.time[0]), float(result.time[-1])),
         evidence=found,
         free=result.free_run if judged else CORRECTED,

@@ -24,7 +24,7 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
-from lab.experiment.ensembles.lane_results import LaneResults, Samples, Sensed
+from lab.experiment.ensembles.lane_results import LaneResults, Navigated, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
@@ -173,11 +173,7 @@ class SeedLanes:
         seeds
             The seeds.
         """
-
-        def kept(_index: int, one: Sensed, solution: LaneSolution, seconds: float) -> FloatArray | None:
-            return self._results.figures(one, solution, seconds)
-
-        return self._navigated(seeds, kept)
+        return self._navigated(seeds, self._results.figures)
 
     def navigate(self, seeds: Sequence[int], samples: Samples) -> list[LaneSolution | None]:
         """Navigate up to eight seeds; of each, only the solution at some samples is computed.
@@ -208,20 +204,21 @@ class SeedLanes:
 
     def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
-        whole: list[tuple[FloatArray, FloatArray]] = []
 
-        def kept(index: int, one: Sensed, solution: LaneSolution, seconds: float) -> RunAtFixes | None:
-            if judged and not whole:
-                whole.append(self._results.means(self._sensor_room().increments))
-            means = (whole[0][0][..., index], whole[0][1][..., index]) if judged else None
-            return self._results.kept(one, solution, seconds, means)
+        def kept(runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
+            if judged:
+                return self._results.judged(runs, seconds, self._sensor_room().increments)
+            return self._results.kept(runs, seconds)
 
         return self._navigated(seeds, kept)
 
     def _navigated(
-        self, seeds: Sequence[int], kept: Callable[[int, Sensed, LaneSolution, float], T | None]
+        self, seeds: Sequence[int], kept: Callable[[Sequence[Navigated], float], Sequence[T | None]]
     ) -> Iterator[T | None]:
-        """Run up to eight seeds, and return what a function keeps of each that can be abreast."""
+        """Run up to eight seeds, and return what a function keeps of those that can be abreast.
+
+        The function takes these, and the computing time of each [s].
+        """
         room = self._sensor_room()
         sensed = self._sense(seeds, room)
         usable = self._usable(sensed)
@@ -230,8 +227,8 @@ class SeedLanes:
             began = clock.perf_counter()
             solutions = self._navigate(sensed, usable, room.increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            for index in usable:
-                found[index] = kept(index, sensed[index], solutions[index], seconds)
+            runs = [(index, sensed[index], solutions[index]) for index in usable]
+            found = dict(zip(usable, kept(runs, seconds), strict=True))
         return (found.get(index) for index in range(len(seeds)))
 
     def _sensor_room(self) -> SensorRoom:
@@ -254,7 +251,7 @@ class SeedLanes:
         ):
             assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
-            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
+            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size, sensors.gps)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
             if self._withheld:
                 kept = ~gps.within(self._withheld, fixes.time)

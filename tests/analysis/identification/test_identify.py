@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
 from lab.analysis.identification.assumptions import PARAMETERS, Assumed, Known, parameters
-from lab.analysis.identification.identify import refuted, whatever_others
+from lab.analysis.identification.identify import find_observable, refuted, whatever_others
 from lab.analysis.identification.likelihood import Estimate, InnovationSeries, maximise
 from lab.analysis.identification.renavigation import subject
 from lab.base.parameters.setting_error import SettingError
@@ -293,3 +295,16 @@ def test_the_upper_end_of_a_noise_is_where_it_stands_for_all_others():
     highest = np.log(np.sqrt(np.mean(search.innovation**2) - 0.01)) + 1.96 / np.sqrt(4800)
     assert found.high == pytest.approx(highest, abs=0.004)
     assert found.low == known[0].low
+
+
+def test_a_noise_for_which_another_can_stand_is_not_observable():
+    """Each is surely not zero beside the other as estimated, but the innovations show their sum alone."""
+    search = Sum(2.0)
+    search.held = np.arange(PARAMETERS) > 1
+    whole = parameters(Assumed(np.ones(12), np.ones(3), 0.0, np.zeros(3)), np.full(3, 0.1))
+    joint = maximise(search.run, whole, np.zeros(PARAMETERS), search.held)
+    sure = replace(joint, sigma=np.where(search.held, 0.0, 0.1))
+    nothing = np.zeros(PARAMETERS, bool)
+    _, shown, bounded = find_observable(search, whole, sure, nothing, lambda *_: None, 0.5)
+    assert not shown[:2].any()
+    assert not bounded[:2].any()
