@@ -40,9 +40,13 @@ def check_profile(profile: Profile) -> None:
     accepted = QUANTITIES_OF_FLIGHTS if profile.simulator else QUANTITIES
     for heading, text in profile.columns.items():
         try:
-            given_heading(text, heading, accepted)
+            found = given_heading(text, heading, accepted)
         except MissionError as error:
             raise MissionError(f"{profile.path}: {error}") from None
+        if profile.simulator and found is not None and found.kind and not found.unit:
+            raise MissionError(
+                f"{profile.path}: {heading} = {text!r} has no unit; accepted is one in brackets: roll[°]"
+            )
     for quantity, unit in profile.defaults.items():
         if not kind_of(quantity) or not unit_of(kind_of(quantity), unit):
             raise MissionError(
