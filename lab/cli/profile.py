@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from lab.cli.terminal import table
 EXAMPLES = """\b
 Examples:
   ins-lab profile list
+  ins-lab profile propose flight.csv
   ins-lab profile check my_logger.toml
   ins-lab profile check my_logger.toml flight.csv
   ins-lab import flight.csv --column a1=force_x[g] --save-profile "My logger"
@@ -24,7 +26,7 @@ for every csv that has their headings."""
 profile = typer.Typer(
     name="profile",
     cls=Commands,
-    help="What the columns of a maker's csv are: list the profiles, and check one.",
+    help="What the columns of a maker's csv are: list the profiles, propose one, and check one.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
@@ -48,6 +50,22 @@ def list_profiles(as_json: AsJson = False) -> None:
     rows = [(one.name, str(len(one.columns)), of, one.path.name) for one, of in found]
     print(table(("name", "columns", "of", "file"), rows))
     print(f"Your own: {own_folder()}")
+
+
+@profile.command("propose")
+def propose(
+    files: Annotated[list[Path], typer.Argument(metavar="CSV...", help="The files.", show_default=False)],
+    as_json: AsJson = False,
+) -> None:
+    """List what each column of a csv is taken for, with the evidence: the options that say it otherwise."""
+    from lab.data.sheets.column_proposals import column_proposals  # noqa: PLC0415 - imports scipy
+
+    found = column_proposals(files)
+    if as_json:
+        print_json([asdict(one) for one in found])
+        return
+    rows = [(f"{one.heading}={one.said}", "?" if one.unsure else "", one.evidence, one.file) for one in found]
+    print(table(("--column", "guessed", "evidence", "file"), rows))
 
 
 @profile.command("check")

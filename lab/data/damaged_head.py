@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lab.data.files.dataflash_file import MARKS
 from lab.data.files.ulog_file import SYNC
-from lab.data.sheets.sheet import as_utf8
+from lab.data.sheets.sheet_layout import as_utf8
 
 _GZIP = b"\x1f\x8b"
 _MESSAGE_BYTES = 1024

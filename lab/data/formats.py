@@ -14,30 +14,15 @@ from pathlib import Path
 from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.data.damaged_head import as_plain_text, copied_as_text, what_is_damaged
-from lab.data.files import (
-    acmi,
-    ardupilot,
-    fit,
-    flightgear,
-    garmin_csv,
-    gpx,
-    igc,
-    kf_gins,
-    kml,
-    own_csv,
-    sdlog2,
-    simulator_csv,
-    tcx,
-    ulog,
-    xplane_data,
-)
+from lab.data.files import acmi, ardupilot, fit, gpx, igc, kf_gins, kml, own_csv, sdlog2, tcx, ulog
 from lab.data.files.profile import shipped_profiles
 from lab.data.files.streams import Stream
 from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols import mavlink_file, receiver_file
 from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
-from lab.data.sheets import sensor_csv
+from lab.data.sheets import flightgear, garmin_csv, sensor_csv, simulator_csv, xplane_data
+from lab.data.sheets.flight_columns import recognised
 from lab.data.sheets.sheet_fixes import LatitudeError
 
 HEAD_BYTES = 2**16
@@ -88,12 +73,15 @@ READERS: tuple[Reader, ...] = (
     Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
     Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
     *(
-        Reader(one.name, partial(simulator_csv.recognises, one), partial(simulator_csv.read, one))
+        Reader(
+            one.name,
+            partial(recognised, profile=one),
+            partial((garmin_csv if one.magnetic else simulator_csv).read, one),
+        )
         for one in shipped_profiles()
         if one.simulator
     ),
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
-    Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(fit.NAME, fit.recognises, fit.read, read_logs=sensor_csv.read_logs),
     Reader(kml.NAME, kml.recognises, kml.read),
@@ -239,6 +227,14 @@ def log_reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     reader = reader_of(path, units)
     is_table = reader.read_log is None and sensor_csv.recognises(start_of(path))
     return READERS[-1] if is_table else reader
+
+
+def may_be_table(path: Path) -> bool:
+    """Return whether a file is a table with named columns, or of no known format."""
+    try:
+        return reader_of(path) is READERS[-1]
+    except MissionError:
+        return True
 
 
 def read_raw(

@@ -239,6 +239,42 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     wait_for(page, f"{RANGE_END} > 0")
 
 
+def test_the_columns_of_a_table_are_chosen_kept_and_undone(
+    mine: Path, shared_page: Page, tmp_path: Path
+) -> None:
+    page = shared_page
+    nameless = tmp_path / "nameless.csv"
+    rows = [f"{time},{45.0 + 1e-4 * time:.6f},-73.0,100.0" for time in range(60)]
+    nameless.write_text("\n".join(["a,<b>b</b>,c,d", *rows]), encoding="utf-8")
+    missions_tab(page, "My flight")
+    part(page, "Import")
+    upload(page, nameless)
+    expect(page.get_by_role("alert").filter(has_text="nameless.csv")).to_be_visible()
+    for heading, quantity, unit in (
+        ("a", "time", "s"), ("<b>b</b>", "latitude", "°"), ("c", "longitude", "°"), ("d", "height", "m"),
+    ):  # fmt: skip
+        expect(page.get_by_role("rowheader", name=heading, exact=True)).to_be_visible()
+        page.get_by_label(f"Quantity of {heading}", exact=True).select_option(quantity)
+        page.get_by_label(f"Unit of {heading}", exact=True).select_option(unit)
+    page.get_by_role("button", name="Apply", exact=True).click()
+    expect(page.get_by_role("cell", name="60 rows read, 60 used")).to_be_visible()
+    expect(page.get_by_label("Quantity of d", exact=True)).to_have_value("height")
+    expect(box(page, "Columns of a csv")).to_have_value(re.compile(r"d = height\[m\]"))
+    box(page, "Profile called").fill("Of a test")
+    page.get_by_role("button", name="Keep as a profile").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download", exact=True).click()
+    assert tomllib.loads(Path(download.value.path()).read_text(encoding="utf-8")) == {
+        "name": "Of a test", "needs": ["a", "<b>b</b>", "c", "d"],
+        "columns": {"a": "time[s]", "<b>b</b>": "latitude[°]", "c": "longitude[°]", "d": "height[m]"},
+    }  # fmt: skip
+    page.get_by_role("button", name="Undo", exact=True).click()
+    expect(page.get_by_role("alert").filter(has_text="nameless.csv")).to_be_visible()
+    expect(page.get_by_role("cell", name="60 rows read, 60 used")).to_be_hidden()
+    upload(page, nameless)
+    expect(page.get_by_role("cell", name="60 rows read, 60 used")).to_be_visible()
+
+
 def capture_of(protocol: str, path: Path) -> Path:
     """Write what a device with this protocol sends in 40 s, the first 12 of them at rest."""
     sent, encoder, parts = SimulatedFlight.of("montreal", 50.0, seed=3, rest=12.0), ENCODERS[protocol](), []

@@ -64,3 +64,16 @@ def test_a_question_without_a_terminal_prints_the_commands_and_an_answer_is_kept
     assert kept.exit_code == 0 and (folder / "profiles" / "desk.toml").is_file()
     again = ask("import", "imu.csv", "gps.csv", "--as", "log")
     assert again.exit_code == 0 and "in cm/s² (as Desk writes)" in again.stdout
+
+
+def test_columns_are_proposed_with_their_evidence(folder) -> None:
+    rest = np.column_stack((np.arange(300) * 20, np.zeros((300, 5)), -np.ones(300)))
+    table(folder / "a.csv", "t,gx,gy,gz,ax,ay,az", rest)
+    answer = ask("profile", "propose", "a.csv")
+    assert answer.exit_code == 0
+    assert "az=force_z[g]" in answer.stdout and "guessed: it is 1 g long" in answer.stdout
+    found = {one["heading"]: one for one in json.loads(ask("profile", "propose", "a.csv", "--json").stdout)}
+    assert (found["t"]["said"], found["t"]["unsure"]) == ("time[ms]", True)
+    # What is proposed is accepted as it stands.
+    said = [part for one in found.values() for part in ("--column", f"{one['heading']}={one['said']}")]
+    refused(ask("import", "a.csv", "--as", "log", *said), "no columns of latitude and longitude")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bokeh.document import Document
@@ -11,7 +13,9 @@ from writers.nmea import sentence
 from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.import_fields import ColumnField
 from dashboards.session import Session
+from lab.data.files.profile import read_profile
 from lab.data.formats import read_raw
+from lab.data.sheets.profile_check import check_profile
 from lab.missions import MissionError
 
 
@@ -49,16 +53,117 @@ def test_a_refusal_that_names_an_option_names_the_field(tmp_path: Path) -> None:
     assert hidden.located(message) == message
 
 
-def test_a_track_that_a_setting_refuses_comes_with_that_setting(tmp_path: Path) -> None:
+def test_a_track_that_a_setting_refuses_comes_with_that_setting(draft: Draft, tmp_path: Path) -> None:
     path = tmp_path / "reckoned.nmea"
     place = "{:09.4f},N,01131.000,E,6,00,0.9,545.4,M,46.9,M,,"
     lines = (f"GPGGA,1200{i:02d}.00," + place.format(4800 + 0.0054 * i) for i in range(40))
     path.write_text("".join(map(sentence, lines)), encoding="ascii")
-    draft = Draft(Session(Document()))
-    draft._job.start = lambda _words, work, done: done(work(lambda *_: None))  # type: ignore[method-assign]
     draft.read([path])
     assert "0 of 40 positions are measured" in draft._verdict._words.object
     assert (draft._fields.view.visible, draft._add.visible) == (True, False)
     draft._settings.param.update(vehicle="car", positions="all")
     draft._rebuild()
     assert (draft._fields.view.visible, draft._add.visible) == (True, True)
+
+
+def rest(path: Path, size: float) -> Path:
+    """Write an IMU at rest and fixes in a table whose headings name no unit."""
+    lines = ["t,gx,gy,gz,ax,ay,az,lat,lon,alt"]
+    for i in range(3000):
+        fix = f"45.5,-73.{i // 100:03d},30" if i % 100 == 0 else ",,"
+        lines.append(f"{10 * i},0.01,{0.01 * (i % 2)},0,{0.001 * (i % 3)},0,{-size},{fix}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def draft() -> Draft:
+    made = Draft(Session(Document()))
+
+    def start(_words: str, work: Callable[..., Any], done: Callable[..., None]) -> None:
+        try:
+            done(work(lambda *_: None))
+        except MissionError as error:
+            made._job.say(str(error))
+
+    made._job.start = start  # type: ignore[method-assign]
+    return made
+
+
+def rows_of(draft: Draft) -> dict[str, dict[str, Any]]:
+    return {one["heading"]: one for one in draft._table._table.columns}
+
+
+def choose(draft: Draft, heading: str, **chosen: str) -> None:
+    place = list(rows_of(draft)).index(heading)
+    row = {name: rows_of(draft)[heading][name] for name in ("quantity", "axis", "unit")}
+    draft._table._table.edits = {**draft._table._table.edits, str(place): {**row, **chosen}}
+
+
+def test_guessed_columns_are_shown_corrected_and_undone(draft: Draft, tmp_path: Path) -> None:
+    draft.read([rest(tmp_path / "imu.csv", 1.0)])
+    assert draft._table.view.visible
+    row = rows_of(draft)["az"]
+    assert (row["quantity"], row["axis"], row["unit"], row["unsure"]) == ("force", "z", "g", True)
+    choose(draft, "az", axis="-z")
+    choose(draft, "gx", quantity="-")
+    draft._table._applied()
+    assert draft._columns.columns == {"az": "-force_z[g]", "gx": "-"}
+    assert (rows_of(draft)["az"]["axis"], rows_of(draft)["az"]["evidence"]) == ("-z", "You said so.")
+    assert not draft._table._back.disabled
+    draft._columns.undo()
+    assert draft._columns.columns == {}
+    assert (rows_of(draft)["az"]["axis"], draft._table._back.disabled) == ("z", True)
+
+
+def test_a_profile_is_kept_for_the_next_file_and_downloaded(draft: Draft, tmp_path: Path) -> None:
+    draft.read([rest(tmp_path / "imu.csv", 1.0)])
+    choose(draft, "alt", unit="ft")
+    draft._table._name.value = "Mine"
+    draft._table._keep()
+    toml = tmp_path / "mine.toml"
+    toml.write_bytes(draft._table._toml().getvalue())
+    profile = read_profile(toml)
+    check_profile(profile)
+    assert (profile.name, profile.columns["alt"]) == ("Mine", "height[ft]")
+    assert profile.columns["az"] == "force_z[g]"
+    (tmp_path / "next").mkdir()
+    draft.read([rest(tmp_path / "next" / "other.csv", 1.0)])
+    assert draft._columns.columns["alt"] == "height[ft]"
+    assert rows_of(draft)["alt"]["unit"] == "ft"
+    assert "ft" in next(one for one in draft._raw.remarks if one.startswith("Heights"))
+    draft.read([rest(tmp_path / "other.csv", 1.0)])
+    draft._columns.undo()
+    assert (draft._columns.columns, rows_of(draft)["alt"]["unit"]) == ({}, "m")
+
+
+def test_a_table_of_which_nothing_is_known_is_shown_with_the_refusal(draft: Draft, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(
+        "a,b,c,d\n" + "".join(f"{i},{45 + 1e-4 * i},-73.2,100\n" for i in range(60)), encoding="utf-8"
+    )
+    draft.read([path])
+    assert draft._table.view.visible and not draft._body.visible
+    for heading, quantity, unit in (
+        ("a", "time", "s"),
+        ("b", "latitude", "°"),
+        ("c", "longitude", "°"),
+        ("d", "height", "m"),
+    ):
+        choose(draft, heading, quantity=quantity, axis="+", unit=unit)
+    draft._table._applied()
+    assert draft._body.visible
+    assert len(draft._raw.time) == 60
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [{"x": {}}, {"99": {"quantity": "rate"}}, {"0": "rate"}, {"0": {"quantity": "wing"}},
+     {"0": {"quantity": "force", "axis": "w"}}, {"0": {"quantity": "force", "axis": "x", "unit": "ft"}}],
+)  # fmt: skip
+def test_what_the_table_does_not_offer_is_no_answer(
+    draft: Draft, tmp_path: Path, edits: dict[str, Any]
+) -> None:
+    draft.read([rest(tmp_path / "imu.csv", 1.0)])
+    draft._table._table.edits = edits
+    assert draft._table.answers() == {}

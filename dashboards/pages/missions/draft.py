@@ -11,6 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.notice import Notice
+from dashboards.pages.missions.column_table import ColumnTable
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.pages.missions.import_fields import ColumnField, SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
@@ -18,10 +19,11 @@ from dashboards.pages.missions.naming import Naming
 from dashboards.session import Session
 from dashboards.style import WHOLE
 from lab.base.progress import Progress
-from lab.data.formats import read_raw
+from lab.data.formats import may_be_table, read_raw
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_settings import ImportSettings
-from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
+from lab.data.sheets.column_proposals import Proposal, column_proposals
 from lab.data.streams.recorded_log import device_log
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
@@ -60,6 +62,8 @@ class _Read(NamedTuple):
     log: SensorLog | None
     log_refused: str
     refused: RawFlight | None = None  # has positions that the settings leave out; log_refused says so
+    columns: Sequence[Proposal] = ()  # what the columns of a csv are taken for
+    kept: Mapping[str, str] = {}  # what a profile of this page says of them
 
 
 class Draft:
@@ -85,6 +89,7 @@ class Draft:
         self._fields = SettingFields(self._settings, self._rebuild)
         self._units = UnitFields(self._reread)
         self._columns = ColumnField(self._reread, self._job.say)
+        self._table = ColumnTable(self._columns.add, self._columns.undo)
         self._log_report = _report_pane()
         self._naming = Naming("flight", "")
         self._question = pn.pane.HTML("", margin=(14, 8, 0, 8), sizing_mode="stretch_width")
@@ -95,6 +100,7 @@ class Draft:
         self._body = self._layout()
         self.view = pn.Column(
             self._job.view,
+            self._table.view,
             self._columns.view,
             self._body,
             margin=0,
@@ -134,7 +140,7 @@ class Draft:
         self._paths = tuple(paths)
         self._columns.offer([path.name for path in paths])
         self._naming.suggest(paths[0].name, self._title(as_log=False))
-        self._prepare()
+        self._prepare(arrived=True)
 
     def accept(self, raw: RawFlight, name: str, title: str) -> None:
         """Show a flight that is already read, such as a live recording."""
@@ -154,6 +160,7 @@ class Draft:
     def _clear(self) -> None:
         self._paths, self._raw, self._read = (), None, None
         self._units.clear()
+        self._table.show((), undoable=False)
         self._columns.view.visible = False
         self._body.visible = False
 
@@ -165,14 +172,18 @@ class Draft:
         self._raw = None
         self._prepare()
 
-    def _prepare(self) -> None:
+    def _prepare(self, *, arrived: bool = False) -> None:
         paths, raw = self._paths, self._raw
         before = None if raw is None else self._read  # other settings rebuild the flight, and not the log
-        units, axes = {**self._units.chosen(), **self._columns.columns}, self._columns.axes
+        said, axes = {**self._units.chosen(), **self._columns.columns}, self._columns.axes
+        offered = self._columns.view.visible and raw is None
         settings, sensors = self._settings.copy(), self._session.experiment.sensors.copy()
 
         def work(progress: Progress) -> _Read:
             flight = raw
+            proposed = _proposals(paths, said) if offered else []
+            kept = self._table.kept_for(proposed) if arrived else {}
+            units = {**kept, **said}
             try:
                 progress("Reading", 0.0)
                 flight = read_raw(paths, units) if flight is None else flight
@@ -187,14 +198,24 @@ class Draft:
                 text = self._columns.located(_without_folder(error, paths))
                 if flight is not None and flight.unmeasured:
                     return _Read(None, None, text, flight)
+                if proposed:
+                    return _Read(None, None, text, columns=proposed, kept=kept)
                 raise MissionError(text) from error
             known = None if before is None or before.refused is not None else before[1:3]
-            return _Read(read, *(known or _log_of(read, units)))
+            log, why = known or _log_of(read, units)
+            if offered and proposed:
+                proposed = _proposals(paths, units, flight.units)
+            return _Read(read, log, why, columns=proposed if before is None else before.columns, kept=kept)
 
         self._job.start("Reading", work, self._show)
 
     def _show(self, read: _Read) -> None:
         self._read = read
+        self._show_columns(read)
+        if read.flight is None and read.log is None and read.refused is None:
+            self._job.say(read.log_refused)
+            self._body.visible = False
+            return
         for part in (self._add, self._preview, self._report):
             part.visible = read.flight is not None
         self._fields.view.visible = read.flight is not None or read.refused is not None
@@ -216,8 +237,16 @@ class Draft:
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
         self._add.label = f"{SIMULATE}, all the same" if verdict == "implausible" else SIMULATE
         self._report.object = rows_html(flight.report)
-        self._units.show(flight.raw.units)
+        self._units.show(() if self._table.view.visible else flight.raw.units)
         self._preview[:] = list(_panes(flight))
+
+    def _show_columns(self, read: _Read) -> None:
+        """Show the columns of a csv if something is guessed, unknown or said by a person."""
+        if read.kept:
+            self._columns.add(read.kept, read=False)
+        told = bool(self._columns.columns) or self._columns.undoable
+        shown = read.flight is None or told or any(one.unsure for one in read.columns)
+        self._table.show(read.columns if shown else (), undoable=self._columns.undoable)
 
     def _ask(self, read: _Read) -> None:
         """Ask what the file is, where it holds both; the last answer for its kind stands out."""
@@ -290,6 +319,18 @@ def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | N
         return device_log(read.paths[0], axes=read.axes), read.log_refused
     except (ValueError, OSError) as error:  # of the log, the device or the recording
         return None, _without_folder(error, read.paths)
+
+
+def _proposals(
+    paths: Sequence[Path], units: Mapping[str, str], read: Sequence[ColumnUnit] = ()
+) -> list[Proposal]:
+    """Return what the columns of files are taken for, if they are tables of no format with a reader."""
+    try:
+        if all(may_be_table(path) for path in paths):
+            return column_proposals(paths, units, read)
+    except MissionError:
+        pass
+    return []
 
 
 def _log_alone(paths: Sequence[Path], axes: Sequence[str]) -> SensorLog | None:

@@ -117,6 +117,7 @@ class ColumnField:
         self._changed = changed
         self._refused = refused
         self._clearing = False
+        self._before: list[str] = []
         self._text = pmui.TextAreaInput(
             label=_COLUMNS,
             placeholder="A1 = force_x[g]\nA2 = -force_y[g]\nspeed = km/h\naxes = y,x,-z",
@@ -134,10 +135,34 @@ class ColumnField:
 
     def offer(self, names: Sequence[str]) -> None:
         """Show the field for files that may be tables, without a text."""
-        self._clearing = True
-        self._text.value = ""
-        self._clearing = False
+        self._before = []
+        self._write("")
         self.view.visible = any(name.lower().endswith((".csv", ".txt", ".tsv", ".zip")) for name in names)
+
+    def add(self, answers: Mapping[str, str], *, read: bool = True) -> None:
+        """Add lines about columns, in place of those about the same, and read the file again if wanted."""
+        self._before.append(str(self._text.value or ""))
+        lines = {**dict(self._lines()), **answers}
+        text = "\n".join(f"{name} = {said}" for name, said in lines.items())
+        if read:
+            self._text.value = text
+        else:
+            self._write(text)
+
+    @property
+    def undoable(self) -> bool:
+        """Whether lines were added that `undo` takes back."""
+        return bool(self._before)
+
+    def undo(self) -> None:
+        """Take back the lines that were added last, and read the file again."""
+        if self._before:
+            self._text.value = self._before.pop()
+
+    def _write(self, text: str) -> None:
+        self._clearing = True
+        self._text.value = text
+        self._clearing = False
 
     def located(self, message: str) -> str:
         """Return a message with the place of this field, if it names an option whose text the field takes."""

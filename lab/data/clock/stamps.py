@@ -203,6 +203,8 @@ def has_zone(text: str) -> bool:
 def _seconds(
     hours: str, minutes: str, seconds: str | None, fraction: str | None, half: str | None = None
 ) -> float:
+    if int(minutes) >= _SIXTY or int(seconds or 0) > _SIXTY:
+        return np.nan
     whole = int(hours) % 12 + 12 * (half in "Pp") if half else int(hours)
     return whole * _HOUR + int(minutes) * _SIXTY + int(seconds or 0) + float(f"0.{fraction or 0}")
 

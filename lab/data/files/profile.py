@@ -11,16 +11,17 @@ all headings that the profile needs.
     "a1" = "-force_x[g]"
 
 A profile of a simulator also has rates, accelerations and air data, and is read by
-`lab.data.files.simulator_csv`.
+`lab.data.sheets.simulator_csv`.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ _MAX_TEXT = 300
 """Longest name, heading or quantity [characters]."""
 _TEXTS = ("name", "source", "about", "advice", "prefix", "suffix", "without_own_time", "vehicle")
 _LISTS = ("needs", "remarks", "shared", "axes")
-_SWITCHES = ("simulator", "phone", "sea_level")
+_SWITCHES = ("simulator", "phone", "sea_level", "magnetic")
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class Profile:
     name : str
         Name of the format.
     columns : mapping of str
-        What each heading is, as ``--column`` takes it; ``-`` for one that is not read.
+        What each heading is, as ``--column`` takes it; ``-`` for one that is not read. Headings are compared
+        as `plain` gives them; of several columns of one quantity the first is the best.
     needs : tuple of tuple of str
         Headings that a file has to have: one of each; all columns if the profile says nothing.
     defaults : mapping of str
@@ -71,7 +73,7 @@ class Profile:
     vehicle : str
         Kind of vehicle that carries the logger, as `lab.data.log.vehicle` has them; empty for any.
     simulator : bool
-        Whether `lab.data.files.simulator_csv` reads it; the rest is for it alone.
+        Whether `lab.data.sheets.simulator_csv` reads it; the rest is for it alone.
     prefix, suffix : str
         What may stand before and after each heading that is a path.
     shared : tuple of str
@@ -82,6 +84,8 @@ class Profile:
         What the report says where the simulator's own clock is missing.
     sea_level : bool
         Whether heights are above sea level.
+    magnetic : bool
+        Whether directions may be from magnetic north, as `lab.data.sheets.garmin_csv` reads them.
     """
 
     path: Path
@@ -101,10 +105,53 @@ class Profile:
     advice: str = ""
     without_own_time: str = ""
     sea_level: bool = False
+    magnetic: bool = False
 
-    def fits(self, headings: Collection[str]) -> bool:
-        """Return whether a file with some headings has this profile."""
-        return all(any(one in headings for one in need) for need in self.needs)
+    @cached_property
+    def meanings(self) -> Mapping[str, tuple[int, str]]:
+        """Place and meaning of each heading, as `plain` gives it."""
+        found: dict[str, tuple[int, str]] = {}
+        for place, (heading, text) in enumerate(self.columns.items()):
+            for name in self._spellings(heading):
+                found.setdefault(name, (place, text))
+        return found
+
+    @cached_property
+    def needed(self) -> tuple[AbstractSet[str], ...]:
+        """What `needs` says as `plain` gives it, and a heading that no other program writes."""
+        needs = [frozenset(name for one in need for name in self._spellings(one)) for need in self.needs]
+        if self.shared:
+            common = {plain(one) for one in self.shared}
+            own = (name for name, (_, text) in self.meanings.items() if not text.startswith("time"))
+            needs.append(frozenset(own) - common)
+        return tuple(needs)
+
+    def fits(self, names: AbstractSet[str]) -> bool:
+        """Return whether a file with some headings, as `plain` gives them, has this profile."""
+        return all(not need.isdisjoint(names) for need in self.needed)
+
+    def missing(self, headings: Sequence[str]) -> list[str]:
+        """Return the needs that no heading of a file meets, in words."""
+        names = set(map(plain, headings))
+        needs = zip(self.needs, self.needed, strict=False)
+        return [" or ".join(need) for need, spelled in needs if spelled.isdisjoint(names)]
+
+    def may_head(self, line: str) -> bool:
+        """Return whether a line has the letters of all needs: quicker than its cells."""
+        letters = plain(line)
+        return all(any(name in letters for name in need) for need in self.needed)
+
+    def _spellings(self, heading: str) -> Iterator[str]:
+        """Yield what a heading may be; a path has something before and after it, or not."""
+        is_path = "/" in heading
+        for before in dict.fromkeys((self.prefix, "") if is_path else ("",)):
+            for after in dict.fromkeys((self.suffix, "") if is_path else ("",)):
+                yield plain(f"{before}{heading}{after}")
+
+
+def plain(heading: str) -> str:
+    """Return a heading without what loggers decorate it with: case, blanks, underscores and quotes."""
+    return "".join(heading.replace("_", "").replace('"', "").replace("\ufeff", "").split()).lower()
 
 
 def read_profile(path: Path) -> Profile:
@@ -227,7 +274,7 @@ def profile_of(file: str, headings: Sequence[str]) -> Profile | None:
     MissionError
         If several profiles have these headings.
     """
-    there = frozenset(headings)
+    there = frozenset(map(plain, headings))
     fitting = [one for one in (*shipped_profiles(), *own_profiles()) if not one.simulator and one.fits(there)]
     # A profile whose needs include all of another's is the more particular one.
     best = [one for one in fitting if not any(_includes(other, one) for other in fitting)]
@@ -242,4 +289,4 @@ def profile_of(file: str, headings: Sequence[str]) -> Profile | None:
 
 def _includes(one: Profile, other: Profile) -> bool:
     """Return whether one profile needs what another does, and more."""
-    return set(one.needs) > set(other.needs)
+    return set(one.needed) > set(other.needed)

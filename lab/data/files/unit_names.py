@@ -76,9 +76,9 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "km/h": "kmh kph km_h kmph km/hr",
     "ft/min": "fpm",
     "°/s": "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "
-        "deg*s^-1 d/s º/s degrees/s degrees/sec degree/s",
+        "degpersec deg*s^-1 d/s º/s degrees/s degrees/sec degree/s",
     "rad/s": "radps rad/sec radianspersecond rad_sec rads rad_s radsec rad_per_s rad_per_sec rps rads^-1 "
-        "rad*s^-1 r/s",
+        "radpersec rad*s^-1 r/s",
     "m/s²": "m/s2 m/s^2 mps2 m_s2 m_s^2 ms2 ms^2 m_s_2 mpss m_per_s2 m/s/s ms^-2 m*s^-2 m/sec^2 m/sec2 "
         "m/(s^2) m/s**2 meters/s^2",
     "g": "gforce gs gravity",

@@ -24,6 +24,7 @@ from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import TEXT_LIMITS
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Samples, Vector
+from lab.data.sheets.sheet_layout import as_utf8
 
 LONGEST = 1024
 """Longest line [bytes]; a longer one is skipped."""
@@ -126,7 +127,7 @@ class TextLines:
         if len(line) > LONGEST or not (self._whole or self._first):
             self.statistics.skipped += len(line)
             return
-        text = line.decode("utf-8", "replace")
+        text = (line if line.isascii() else as_utf8(line + b"\n")[:-1]).decode("utf-8", "replace")
         if not self._whole and _begins_with_number(text):
             self.statistics.skipped += len(line)
             return

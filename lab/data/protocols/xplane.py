@@ -22,13 +22,13 @@ import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import DEGREE
-from lab.data.files.fields import LIMITS
-from lab.data.files.xplane_data import velocity_at_aircraft
+from lab.data.sheets.flight_columns import LIMITS
+from lab.data.sheets.xplane_data import velocity_at_aircraft
 
 REFERENCES = (
     ("time", "sim/time/total_flight_time_sec", "time", "s"),
-    ("X", "sim/flightmodel/position/local_x", "X", "m"),
-    ("Z", "sim/flightmodel/position/local_z", "Z", "m"),
+    ("X", "sim/flightmodel/position/local_x", "local", "m"),
+    ("Z", "sim/flightmodel/position/local_z", "local", "m"),
     ("airspeed", "sim/flightmodel/position/true_airspeed", "speed", "m/s"),
     ("alpha", "sim/flightmodel/position/alpha", "angle", "°"),
     ("beta", "sim/flightmodel/position/beta", "angle", "°"),

@@ -1,1 +1,1 @@
-"""Sheets: a csv of unknown origin becomes a sensor log: what its columns are, their units, axes and times."""
+"""Sheets: a csv becomes a flight or a sensor log: what its columns are, their units, axes and times."""

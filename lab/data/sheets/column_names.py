@@ -14,7 +14,9 @@ from lab.base.files.mission_error import MissionError
 from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.sheets.column_words import (
     FIELD_WORDS,
+    GLUED,
     GLUED_FIELD,
+    LEADING,
     NAMES,
     PATTERNS,
     SENSORS,
@@ -46,6 +48,23 @@ a side is N, S, E or W, an instance is the number of one of several sensors. q0 
 quaternion; resets are counters of an estimator."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
+_VECTORS_OF_FLIGHTS = {
+    "velocity": "speed", "velocity_rate": "acceleration", "acceleration": "acceleration", "ecef": "length",
+    "local": "length", "local_velocity": "speed",
+}  # fmt: skip
+_SCALARS_OF_FLIGHTS = {
+    "own_time": "time", "mission_time": "time", "elapsed_time": "time", "real_time": "time",
+    "zone": "", "fix": "",
+    "geocentric_latitude": "angle", "geodetic_height": "length", "depth": "length", "airspeed": "speed",
+    "alpha": "angle", "beta": "angle", "variation": "angle",
+}  # fmt: skip
+"""What profiles of simulators and of flight decks name besides. x, y, z are forward, right, down, except in
+local frames; velocities, their derivatives and accelerations are over the Earth."""
+QUANTITIES_OF_FLIGHTS = (
+    *QUANTITIES, *_SCALARS_OF_FLIGHTS, *(f"{name}_{axis}" for name in _VECTORS_OF_FLIGHTS for axis in "xyz"),
+)  # fmt: skip
+"""What a column of such a profile may be."""
+_KINDS = {**SCALARS, **_SCALARS_OF_FLIGHTS, **_VECTORS_OF_FLIGHTS, **VECTORS}
 GIVEN = "given"
 """Sensor of the columns that a person names."""
 IGNORED = "-"
@@ -57,14 +76,12 @@ _DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$")
 """What may follow a unit: above what, or from which north."""
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
+_CAMEL_UNIT = re.compile(
+    r"(?<=[a-zXYZ])(Degrees|Deg|Radians|Meters|Metres|Feet|Mps2|Mps|Kmh|Kph|Mph|Knots|Millis|Micros|Nanos|"
+    r"MicroT|RadPerSec|DegPerSec|HPa|Hpa)$"
+)
+"""A unit as the last word of a heading in capitals, such as ``LatitudeDegrees``."""
 _INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
-_GLUED = re.compile(
-    r"(?i)^(?:.*[\s_.:/-])?(a|acc|accel|g|gyr|gyro|w|omega|gf|f|angvel|linacc|rate|accelerometer|gyroscope)"
-    r"([xyz])$"
-)
-_LEADING = re.compile(
-    r"(?i)^([xyz])[\s_.-]*(acc|accel|acceleration|accelerometer|gyr|gyro|gyroscope|rate|mag|magnetometer)(?![a-z])"
-)
 _QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate", "magnetic field": "field"}
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[a-zµμ]+|%|\d+")
@@ -92,6 +109,10 @@ class Heading:
         -1 for a column that is to be negated.
     source : str
         How its unit is known, if it has one.
+    other : str
+        Its other unit, if a profile leaves it to the numbers; empty else.
+    written : str
+        Its unit as the line above the headings writes it; empty if there is none.
     """
 
     text: str
@@ -102,11 +123,18 @@ class Heading:
     rank: int = 0
     sign: int = 1
     source: str = "named in the heading"
+    other: str = ""
+    written: str = ""
 
     @property
     def kind(self) -> str:
         """Kind of its unit, a key of `UNITS`."""
-        return VECTORS.get(self.quantity) or SCALARS[self.quantity]
+        return _KINDS[self.quantity]
+
+    @property
+    def key(self) -> str:
+        """Its quantity with its axis, as a person writes it."""
+        return f"{self.quantity}_{self.axis}" if self.axis else self.quantity
 
 
 _QUATERNION = re.compile(
@@ -142,7 +170,7 @@ def _of_estimator(text: str, words: Sequence[str]) -> Heading | None:
 
 def kind_of(quantity: str) -> str:
     """Return the kind of the unit of a quantity, a key of `UNITS`; empty for one without a unit."""
-    return VECTORS.get(quantity) or SCALARS.get(quantity, "")
+    return _KINDS.get(quantity, "")
 
 
 def heading_of(text: str, file: str = "") -> Heading | None:
@@ -179,7 +207,7 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     return _stamp(text, words, unit, rank) or _scalar(text, words, unit, rank)
 
 
-def given_heading(text: str, column: str) -> Heading | None:
+def given_heading(text: str, column: str, accepted: Sequence[str] = QUANTITIES) -> Heading | None:
     """Return what a person says that a column is: ``force_x[m/s²]``, ``-rate_z`` or ``-``.
 
     Parameters
@@ -188,6 +216,8 @@ def given_heading(text: str, column: str) -> Heading | None:
         What the person writes.
     column
         The heading of the column.
+    accepted
+        The quantities; with those of flights, the unit may be one of two, such as ``rad or °``.
 
     Returns
     -------
@@ -202,22 +232,25 @@ def given_heading(text: str, column: str) -> Heading | None:
     text = text.strip()
     if text == IGNORED:
         return None
-    name, _, unit = text.lstrip("+-").rstrip("]").partition("[")
+    name, _, inside = text.lstrip("+-").rstrip("]").partition("[")
     name = name.strip()
-    if name not in QUANTITIES:
+    if name not in accepted:
         raise MissionError(
-            f"column {column}: {name!r} is no quantity; accepted are {', '.join(QUANTITIES)}, each with a "
+            f"column {column}: {name!r} is no quantity; accepted are {', '.join(accepted)}, each with a "
             f"unit in brackets and with a minus before it, and {IGNORED} for a column that is not read"
         )
-    vector = name[:-2] if name[:-2] in VECTORS else ""
+    vector = name[:-2] if name[:-2] in VECTORS or name[:-2] in _VECTORS_OF_FLIGHTS else ""
     quantity = vector or name
-    kind = VECTORS.get(quantity) or SCALARS[quantity]
-    known = unit_of(kind, unit) if unit else ""
-    if unit and not known:
-        accepted = ", ".join(UNITS.get(kind, {})) or "none"
-        raise MissionError(f"column {column}: {unit!r} is no unit of {quantity}; accepted are {accepted}")
+    kind = _KINDS[quantity]
+    units = inside.split(" or ") if accepted is QUANTITIES_OF_FLIGHTS else [inside]
+    known = [unit_of(kind, unit) if unit else "" for unit in units]
+    if wrong := next((unit for unit, found in zip(units, known, strict=True) if unit and not found), ""):
+        those = ", ".join(UNITS.get(kind, {})) or "none"
+        raise MissionError(f"column {column}: {wrong!r} is no unit of {quantity}; accepted are {those}")
     sign = -1 if text.startswith("-") else 1
-    return Heading(column, quantity, name[-1] if vector else "", GIVEN, known, -100, sign)
+    axis = name[-1] if vector else ""
+    other = known[-1] if len(known) > 1 else ""
+    return Heading(column, quantity, axis, GIVEN, known[0], -100, sign, other=other)
 
 
 def _cut(text: str) -> tuple[str, str, str]:
@@ -242,11 +275,11 @@ def _cut(text: str) -> tuple[str, str, str]:
             found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)
             if found:
                 stem, axis = stem[: found.start()], found[1].lower()
-            elif found := _GLUED.search(stem) or GLUED_FIELD.search(stem):
+            elif found := GLUED.search(stem) or GLUED_FIELD.search(stem):
                 stem, axis = stem[:-1], stem[-1].lower()
-            elif found := _LEADING.search(stem):
+            elif found := LEADING.search(stem):
                 stem, axis = stem[found.end(1) :], found[1].lower()
-        if not unit and (found := UNIT.search(stem)):
+        if not unit and (found := UNIT.search(stem) or _CAMEL_UNIT.search(stem)):
             stem, unit = stem[: found.start()], found[1]
     return stem.strip(), axis, unit
 

@@ -48,6 +48,20 @@ _KNOWN = re.compile(
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")
 FIELD_WORDS = SENSORS["field"]
 """Words of a measured field; a vector is one only beside another of them."""
+
+
+def _any_of(*tables: frozenset[str]) -> str:
+    """Return a pattern of all words in tables."""
+    return "|".join(sorted(frozenset().union(*tables)))
+
+
+_SENSED = SENSORS["gyro"] | SENSORS["accelerometer"]
+GLUED = re.compile(
+    rf"(?i)^(?:.*[\s_.:/-])?(?:{_any_of(_SENSED, SENSORS['short_rate'], SENSORS['short_force'])})[xyz]$"
+)
+"""A word of a sensor with its axis behind it, such as ``AccX`` or ``imu_gx``."""
+LEADING = re.compile(rf"(?i)^([xyz])[\s_.-]*(?:rate|{_any_of(_SENSED, FIELD_WORDS)})(?![a-z])")
+"""A word of a sensor behind its axis, such as ``x_acc``."""
 GLUED_FIELD = re.compile(r"(?i)^(?:(?:.*[\s_.:/-])?mag|[bm])([xyz])$")
 """A short name with its axis, such as ``mx`` or ``imu_magx``."""
 

@@ -27,18 +27,10 @@ _FIELD = ("Mag", "UncalMag")
 """Kinds of the rows of a magnetometer, the better first."""
 _AXES, _BIASES = slice(2, 5), slice(5, 8)
 """Cells of the axes in a row of a sensor, after its two clocks, and of their biases."""
-_FIX = (
-    ("latitude[°]", "latitude"), ("longitude[°]", "longitude"), ("altitude[m]", "altitude"),
-    ("speed[m/s]", "speed"), ("speed[m/s]", "speedmps"), ("bearing[°]", "bearing"),
-    ("accuracy[m]", "accuracy"), ("vertical accuracy[m]", "verticalaccuracy"),
-    ("speed accuracy[m/s]", "speedaccuracy"),
-)  # fmt: skip
-"""Heading of each column of the fixes, and its name in the file without its unit."""
-_UNIT_WORDS = re.compile(r"(degrees|meters|mps|millis|nanos|\(utc\)|inms)$")
-_BOOT = "elapsedrealtime"
-"""Name of the clock since the phone started, which sensors and fixes share to the nanosecond."""
-_SINCE_1970 = ("unixtime", "utctime", "time", "(utc)time")
-"""Names of the other clock, in ms."""
+_BOOT = "elapsedRealtimeNanos"
+"""The clock since the phone started, which sensors and fixes share."""
+_SINCE_1970 = ("UnixTimeMillis", "utcTimeMillis", "(UTC)TimeInMs", "TimeInMs")
+"""Headings of the other clock."""
 _RECEIVERS = ("gps", "flp", "fused", "nlp", "network")
 """Providers of fixes, in lower case."""
 
@@ -74,11 +66,11 @@ def tables_of(data: bytes) -> bytes:
 
 
 def _names(head: str) -> list[str]:
-    """Return what the cells of a fix are, without their units; nothing if no comment says it."""
+    """Return the headings of the cells of a fix; nothing if no comment says them."""
     for line in head.splitlines():
         kind, *cells = line.lstrip("# ").split(",")
         if line.startswith("#") and kind == "Fix" and cells:
-            return [_UNIT_WORDS.sub("", cell.strip().lower()) for cell in cells]
+            return [cell.strip() for cell in cells]
     return []
 
 
@@ -115,20 +107,17 @@ def _fixes(fixes: Sequence[str], names: Sequence[str], since_boot: bool) -> list
     """Return a table for each provider of fixes, under its own headings."""
     clocks = (_BOOT,) if since_boot else _SINCE_1970
     time = next((names.index(one) for one in clocks if one in names), -1)
-    columns = [(heading, names.index(name)) for heading, name in _FIX if name in names]
-    if time < 0 or not columns:
+    if time < 0:
         return []
-    last = max(time, *(place for _, place in columns))
     by_provider: dict[str, list[str]] = {"gps": []}
-    for row in _cells(fixes):
-        provider = row[0].strip().lower()
-        if len(row) > last and provider in _RECEIVERS:
-            cells = [row[place] for _, place in columns]
-            by_provider.setdefault(provider, []).append(",".join((row[time], *cells)))
+    for row in fixes:
+        provider = row.partition(",")[0].strip().lower()
+        if provider in _RECEIVERS:
+            by_provider.setdefault(provider, []).append(row)
     made = []
     for provider, table in by_provider.items():
         word = {"gps": "GPS", "nlp": "network"}.get(provider, provider)
-        unit = "ns" if since_boot else "ms"
-        head = (f"time[{unit}]", *(f"{word} {heading}" for heading, _ in columns))
+        head = ["" if name in (_BOOT, *_SINCE_1970) else f"{word} {name}" for name in names]
+        head[time] = f"time[{'ns' if since_boot else 'ms'}]"
         made += [",".join(head), *table]
     return made

@@ -12,13 +12,18 @@ from lab.base.files.atomic_file import atomic_file
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
-from lab.data.files import simulator_csv
-from lab.data.files.profile import Profile, own_folder, own_profiles, read_profile, shipped_profiles
-from lab.data.files.table import head_lines
+from lab.data.files.profile import Profile, own_folder, own_profiles, plain, read_profile, shipped_profiles
 from lab.data.files.unit_names import unit_of
-from lab.data.sheets.column_names import VECTORS, Heading, given_heading, kind_of
+from lab.data.sheets.column_names import (
+    QUANTITIES,
+    QUANTITIES_OF_FLIGHTS,
+    given_heading,
+    kind_of,
+)
+from lab.data.sheets.column_proposals import written
+from lab.data.sheets.flight_columns import recognised
 from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet import as_utf8, layout_of, numbered
+from lab.data.sheets.sheet_layout import HEAD, as_utf8, layout_of, numbered
 from lab.data.sheets.sheet_sources import as_table
 
 _FILE_NAME = re.compile(r"[^\w-]+")
@@ -32,13 +37,16 @@ def check_profile(profile: Profile) -> None:
     MissionError
         Naming the quantity or unit that is not accepted, or the other profile.
     """
-    if profile.simulator:
-        simulator_csv.check(profile)
-    for heading, text in profile.columns.items() if not profile.simulator else ():
+    accepted = QUANTITIES_OF_FLIGHTS if profile.simulator else QUANTITIES
+    for heading, text in profile.columns.items():
         try:
-            given_heading(text, heading)
+            found = given_heading(text, heading, accepted)
         except MissionError as error:
             raise MissionError(f"{profile.path}: {error}") from None
+        if profile.simulator and found is not None and found.kind and not found.unit:
+            raise MissionError(
+                f"{profile.path}: {heading} = {text!r} has no unit; accepted is one in brackets: roll[°]"
+            )
     for quantity, unit in profile.defaults.items():
         if not kind_of(quantity) or not unit_of(kind_of(quantity), unit):
             raise MissionError(
@@ -46,7 +54,7 @@ def check_profile(profile: Profile) -> None:
                 'for example, rate = "rad/s"'
             )
     for other in (*shipped_profiles(), *own_profiles()):
-        same = set(other.needs) == set(profile.needs) and other.simulator == profile.simulator
+        same = set(other.needed) == set(profile.needed) and other.simulator == profile.simulator
         if same and other.path.resolve() != profile.path.resolve():
             raise MissionError(
                 f"{profile.path}: {other.name} ({other.path}) needs the same headings, so a file would have "
@@ -64,18 +72,17 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
     """
     data = whole(path, MAX_BYTES)
     if profile.simulator:
-        if not simulator_csv.recognises(profile, data):
+        if not recognised(data[:HEAD], profile):
             raise MissionError(f"{path}: lacks headings that {profile.name} needs")
         return [f"{path}: is {profile.name}."]
-    lines = head_lines(as_table(as_utf8(data)))
-    layout = layout_of("\n".join(lines).encode(), path.name)
+    layout = layout_of(as_table(as_utf8(data))[:HEAD], path.name)
     there = [] if layout is None else numbered(layout.headings)
-    missing = [" or ".join(need) for need in profile.needs if not set(need) & set(there)]
-    if missing:
-        known = f"its headings are {', '.join(there)}" if there else "no headings are recognised in it"
-        raise MissionError(f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)}; {known}")
-    rest = [text for text in there if text and text not in profile.columns]
-    named = [f"{text} = {profile.columns[text]}" for text in there if text in profile.columns]
+    if missing := profile.missing(there):
+        seen = f"its headings are {', '.join(there)}" if there else "no headings are recognised in it"
+        raise MissionError(f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)}; {seen}")
+    known = {text: profile.meanings[plain(text)][1] for text in there if plain(text) in profile.meanings}
+    rest = [text for text in there if text and text not in known]
+    named = [f"{text} = {meaning}" for text, meaning in known.items()]
     return [
         f"Named by the profile: {', '.join(named) or 'none'}.",
         f"Left to their headings: {', '.join(rest) or 'none'}.",
@@ -108,7 +115,7 @@ def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> 
     columns: dict[str, str] = {}
     needs: list[str] = []
     for sheet in sheets_of(paths, units):
-        named = {one.text: _written(one) for one in sheet.headings if one.text in units}
+        named = {one.text: written(one, one.unit) for one in sheet.headings if one.text in units}
         named |= {text: "-" for text in sheet.unknown if text in units}
         if named:
             columns |= named
@@ -116,7 +123,7 @@ def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> 
     path = own_folder() / f"{_FILE_NAME.sub('-', name).strip('-').lower() or 'profile'}.toml"
     if path.exists():
         raise MissionError(f"{path}: is there already; accepted is another name, or none of that file")
-    text = _text(name, list(dict.fromkeys(needs)), columns)
+    text = profile_toml(name, list(dict.fromkeys(needs)), columns)
     profile = Profile(path, name, columns, tuple((one,) for one in dict.fromkeys(needs)))
     check_profile(profile)
     try:
@@ -129,14 +136,18 @@ def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> 
     return path
 
 
-def _written(heading: Heading) -> str:
-    """Return what a column is, as ``--column`` takes it."""
-    name = f"{heading.quantity}_{heading.axis}" if heading.quantity in VECTORS else heading.quantity
-    return f"{'-' if heading.sign < 0 else ''}{name}{f'[{heading.unit}]' if heading.unit else ''}"
+def profile_toml(name: str, needs: Sequence[str], columns: Mapping[str, str]) -> str:
+    """Return the TOML of a profile; its strings are those of JSON, which TOML reads alike.
 
-
-def _text(name: str, needs: Sequence[str], columns: Mapping[str, str]) -> str:
-    """Return the TOML of a profile; its strings are those of JSON, which TOML reads alike."""
+    Parameters
+    ----------
+    name
+        Name of the profile.
+    needs
+        Headings that a file has to have.
+    columns
+        What each heading is, as ``--column`` takes it.
+    """
 
     def quoted(text: str) -> str:
         return json.dumps(text, ensure_ascii=False)

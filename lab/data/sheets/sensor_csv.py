@@ -34,7 +34,7 @@ from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
-from lab.data.sheets.sheet import Sheet, as_utf8, layout_of
+from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_attitude import attitude_of, reference_of
 from lab.data.sheets.sheet_axes import Oriented, oriented
 from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
@@ -43,6 +43,7 @@ from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
 from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
+from lab.data.sheets.sheet_layout import as_utf8, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (
     KITTI_FRAME,
@@ -149,7 +150,11 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     fixes = fixes_of(sheets, with_height=False)
     gnss = fixes.gnss
     attitude = attitude_of(sheets, gnss.time, gnss.position, gnss.velocity_n)
-    columns = {one.column: one for one in (*fixes.units, *_of_imu(sheets)) if one.column}
+    try:
+        of_imu = units_of_imu(sheets)
+    except MissionError:
+        of_imu = []
+    columns = {one.column: one for one in (*fixes.units, *of_imu) if one.column}
     columns |= {one.column: one for one in (attitude.units if attitude else ())}
     resets, counters = resets_of(fixes)
     remarks = [*_of_rows(sheets), *fixes.remarks, *([attitude.remark] if attitude else [])]
@@ -327,12 +332,12 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
     MissionError
         If a file cannot be read, or a person names a column that no file has.
     """
-    overrides = {heading: _override(text) for heading, text in units.items()}
+    overrides = {heading: as_override(text) for heading, text in units.items()}
     sheets: list[Sheet] = []
     metadata = next((found for path in paths if (found := metadata_beside(path))), {})
     for path in paths:
         data = whole(path, MAX_BYTES)
-        for name, text in _members(path, data):
+        for name, text in tables_in(path, data):
             if name == METADATA:
                 metadata = metadata_of(as_utf8(text))
             try:
@@ -355,12 +360,12 @@ def names_quantity(text: str) -> bool:
     return "[" in text or text.strip() == IGNORED or text.strip().lstrip("+-").strip() in QUANTITIES
 
 
-def _override(text: str) -> str:
+def as_override(text: str) -> str:
     """Return what `lab.data.sheets.sheet` takes: a quantity as it is, a unit in brackets."""
     return text if names_quantity(text) else f"[{text}]"
 
 
-def _members(path: Path, data: bytes) -> list[tuple[str, bytes]]:
+def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
     if fit.recognises(data):
         return fit_imu.tables(path, data)
@@ -414,12 +419,15 @@ def _kitti(archive: zipfile.ZipFile, most: int) -> tuple[str, bytes] | None:
     return frames[0].filename.partition("/oxts/")[0].rpartition("/")[2], table
 
 
-def _of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
-    """Return the columns of the IMU with their units, so that a person can correct them."""
-    try:
-        imu = imu_of(sheets)
-    except MissionError:
-        return []
+def units_of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
+    """Return the columns of the IMU with their units, so that a person can correct them.
+
+    Raises
+    ------
+    MissionError
+        As `lab.data.sheets.sheet_imu.imu_of`.
+    """
+    imu = imu_of(sheets)
     return [
         ColumnUnit(heading.text, triad.unit, triad.source)
         for triad in (imu.gyro, imu.accelerometer)

@@ -7,12 +7,9 @@ quantities. A file may have several tables, each under its own header (`lab.data
 
 from __future__ import annotations
 
-import csv
 import io
-import re
 import warnings
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,44 +18,41 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
-from lab.data.files.profile import Profile, profile_of
-from lab.data.files.unit_names import UNITS, unit_of
-from lab.data.sheets.column_names import SCALARS, Heading, given_heading, heading_of
+from lab.data.files.profile import Profile
+from lab.data.files.unit_names import unit_of
+from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet_cells import (
+    Rows,
     angles_of_cells,
     are_decimal_commas,
+    are_fixes,
     numbers_of_cells,
+    offsets_of_zones,
+    rows_of,
     signs_of_sides,
     without_placeholders,
 )
+from lab.data.sheets.sheet_layout import (
+    HEAD,
+    MAX_LINE,
+    Layout,
+    Overrides,
+    cells_of,
+    ended,
+    layout_of,
+    units_below,
+)
 
-_DELIMITERS = (",", ";", "\t", "|", " ")
-_OTHERS = 3
-"""Commas, or other separators, from which these separate a line, and not the blanks in its headings."""
-_MAX_HEADER_LINE = 100
-"""Last line on which the header may stand."""
-HEAD = 2**18
-"""Bytes in which the header is looked for."""
-_MAX_LINE = 65_536
-"""Characters of a line in which a header is looked for."""
-_MAX_COLUMNS = 1000
-"""Most columns: exports of phones have some hundred."""
-_LOOKED_AT, _ZEROS = 1000, 0.25
-"""Bytes at the start, and the part of them that is every second a zero in UTF-16 of Latin letters."""
 _MOSTLY = 0.5
 """Part of the cells from which a column is one of numbers."""
 _CHUNK = 20_000
 """Rows that are text at a time where cells are not all numbers: a cell takes some 60 bytes as text."""
 _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN", "NAN", "inf", "-inf", "∞")
 """How loggers write an unknown value."""
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _COORDINATES = ("latitude", "longitude")
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
-_MINUS = re.compile(rb"\xe2\x88\x92|\xe2\x80\x93(?=[\d.])")
-"""The minus sign of typesetters, and a dash before a number."""
-
-Overrides = Mapping[str, str]
-"""What a person says of columns, by heading: a quantity with its unit, as `given_heading` reads it."""
+_OF_TEXTS = {"side": signs_of_sides, "zone": offsets_of_zones, "fix": are_fixes}
+"""Quantities whose cells are words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +82,8 @@ class Sheet:
         Whether it is known that its accelerations are specific force, and not the negative of it.
     profile : Profile or None
         Its profile.
+    rows : Rows or None
+        Which lines its rows are, if a simulator or a flight deck wrote it.
     """
 
     name: str
@@ -100,6 +96,7 @@ class Sheet:
     remarks: tuple[str, ...] = ()
     signed: bool = False
     profile: Profile | None = None
+    rows: Rows | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -110,78 +107,6 @@ class Sheet:
             pair for pair in zip(self.headings, self.columns, strict=True) if pair[0].quantity == quantity
         ]
         return sorted(found, key=lambda pair: pair[0].rank)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where the header stands, and what is in it."""
-
-    line: int
-    delimiter: str
-    headings: tuple[str, ...]
-    known: tuple[Heading | None, ...]
-    profile: Profile | None = None
-
-    @property
-    def worth(self) -> int:
-        """How many quantities are named; a time alone is not worth much."""
-        return len({(one.quantity, one.axis) for one in self.known if one is not None})
-
-
-def as_utf8(data: bytes) -> bytes:
-    """Return a text in UTF-8 with plain ends of lines and signs, whatever it was written in."""
-    data = _decoded(data)
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
-    return _MINUS.sub(b"-", data)
-
-
-def _decoded(data: bytes) -> bytes:
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", "replace").encode()
-    head = data[:_LOOKED_AT]
-    if head[1::2].count(0) > _ZEROS * len(head):
-        return data.decode("utf-16-le", "replace").encode()
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    try:
-        data[: 2**16].rpartition(b"\n")[0].decode()
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace").encode()
-    return data
-
-
-def layout_of(head: bytes, name: str, overrides: Overrides | None = None) -> Layout | None:
-    """Return the header of a csv; None if no line names a quantity.
-
-    Parameters
-    ----------
-    head
-        The first bytes, in UTF-8.
-    name
-        Name of the file, which names the sensor where headings are x, y and z.
-    overrides
-        What a person says of columns.
-    """
-    if overrides and all(one.isdigit() for one in overrides):
-        return _numbered(head, overrides)
-    best: Layout | None = None
-    for place, line in enumerate(head.split(b"\n", _MAX_HEADER_LINE)[:_MAX_HEADER_LINE]):
-        text = line[:_MAX_LINE].decode("utf-8", "replace").strip("\r")
-        if not re.search("[A-Za-z]", text):
-            continue
-        for delimiter in _DELIMITERS:
-            if delimiter not in text:
-                continue
-            cells = _cells(text, delimiter)
-            if delimiter == " " and max(map(text.count, _DELIMITERS[:-1])) >= _OTHERS:
-                continue
-            if not 2 <= len(cells) <= _MAX_COLUMNS or sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
-                continue
-            profile = profile_of(name, cells)
-            layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}, profile), profile)
-            if best is None or layout.worth > best.worth:
-                best = layout
-    return best if best is not None and best.worth else None
 
 
 def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sheet | None:
@@ -210,7 +135,7 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
     return None if not start and layout.line >= 0 else sheet_below(name, data[start:], layout)
 
 
-def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
+def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> Sheet:
     """Return the columns of the rows below a header.
 
     Parameters
@@ -221,13 +146,28 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
         The rows, in UTF-8; the first may hold units.
     layout
         What the header says.
+    first_line
+        Number of the first of the lines; those of a simulator's rows are counted then.
 
     Raises
     ------
     MissionError
         If the rows cannot be read.
     """
-    units, start = _units_below(data, layout)
+    units, start = units_below(data, layout)
+    rows = None
+    if first_line:
+        # A logger may end each line, or the header only, with a delimiter.
+        fewest = ended(layout.headings)
+        most = max(len(layout.headings), fewest + 1)
+        layout = replace(
+            layout,
+            headings=layout.headings + ("",) * (most - len(layout.headings)),
+            known=layout.known + (None,) * (most - len(layout.headings)),
+        )
+        line = first_line + data.count(b"\n", 0, start)
+        rows, start = rows_of(data[start:], line, layout.delimiter, fewest, most), 0
+        data, rows = rows.data, rows._replace(data=b"")
     layout = replace(layout, known=tuple(
         known if units.get(place, "-") else None for place, known in enumerate(layout.known)
     ))  # fmt: skip
@@ -235,7 +175,15 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
                 if (known := layout.known[place]) is not None]  # fmt: skip
     places, headings = _in_two(places, headings)
-    columns, texts = _numbers(name, data[start:], layout, places, headings)
+    width = len(layout.headings) if rows else ended(layout.headings)
+    columns: list[FloatArray] = [np.empty(0)] * len(places)
+    texts: dict[int, str] = {}
+    if rows is None or rows.lines.size:
+        columns, texts = _numbers(name, data[start:], layout, places, headings, width)
+    if rows is not None:
+        columns = [column[1:] for column in columns]  # pandas takes the number of cells from the first row
+    if rows is not None and any(len(column) != len(rows.lines) for column in columns):
+        raise MissionError(f"{name}: its rows cannot be told from each other; accepted is one row a line")
     columns, headings, texts = _on_their_side(columns, headings, texts)
     columns, remarks = _without_placeholders(name, headings, columns)
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
@@ -250,12 +198,13 @@ def sheet_below(name: str, data: bytes, layout: Layout) -> Sheet:
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
         remarks=(*remarks, *_about(name, layout.profile)),
         profile=layout.profile,
+        rows=rows,
     )
 
 
 def _about(name: str, profile: Profile | None) -> tuple[str, ...]:
     """Return what the report says of a profile."""
-    if profile is None or not profile.columns:
+    if profile is None or not profile.columns or profile.simulator:
         return profile.remarks if profile else ()
     return (
         f"The profile {profile.name} ({profile.path.name}) says what columns of {name} are.",
@@ -303,127 +252,14 @@ def _on_their_side(
     return [columns[i] for i in kept], [headings[i] for i in kept], own
 
 
-def _numbered(head: bytes, overrides: Overrides) -> Layout | None:
-    """Return the layout of a csv without a header whose columns a person names by their numbers, from 1."""
-    lines = [line.decode("utf-8", "replace").strip() for line in head.split(b"\n")[:_MAX_HEADER_LINE]]
-    for place, text in enumerate(lines):
-        for delimiter in _DELIMITERS:
-            cells = _cells(text, delimiter) if delimiter in text else ()
-            if len(cells) > 1 and all(map(_NUMBER.fullmatch, cells)):
-                names = tuple(str(number) for number in range(1, len(cells) + 1))
-                known = tuple(
-                    given_heading(overrides[one], one) if one in overrides else None for one in names
-                )
-                return Layout(place - 1, delimiter, names, known)
-    return None
-
-
-def _cells(text: str, delimiter: str) -> tuple[str, ...]:
-    if delimiter == " ":
-        return tuple(text.lstrip("#% ").split())
-    try:
-        cells = next(csv.reader([text.lstrip("#%/ ")], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:
-        cells = text.split(delimiter)
-    return tuple(cell.strip().strip("\"'\ufeff").strip() for cell in cells)
-
-
-def numbered(cells: Sequence[str]) -> list[str]:
-    """Return headings, with their number those that stand before already: ``altitude#2``."""
-    counts: Counter[str] = Counter()
-    found = []
-    for cell in cells:
-        counts[cell] += 1
-        found.append(f"{cell}#{counts[cell]}" if counts[cell] > 1 else cell)
-    return found
-
-
-def _known(
-    cells: Sequence[str], name: str, overrides: Overrides, profile: Profile | None
-) -> tuple[Heading | None, ...]:
-    """Return what columns are: as a person says, or a profile, or the heading.
-
-    The first of two with one heading counts, unless the profile names the second: ``altitude#2``.
-    """
-    known: list[Heading | None] = []
-    for cell, name_of in zip(cells, numbered(cells), strict=True):
-        if profile is not None and name_of in profile.columns and name_of not in overrides:
-            known.append(_of_profile(name_of, profile))
-        elif cell != name_of:
-            known.append(None)
-        elif cell in overrides:
-            known.append(_corrected(cell, overrides[cell], name))
-        else:
-            found = heading_of(cell, name) if cell else None
-            known.append(found if found is None or profile is None else _defaulted(found, profile))
-    return tuple(known)
-
-
-def _of_profile(cell: str, profile: Profile) -> Heading | None:
-    """Return what a profile says that a column is."""
-    try:
-        found = given_heading(profile.columns[cell], cell)
-    except MissionError as error:
-        raise MissionError(f"{profile.path}: {error}") from None
-    source = f"as {profile.name} writes"
-    return found and replace(found, sensor=profile.name, source=source)
-
-
-def _defaulted(found: Heading, profile: Profile) -> Heading:
-    """Return a column in the unit that a profile says for its quantity, if its heading names none."""
-    unit = unit_of(found.kind, profile.defaults.get(found.quantity, ""))
-    return found if found.unit or not unit else replace(found, unit=unit, source=f"as {profile.name} writes")
-
-
-def _corrected(cell: str, text: str, name: str) -> Heading | None:
-    """Return what a person says of a column: a quantity with its unit, or, in brackets, a unit alone."""
-    if not text.startswith("["):
-        return given_heading(text, cell)
-    known = heading_of(cell, name)
-    if known is None:
-        raise MissionError(
-            f"column {cell}: its heading does not say what it is; accepted is a quantity with its unit, "
-            "such as force_x[g]"
-        )
-    unit = unit_of(known.kind, text)
-    if not unit:
-        raise MissionError(
-            f"column {cell}: {text.strip('[]')!r} is no unit of {known.quantity}; accepted are "
-            f"{', '.join(UNITS.get(known.kind, {}))}"
-        )
-    return replace(known, unit=unit)
-
-
-def _units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
-    """Return units by column if the first row that is not empty holds them, and where the rows begin.
-
-    The unit is empty for what its heading does not say: VerticalAcc in g is no accuracy of the height.
-    """
-    start = end = 0
-    cells: tuple[str, ...] = ()
-    while not any(cells) and end >= 0 and start < len(data):
-        end = data.find(b"\n", start)
-        line = data[start : end if end >= 0 else len(data)]
-        cells = _cells(line.decode("utf-8", "replace").strip("\r"), layout.delimiter)
-        start = end + 1
-    units = {}
-    for place, known in enumerate(layout.known[: len(cells)]):
-        if known is None or not cells[place] or not known.kind:
-            continue
-        unit = unit_of(known.kind, cells[place])
-        if unit or (known.quantity in SCALARS and unit_of("acceleration", cells[place])):
-            units[place] = unit
-    return (units, start) if any(units.values()) and end >= 0 else ({}, 0)
-
-
 def _numbers(
-    name: str, data: bytes, layout: Layout, places: list[int], headings: list[Heading]
+    name: str, data: bytes, layout: Layout, places: list[int], headings: list[Heading], width: int
 ) -> tuple[list[FloatArray], dict[int, str]]:
     """Return the known columns as numbers, and the first cell of those that were text."""
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
     how: dict[str, Any] = {
-        "header": None, "names": list(range(_ended(layout.headings))), "usecols": sorted(set(places)),
+        "header": None, "names": list(range(width)), "usecols": sorted(set(places)),
         "index_col": False,
         "sep": layout.delimiter if layout.delimiter != " " else r"\s+", "engine": "c", "encoding": "utf-8",
         "encoding_errors": "replace", "on_bad_lines": "skip", "skipinitialspace": True, "comment": None,
@@ -457,17 +293,12 @@ def _numbers(
     return [np.concatenate(part) for part in parts], texts
 
 
-def _ended(headings: Sequence[str]) -> int:
-    """Return how many headings there are: a logger may end its header with a delimiter, and its rows not."""
-    return max(place + 1 for place, text in enumerate(headings) if text.strip())
-
-
 def _parsed(
     cells: Any, quantity: str, comma_separates: bool, place: int, texts: dict[int, str]
 ) -> tuple[FloatArray, str]:
     """Return the numbers of a column of texts, times that are no numbers as seconds; and their unit."""
-    if quantity == "side":
-        return signs_of_sides(cells), ""
+    if quantity in _OF_TEXTS:
+        return _OF_TEXTS[quantity](cells), ""
     numbers, unit = numbers_of_cells(cells, comma_separates)
     if quantity in _COORDINATES:
         angles = angles_of_cells(cells, quantity == "longitude")
@@ -485,6 +316,7 @@ def _parsed(
 
 def _has_dates_in_digits(data: bytes, layout: Layout, places: list[int], headings: list[Heading]) -> bool:
     """Return whether a time stamp of the first row is one number with date and time of day."""
-    cells = _cells(data.partition(b"\n")[0].decode("utf-8", "replace"), layout.delimiter)
+    end = data.find(b"\n")
+    cells = cells_of(data[: end if end >= 0 else MAX_LINE].decode("utf-8", "replace"), layout.delimiter)
     times = (place for place, one in zip(places, headings, strict=True) if one.quantity in _TIMES)
     return any(is_date_in_digits(cells[place]) for place in times if place < len(cells))

@@ -7,19 +7,22 @@ each other. Rows under an equal header are one sheet while their time goes on.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import is_regular
-from lab.data.sheets.sheet import HEAD, Layout, Overrides, Sheet, layout_of, read_sheet, sheet_below
+from lab.data.files.profile import Profile
+from lab.data.sheets.sheet import Sheet, read_sheet, sheet_below
 from lab.data.sheets.sheet_clock import clock_of
+from lab.data.sheets.sheet_layout import HEAD, Layout, Overrides, layout_of
 
-_TITLED = re.compile(rb"(?m)^[ \t\"'#%]*[A-Za-z_][^\n]*$")
-"""A line that begins with a word."""
+_TITLED = re.compile(rb"\n[ \t\"'#%/]*[A-Za-z_][^\n]*")
+"""A line that begins with a word, and the end of the one before, by which lines are found quickly."""
 _TIMED = re.compile(rb"(?i)time|stamp|utc|date|sec|milli|micro|clock|epoch|tow|cts|\b(?:t|ms|us|gmt)\b")
 """What a header has in it that names a time."""
 _MAX_TRIED = 2000
@@ -49,8 +52,7 @@ def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> l
         found = read_sheet(name, data, overrides)
         return [] if found is None else [found]
     sheets: dict[tuple[str, ...], list[Sheet]] = {}
-    ends = [start for start, _, _ in blocks[1:]] + [len(data)]
-    for (start, below, layout), end in zip(blocks, ends, strict=True):
+    for start, below, end, layout in _with_ends(blocks, data):
         rows = sheet_below(name, data[below:end], layout)
         if len(rows):
             line = data.count(b"\n", 0, start) + 1
@@ -59,28 +61,82 @@ def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> l
     return [_joined(parts) for parts in sheets.values()]
 
 
-def _headers(name: str, data: bytes, overrides: Overrides) -> list[tuple[int, int, Layout]]:
-    """Return where headers with rows below begin and end, and what they say."""
+def recordings_in(name: str, data: bytes, profile: Profile) -> list[Sheet]:
+    """Return the tables of a simulator's or a flight deck's file under their headers, with their lines.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    data
+        Its bytes, in UTF-8.
+    profile
+        What its columns are.
+
+    Raises
+    ------
+    MissionError
+        If the rows cannot be read.
+    """
+    first = layout_of(data[:HEAD], name, profile=profile)
+    if first is None:
+        return []
+    start = 0
+    for _ in range(first.line + 1):
+        start = data.find(b"\n", start) + 1 or len(data)
+    further = _headers(name, data, {}, profile, start)
+    if len(further) == MAX_BLOCKS:
+        raise MissionError(f"more than {MAX_BLOCKS} headers; accepted is one flight")
+    found, line = [], 1
+    for begin, below, end, layout in _with_ends([(0, start, first), *further], data):
+        found.append(sheet_below(name, data[below:end], layout, line + data.count(b"\n", begin, below)))
+        line += data.count(b"\n", begin, end)
+    return found
+
+
+def _with_ends(
+    blocks: Sequence[tuple[int, int, Layout]], data: bytes
+) -> Iterator[tuple[int, int, int, Layout]]:
+    """Yield where headers and the rows below begin, where these end, and what the header says."""
+    ends = [start for start, _, _ in blocks[1:]] + [len(data)]
+    for (start, below, layout), end in zip(blocks, ends, strict=True):
+        yield start, below, end, layout
+
+
+def _headers(
+    name: str, data: bytes, overrides: Overrides, profile: Profile | None = None, begin: int = 0
+) -> list[tuple[int, int, Layout]]:
+    """Return where headers with rows below begin and end, from a place on, and what they say."""
     found: list[tuple[int, int, Layout]] = []
     tried = 0
-    for match in _TITLED.finditer(data):
-        line = match[0]
+    for start, end in _titled(data, begin):
+        line = data[start:end]
         if not _TIMED.search(line):
             continue
         tried += 1
         if tried > _MAX_TRIED + len(found):
             break
-        if len(line) > HEAD or (layout := layout_of(line, name, overrides)) is None or layout.line < 0:
+        layout = layout_of(line, name, overrides, profile) if len(line) <= HEAD else None
+        if layout is None or layout.line < 0:
             continue
         quantities = {one.quantity for one in layout.known if one is not None}
-        if layout.worth < _MIN_QUANTITIES or not quantities & _TIMES:
+        if profile is None and (layout.worth < _MIN_QUANTITIES or not quantities & _TIMES):
             continue
-        if found and not data[found[-1][1] : match.start()].strip():
+        if profile is None and found and not data[found[-1][1] : start].strip():
             continue  # a row of units
-        found.append((match.start(), match.end() + 1, layout))
+        found.append((start, end + 1, layout))
         if len(found) == MAX_BLOCKS:
             break
     return found
+
+
+def _titled(data: bytes, begin: int) -> Iterator[tuple[int, int]]:
+    """Yield begin and end of the lines that begin with a word, from a place on."""
+    if not begin and _TITLED.match(b"\n" + data[:HEAD]):
+        end = data.find(b"\n")
+        yield 0, end if end >= 0 else len(data)
+    for match in _TITLED.finditer(data, max(begin - 1, 0)):
+        yield match.start() + 1, match.end()
 
 
 def _joined(parts: list[Sheet]) -> Sheet:

@@ -6,12 +6,14 @@ Loggers write ``245.5 m``, ``51.477928N``, ``2,114.8``, ``12,5`` and, for a plac
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.data.clock.stamps import offset_of
 
 _THOUSANDS = r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"
 _BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
@@ -36,6 +38,16 @@ _PLACEHOLDERS = (-999.0, -9999.0, -99_999.0, -999_999.0)
 _APART = 2.0
 """Distance of such a number from all others, over their range, from which it is none of them. The range is
 taken to be 1 at least, in the unit of the column: whole numbers that hardly change are no proof."""
+
+
+_ZONE = re.compile(r"[+-]?\d\d:?\d\d")
+"""The offset of a zone from UTC; a file that writes it in a column of its own may leave out the plus."""
+_PIECE = 2**17
+"""Bytes of which the characters are looked at at a time."""
+MISSING = "cells missing or too many"
+"""Why rows are dropped that have another number of cells than the header."""
+NO_NUMBER = "cells empty or no numbers"
+"""Why rows are dropped that have a cell without a finite number."""
 
 
 def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str]:
@@ -133,6 +145,97 @@ def signs_of_sides(cells: Any) -> FloatArray:
     """Return 1 for N and E, -1 for S and W, NaN for anything else, of a column of texts."""
     signs = {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}
     return np.array([signs.get(text.strip().upper()[:1], np.nan) for text in cells])
+
+
+def are_fixes(cells: Any) -> FloatArray:
+    """Return 0 for the texts of a receiver's status that begin with "no", and else 1."""
+    return np.where(cells.str.lower().str.startswith("no"), 0.0, 1.0)
+
+
+def offsets_of_zones(cells: Any) -> FloatArray:
+    """Return by how much zones, such as -05:00 or 02:30, are ahead of UTC [s]; NaN for other texts."""
+    known = {
+        text: offset_of(text if text[0] in "+-" else f"+{text}") if _ZONE.fullmatch(text) else np.nan
+        for text in set(cells)
+    }
+    return np.array([known[text] for text in cells])
+
+
+class Rows(NamedTuple):
+    """Whole lines with the right number of cells, and what was left out.
+
+    Attributes
+    ----------
+    data : bytes
+        The lines, after one of as many cells as accepted, all empty.
+    lines : (n,) array
+        Their numbers, as an editor shows them.
+    read : int
+        How many rows of samples there are in all.
+    first : int
+        The line of the first; 0 without one.
+    lost : dict of (int, int)
+        How many were left out, and the line of the first, by the reason.
+    """
+
+    data: bytes
+    lines: NDArray[np.int32]
+    read: int
+    first: int
+    lost: dict[str, tuple[int, int]]
+
+
+def rows_of(data: bytes, first_line: int, delimiter: str, fewest: int, most: int) -> Rows:
+    """Return the lines of samples in a text; blank ones and remarks are none.
+
+    Parameters
+    ----------
+    data
+        The text in UTF-8. Quotes in it say nothing.
+    first_line
+        Number of its first line.
+    delimiter
+        What separates cells.
+    fewest, most
+        Numbers of cells that are accepted.
+    """
+    kept = [delimiter.encode() * (most - 1) + b"\n"]
+    numbers, count, first = [np.empty(0, np.int32)], 0, 0
+    lost = {MISSING: (0, 0), NO_NUMBER: (0, 0)}
+    for piece in _pieces(data):
+        # A zero byte would end a number early: no number has these letters.
+        rows = piece.replace(b"\0", b"x0x").replace(b'"', b" ").replace(b"\r", b" ") + b"\n"
+        characters = np.frombuffer(rows, dtype=np.uint8)
+        ends = np.flatnonzero(characters == ord("\n"))
+        starts = np.concatenate(([0], ends[:-1] + 1))
+        samples = np.logical_or.reduceat(characters > ord(" "), starts) & (characters[starts] != ord("#"))
+        cells = np.add.reduceat(characters == ord(delimiter), starts, dtype=np.int64) + 1
+        whole = samples & (cells >= fewest) & (cells <= most)
+        is_digit = (characters >= ord("0")) & (characters <= ord("9"))
+        numbered = whole & np.logical_or.reduceat(is_digit, starts)
+        for reason, bad in ((MISSING, samples & ~whole), (NO_NUMBER, whole & ~numbered)):
+            before, line = lost[reason]
+            if bad.any():
+                lost[reason] = (before + int(bad.sum()), line or first_line + int(np.argmax(bad)))
+        if samples.any():
+            first = first or first_line + int(np.argmax(samples))
+        count += int(samples.sum())
+        kept.append(characters[np.repeat(numbered, ends - starts + 1)].tobytes())
+        numbers.append((first_line + np.flatnonzero(numbered)).astype(np.int32))
+        first_line += len(ends)
+    return Rows(b"".join(kept), np.concatenate(numbers), count, first, lost)
+
+
+def _pieces(data: bytes) -> Iterator[bytes]:
+    """Cut a text at ends of lines, which are left out: the numbers of all characters would not be small."""
+    start = 0
+    while start < len(data):
+        end = len(data) if len(data) - start <= _PIECE else data.rfind(b"\n", start, start + _PIECE)
+        if end < 0:
+            end = data.find(b"\n", start)
+        end = len(data) if end < 0 else end
+        yield data[start:end]
+        start = end + 1
 
 
 UNIT = re.compile(

@@ -11,7 +11,6 @@ import pytest
 from writers import garmin_csv as writer
 from writers.resampled import resampled
 
-from lab.data.files import garmin_csv
 from lab.data.formats import reader_of
 from lab.missions import MissionError, Recording, mission, prepare_import
 from lab.motion.frames import ecef
@@ -27,8 +26,9 @@ def file(tmp_path):
     def read(data: bytes, units=None):
         path = tmp_path / "log.dat"
         path.write_bytes(data)
-        assert reader_of(path).name == garmin_csv.NAME
-        return garmin_csv.read([path], units or {})
+        reader = reader_of(path)
+        assert reader.name == "Garmin G1000 csv"
+        return reader.read([path], units or {})
 
     return read
 

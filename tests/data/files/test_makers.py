@@ -516,6 +516,9 @@ def test_what_is_not_read_is_named(tmp_path, text, words):
         ("YawRate", "rate", "z", ""), ("altitudeAboveMeanSeaLevel", "height", "", ""),
         ("feet", "height", "", "ft"), ("kts", "speed", "", "kt"), ("VSpd(m/s)", "up", "", "m/s"),
         ("Shimmer_9DB2_Accel_LN_X_CAL", "force", "x", ""), ("IMU_ATTI(1):gyroZ", "rate", "z", ""),
+        ("LatitudeDegrees", "latitude", "", "°"), ("SpeedAccuracyMps", "speed_sigma", "", "m/s"),
+        ("UncalGyroXRadPerSec", "rate", "x", "rad/s"), ("AccelZMps2", "force", "z", "m/s²"),
+        ("altitudeFeet", "height", "", "ft"), ("AccuracyMeters", "horizontal_sigma", "", "m"),
         ("OSD.hSpeed [MPH]", "speed", "", "mph"), ("Direction (°)", "course", "", "°"),
     ],
 )  # fmt: skip

@@ -106,8 +106,9 @@ def test_two_that_match_one_file_are_refused_by_name(own, tmp_path):
         ('name = "x"\n[columns]\na = "bread[g]"', "'bread' is no quantity"),
         ('name = "x"\n[columns]\na = "force_x[°]"', "'°' is no unit of force"),
         ('name = "x"\n[columns]\na = "time"\n[defaults]\nrate = "m"', "rate = 'm' is no quantity"),
-        ('name = "x"\nsimulator = true\n[columns]\na = "wing[m]"', "accepted is a quantity with its unit"),
-        ('name = "x"\nsimulator = true\n[columns]\na = "roll[m]"', "'m' is not a known unit of angle"),
+        ('name = "x"\nsimulator = true\n[columns]\na = "roll"', "has no unit; accepted is one in brackets"),
+        ('name = "x"\nsimulator = true\n[columns]\na = "wing[m]"', "'wing' is no quantity; accepted are"),
+        ('name = "x"\nsimulator = true\n[columns]\na = "roll[m]"', "'m' is no unit of roll; accepted are"),
     ],
 )
 def test_what_is_wrong_is_named(own, text, words):

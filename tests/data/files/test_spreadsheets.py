@@ -9,9 +9,10 @@ import pytest
 from foreign_tables import same, table
 
 from lab.data.formats import read_raw
-from lab.data.sheets.sheet import as_utf8, read_sheet
+from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_layout import as_utf8
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from writers import xplane_data as writer
 
-from lab.data.files.table import OTHER_RECORDING
 from lab.data.formats import read_raw
 from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.sheets.flight_columns import OTHER_RECORDING
 from lab.missions import MissionError, mission
 from lab.motion.truth.trajectory import Trajectory
 

@@ -6,10 +6,8 @@ given, or made of the derivatives of the velocity in b: u' + q w - r v and so on
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,43 +15,20 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
-from lab.data.files.fields import (
-    GIVEN,
+from lab.data.files.fields import SEA_LEVEL, one_file
+from lab.data.files.profile import Profile
+from lab.data.files.unit_names import UNITS
+from lab.data.rebuild.raw_flight import Dropped, RawFlight
+from lab.data.sheets.flight_columns import (
     LIMITS,
-    OF_THE_FORMAT,
-    SEA_LEVEL,
     Columns,
-    Field,
-    one_file,
     raw_flight,
     read_columns,
-    recognised,
     refuse_no_motion,
 )
-from lab.data.files.profile import Profile
-from lab.data.files.table import Required, plain
-from lab.data.files.unit_names import UNITS, unit_name
-from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import C_nb_from_euler
 
-KINDS = {
-    **dict.fromkeys(("time", "own_time"), "time"),
-    **dict.fromkeys(
-        ("latitude", "geocentric_latitude", "longitude", "roll", "pitch", "yaw", "alpha", "beta"), "angle"
-    ),
-    **dict.fromkeys(("height", "geodetic_height", "ecef_x", "ecef_y", "ecef_z"), "length"),
-    **dict.fromkeys(("north", "east", "down", "up", "airspeed"), "speed"),
-    **{f"{name}_{axis}": kind for axis in "xyz" for name, kind in (
-        ("velocity", "speed"), ("rate", "angular rate"), ("acceleration", "acceleration"),
-        ("velocity_rate", "acceleration"),
-    )},
-}  # fmt: skip
-"""Quantities of simulators and the kinds of their units: x, y, z are forward, right, down. Velocities, their
-derivatives, rates and accelerations are over the Earth."""
-_KEYS = {"ecef_x": "x", "ecef_y": "y", "ecef_z": "z"}
-"""Quantities that `lab.data.files.fields.LIMITS` names otherwise."""
-_COLUMN = re.compile(r"(-?)\s*([a-z_]+)\s*\[([^\]]*)\]")
 _TOGETHER = (("geocentric_latitude", "longitude"), ("roll", "pitch", "yaw"), ("alpha", "beta"))
 """Angles that are in one unit where their headings do not name it."""
 _MAX_RADIANS = 6.3
@@ -71,69 +46,6 @@ _MIN_TICKING = 0.9
 _RATE_OF_CLOCKS = (0.5, 2.0)
 """Rates of the simulator's clock, relative to the computer's, at which it is used: faster or slower, it
 counts in another unit or the simulation was accelerated."""
-
-
-@lru_cache(maxsize=64)
-def _fields(path: Path, profile: tuple[tuple[str, str], ...], around: tuple[str, str], source: str) -> tuple[
-    tuple[Field, ...], dict[str, int], dict[str, str]
-]:  # fmt: skip
-    """Return the fields of a profile, the sign of each heading, and its other unit if it may have two."""
-    fields, signs, others = [], {}, {}
-    for heading, text in profile:
-        found = _COLUMN.fullmatch(text)
-        if found is None or found[2] not in KINDS:
-            raise MissionError(
-                f"{path}: {heading!r} = {text!r}; accepted is a quantity with its unit, such as -roll[°], of "
-                f"{', '.join(KINDS)}"
-            )
-        kind = KINDS[found[2]]
-        unit, _, other = found[3].partition(" or ")
-        try:
-            unit, other = unit_name(kind, unit), unit_name(kind, other) if other else ""
-        except MissionError as error:
-            raise MissionError(f"{path}: {heading!r} = {text!r}: {error}") from None
-        names = _spellings(heading, *around)
-        fields.append(Field(_KEYS.get(found[2], found[2]), names, kind, unit, source or OF_THE_FORMAT))
-        for name in names:
-            signs[name] = -1 if found[1] else 1
-            if other:
-                others[name] = other
-    return tuple(fields), signs, others
-
-
-def _spellings(heading: str, prefix: str = "", suffix: str = "") -> tuple[str, ...]:
-    """Return what a heading may be, as `lab.data.files.table.plain` gives it."""
-    is_path = "/" in heading
-    befores = dict.fromkeys((prefix, "") if is_path else ("",))
-    afters = dict.fromkeys(("", suffix) if is_path else ("",))
-    return tuple(plain(f"{before}{heading}{after}") for before in befores for after in afters)
-
-
-def check(profile: Profile) -> None:
-    """Raise a `MissionError` if a column of a simulator's profile is no quantity with a unit."""
-    _of(profile)
-
-
-def _of(profile: Profile) -> tuple[tuple[Field, ...], dict[str, int], dict[str, str]]:
-    around = (profile.prefix, profile.suffix)
-    return _fields(profile.path, tuple(profile.columns.items()), around, profile.source)
-
-
-def _required(profile: Profile) -> Required:
-    """Return the headings that a file has to have, and one that no other program writes."""
-    around = (profile.prefix, profile.suffix)
-    needs = [tuple(name for one in need for name in _spellings(one, *around)) for need in profile.needs]
-    if profile.shared:
-        common = {plain(one) for one in profile.shared}
-        fields = _of(profile)[0]
-        own = [name for one in fields for name in one.names if name not in common and one.key != "time"]
-        needs.append(tuple(own))
-    return needs
-
-
-def recognises(profile: Profile, head: bytes) -> bool:
-    """Return whether a file has the headings of a profile."""
-    return recognised(head, _required(profile))
 
 
 def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -154,12 +66,9 @@ def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> R
         For whatever is wrong with the file; if it has no motion, naming what to record.
     """
     path = one_file(paths, profile.name)
-    fields, signs, others = _of(profile)
-    columns = read_columns(path, fields, units, _required(profile))
-    remarks = [*profile.remarks, *_in_other_unit(columns, others)]
-    for key, unit in columns.units.items():
-        columns.values[key] *= signs[plain(unit.column)]
-    place = columns.vector("x", "y", "z")
+    columns = read_columns(path, profile, units)
+    remarks = _in_other_unit(columns)
+    place = columns.vector("ecef_x", "ecef_y", "ecef_z")
     if place is not None:
         for key, value in zip(("latitude", "longitude", "height"), ecef.geodetic(place).T, strict=True):
             columns.values[key] = value
@@ -187,27 +96,23 @@ def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> R
     return flight if place is None else _near_the_earth(path, flight, columns)
 
 
-def _in_other_unit(columns: Columns, others: Mapping[str, str]) -> list[str]:
+def _in_other_unit(columns: Columns) -> list[str]:
     """Read angles that are too large for radians as degrees, and times with steps of seconds as ms."""
     remarks = []
 
-    def open_ones(keys: Sequence[str]) -> list[str]:
-        known = [key for key in keys if key in columns.units and columns.units[key].source != GIVEN]
-        return [key for key in known if plain(columns.units[key].column) in others]
-
     def change(keys: Sequence[str], kind: str) -> None:
         for key in keys:
-            unit = others[plain(columns.units[key].column)]
+            unit = columns.others[key]
             columns.values[key] *= UNITS[kind][unit] / UNITS[kind][columns.units[key].unit]
             columns.units[key] = replace(columns.units[key], unit=unit, source="guessed")
 
     for keys in _TOGETHER:
-        found = open_ones(keys)
+        found = [key for key in keys if key in columns.others]
         if any(np.abs(columns.values[key]).max() > _MAX_RADIANS for key in found):
             names = [columns.units[key].column for key in found]
             change(found, "angle")
             remarks.append(f"{', '.join(names)} are taken as degrees: they are too large for radians.")
-    if open_ones(["time"]) and _is_milliseconds(columns):
+    if "time" in columns.others and _is_milliseconds(columns):
         change(["time"], "time")
         remarks.append("The time is taken as milliseconds, by the speed that results.")
     return remarks

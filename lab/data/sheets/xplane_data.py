@@ -16,68 +16,55 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.data.files.fields import (
-    NAMED,
-    SEA_LEVEL,
-    Columns,
-    Field,
-    one_file,
-    raw_flight,
-    read_columns,
-    recognised,
-    refuse_no_motion,
-)
-from lab.data.files.table import plain
+from lab.data.files.fields import NAMED, SEA_LEVEL, one_file
+from lab.data.files.profile import Profile, plain
 from lab.data.rebuild.raw_flight import RawFlight
+from lab.data.sheets.flight_columns import Columns, raw_flight, read_columns, recognised, refuse_no_motion
 from lab.motion.frames import ecef
 
 NAME = "X-Plane Data.txt"
 
-CLOCKS = ("totl,time", "missn,time", "elaps,time", "real,time")
+CLOCKS = ("time", "mission_time", "elapsed_time", "real_time")
 """The columns of group 1, the simulator's own clock first."""
-
-FIELDS = (
-    *(Field(name, (name,), "time", "s") for name in CLOCKS),
-    Field("airspeed", ("vtrue,ktas",), "speed", "kt", NAMED),
-    Field("p", ("p,rad/s",), "angular rate", "rad/s", NAMED),
-    Field("q", ("q,rad/s",), "angular rate", "rad/s", NAMED),
-    Field("r", ("r,rad/s",), "angular rate", "rad/s", NAMED),
-    Field("p", ("p,deg/s",), "angular rate", "°/s", NAMED),
-    Field("q", ("q,deg/s",), "angular rate", "°/s", NAMED),
-    Field("r", ("r,deg/s",), "angular rate", "°/s", NAMED),
-    Field("pitch", ("pitch,deg",), "angle", "°", NAMED),
-    Field("roll", ("roll,deg",), "angle", "°", NAMED),
-    Field("heading", ("hding,true",), "angle", "°"),
-    Field("alpha", ("alpha,deg",), "angle", "°", NAMED),
-    Field("beta", ("beta,deg",), "angle", "°", NAMED),
-    Field("latitude", ("lat,deg",), "angle", "°", NAMED),
-    Field("longitude", ("lon,deg",), "angle", "°", NAMED),
+_CLOCK_HEADINGS = ("totl,time", "missn,time", "elaps,time", "real,time")
+_COLUMNS = {
+    "vtrue,ktas": "airspeed[kt]",
+    **{f"{name},{unit}": f"rate_{axis}[{si}]" for unit, si in (("rad/s", "rad/s"), ("deg/s", "°/s"))
+       for name, axis in zip("pqr", "xyz", strict=True)},
+    "pitch,deg": "pitch[°]", "roll,deg": "roll[°]", "hding,true": "yaw[°]", "alpha,deg": "alpha[°]",
+    "beta,deg": "beta[°]", "lat,deg": "latitude[°]", "lon,deg": "longitude[°]",
     # X-Plane 12 distinguishes the centre of gravity from p-alt, which may depend on the air pressure.
-    Field("height", ("cg,ftmsl", "alt,ftmsl", "p-alt,ftmsl"), "length", "ft", NAMED),
-    Field("X", ("x,m",), "length", "m", NAMED),
-    Field("Z", ("z,m",), "length", "m", NAMED),
-    Field("vX", ("vx,m/s",), "speed", "m/s", NAMED),
-    Field("vY", ("vy,m/s",), "speed", "m/s", NAMED),
-    Field("vZ", ("vz,m/s",), "speed", "m/s", NAMED),
+    **dict.fromkeys(("cg,ftmsl", "alt,ftmsl", "p-alt,ftmsl"), "height[ft]"),
+    "x,m": "local_x[m]", "z,m": "local_z[m]",
+    **{f"v{axis},m/s": f"local_velocity_{axis}[m/s]" for axis in "xyz"},
+}  # fmt: skip
+_PROFILE = Profile(
+    Path(__file__),
+    NAME,
+    {
+        **{heading: f"{key}[s]" for heading, key in zip(_CLOCK_HEADINGS, CLOCKS, strict=True)},
+        **_COLUMNS,
+    },
+    (tuple(_COLUMNS),),
+    source=NAMED,
+    simulator=True,
 )
 
 GROUPS = (
     (CLOCKS[:1], "1 times", "the simulator's own clock"),
     (("airspeed",), "3 speeds", "true airspeed"),
-    (("p", "q", "r"), "16 angular velocities", "rates to check with"),
-    (("pitch", "roll", "heading"), "17 pitch, roll, headings", "attitude"),
+    (("rate_x", "rate_y", "rate_z"), "16 angular velocities", "rates to check with"),
+    (("pitch", "roll", "yaw"), "17 pitch, roll, headings", "attitude"),
     (("alpha", "beta"), "18 angle of attack, side-slip, paths", "angles of the air"),
     (("latitude", "longitude", "height"), "20 latitude, longitude, altitude", "position"),
-    (("vX", "vY", "vZ"), "21 loc, vel, dist traveled", "velocity"),
+    (tuple(f"local_velocity_{axis}" for axis in "xyz"), "21 loc, vel, dist traveled", "velocity"),
 )
 """What each group to tick gives."""
-
-REQUIRED = (tuple(name for field in FIELDS[len(CLOCKS) :] for name in field.names),)
 
 
 def recognises(head: bytes) -> bool:
     """Return whether a file has one of X-Plane's headings."""
-    return recognised(head, REQUIRED)
+    return recognised(head, _PROFILE)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -90,7 +77,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         groups to tick.
     """
     path = one_file(paths, NAME)
-    columns = read_columns(path, FIELDS, units, REQUIRED)
+    columns = read_columns(path, _PROFILE, units)
     lacking = [
         f"{group} ({gives})"
         for keys, group, gives in GROUPS
@@ -109,7 +96,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     remarks = [SEA_LEVEL] if "height" in columns.values else []
     if lacking:
         remarks.append(advice)
-    if clock == "real,time":
+    if clock == CLOCKS[-1]:
         remarks.append(
             "Time is that of the computer, not of the simulator: it jitters, and goes on when X-Plane pauses."
         )
@@ -123,8 +110,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         columns,
         time=columns.values[clock],
         velocity_n=_velocity(columns),
-        euler=columns.vector("roll", "pitch", "heading"),
-        body_rate=columns.vector("p", "q", "r"),
+        euler=columns.vector("roll", "pitch", "yaw"),
+        body_rate=columns.vector("rate_x", "rate_y", "rate_z"),
         remarks=remarks,
     )
     refuse_no_motion(path, flight, advice)
@@ -138,11 +125,11 @@ def _clock(columns: Columns) -> str:
 
 
 def _velocity(columns: Columns) -> FloatArray | None:
-    local = columns.vector("-vZ", "vX", "-vY")
+    local = columns.vector("-local_velocity_z", "local_velocity_x", "-local_velocity_y")
     here = columns.vector("latitude", "longitude", "height")
     if local is None or here is None:
         return local
-    return velocity_at_aircraft(local, here, columns.vector("-Z", "X"))
+    return velocity_at_aircraft(local, here, columns.vector("-local_z", "local_x"))
 
 
 def velocity_at_aircraft(local: FloatArray, here: FloatArray, offset: FloatArray | None) -> FloatArray:

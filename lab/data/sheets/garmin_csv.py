@@ -11,61 +11,26 @@ Garmin, *G1000 Pilot's Guide*, section "SD Card Use, Flight Data Logging".
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
-from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
-from lab.base.files.named_columns import MAX_BYTES
-from lab.data.files.fields import (
-    NAMED,
-    SEA_LEVEL,
-    Columns,
-    Field,
-    one_file,
-    raw_flight,
-    read_columns,
-    recognised,
-)
-from lab.data.files.fixes import NO_FIX, UtcClock
-from lab.data.files.table import NO_NUMBER, Header, find_header, plain
-from lab.data.files.unit_names import unit_of
+from lab.base.parameters.units import DAY
+from lab.data.files.fields import SEA_LEVEL, one_file
+from lab.data.files.fixes import NO_FIX
+from lab.data.files.profile import Profile, plain
 from lab.data.rebuild.raw_flight import Dropped, RawFlight, listed
+from lab.data.sheets.flight_columns import Columns, raw_flight, read_columns
+from lab.data.sheets.sheet_cells import NO_NUMBER
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
 
-NAME = "Garmin G1000 csv"
-
-FIELDS = (
-    Field("latitude", ("latitude",), "angle", "°"),
-    Field("longitude", ("longitude",), "angle", "°"),
-    Field("height", ("altgps", "altmsl"), "length", "ft"),
-    Field("speed", ("gndspd",), "speed", "kt"),
-    Field("track", ("trk",), "angle", "°"),
-    Field("climb", ("vspdg", "vspd"), "speed", "ft/min"),
-    Field("pitch", ("pitch",), "angle", "°"),
-    Field("roll", ("roll",), "angle", "°"),
-    Field("heading", ("hdg",), "angle", "°"),
-    Field("variation", ("magvar",), "angle", "°"),
-    Field("airspeed", ("tas",), "speed", "kt"),
-)
-"""Columns that are read, with the units that the line above the headings names, too."""
-
-REQUIRED = (("lcldate",), ("lcltime",), ("latitude",), ("longitude",))
-_NUMBERS = (("latitude",), ("longitude",))
-_TEXTS = ("lcldate", "lcltime", "utcofst", "gpsfix")
-_IN_BRACKETS = re.compile(r"\(([^()]*)\)")
-_OFFSET = re.compile(r"[+-]?\d\d:\d\d")
-_MAX_HEADER_LINE = 100
-"""Last line on which the header may stand; Garmin's is the third."""
-_MAX_LINE = 65_536
-"""Characters of a line in which a header is looked for."""
 _ASTRIDE = 2
 """Rows before and after each between which its course is taken: over 4 s the rounding of positions hardly
 turns it."""
@@ -80,14 +45,6 @@ _MAX_OFF_COURSE = np.radians(3.0)
 less, a wrong sign by twice the variation."""
 _MIN_VARIATION = np.radians(1.0)
 """Variation from which true and magnetic north are told apart by the positions [rad]."""
-
-
-@dataclass(frozen=True)
-class _Heading:
-    """The head of a file: its headings, and the unit that is named above each, as it is written."""
-
-    header: Header
-    units: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -107,12 +64,7 @@ class _North:
     remark: str
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file begins with the header of a Garmin flight log."""
-    return recognised(head, REQUIRED)
-
-
-def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     """Read a flight log of a Garmin flight deck.
 
     Raises
@@ -120,18 +72,16 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         For whatever is wrong with the file.
     """
-    path = one_file(paths, NAME)
-    heading = _heading(path)
-    columns = read_columns(path, _fields(heading), units, _NUMBERS)
-    columns, time, clock = _timed(path, columns, heading.header)
+    path = one_file(paths, profile.name)
+    columns, time, clock = _timed(path, read_columns(path, profile, units))
     north = _north(columns, time)
-    remarks = [*clock.remarks, north.remark]
+    remarks = [*clock, north.remark]
     above = columns.units.get("height")
     if above is not None:
-        by_gps = plain(above.column) == "altgps" and "wgs" in heading.units.get("altgps", "").lower()
+        by_gps = plain(above.column) == "altgps" and columns.written["height"].endswith("wgs")
         remarks.append("Heights are those of the GPS, above the ellipsoid." if by_gps else SEA_LEVEL)
     return raw_flight(
-        NAME,
+        profile.name,
         columns,
         time=time,
         velocity_n=_velocity(columns, north),
@@ -140,68 +90,16 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     )
 
 
-def _heading(path: Path) -> _Heading:
-    """Return the head of a file."""
-    lines: list[str] = []
-    with TextBlocks(path, MAX_BYTES, strict=False) as text:
-        for line in text.lines():
-            lines.append(line[:_MAX_LINE])
-            found = find_header(lines[-1:], REQUIRED)
-            if found is not None:
-                header = found[1]
-                above = lines[-2].lstrip("#").split(header.delimiter) if len(lines) > 1 else []
-                return _Heading(header, _named_units(header, above))
-            if len(lines) >= _MAX_HEADER_LINE:
-                break
-    raise MissionError(
-        f"{path}: no header within the first {_MAX_HEADER_LINE} lines; accepted is one with "
-        f"{', '.join(need[0] for need in REQUIRED)}"
-    )
-
-
-def _named_units(header: Header, above: Sequence[str]) -> dict[str, str]:
-    """Return the units in the cells above the headings, or in brackets in them."""
-    named = {}
-    for name, cell in zip(header.names, above, strict=False):
-        inside = _IN_BRACKETS.search(cell)
-        named[name] = (inside[1] if inside else cell).strip()
-    return named
-
-
-def _fields(heading: _Heading) -> list[Field]:
-    """Return what is read, in the units that the file names."""
-    fields = []
-    for field in FIELDS:
-        # A damaged head may name a unit of something else.
-        named = [unit_of(field.quantity, plain(heading.units.get(name, ""))) for name in field.names]
-        unit = next(filter(None, named), "")
-        fields.append(replace(field, unit=unit, source=NAMED) if unit else field)
-    return fields
-
-
-def _timed(path: Path, columns: Columns, header: Header) -> tuple[Columns, FloatArray, UtcClock]:
-    """Return the rows that have a time and a fix, and their time [s]."""
-    clock = UtcClock()
-    names = header.names
-    places = {name: names.index(name) for name in _TEXTS if name in names}
-    time, fixed = np.full(len(columns.lines), np.nan), np.ones(len(columns.lines), dtype=bool)
-    row, rows = 0, columns.lines.tolist()
-    with TextBlocks(path, MAX_BYTES, strict=False) as text:
-        for line in text.lines():
-            if row == len(rows):
-                break
-            if text.next_line - 1 != rows[row]:
-                continue
-            cells = line.split(header.delimiter)
-            said = {name: cells[at].strip(' "') for name, at in places.items() if at < len(cells)}
-            time[row] = clock.seconds(_iso(said))
-            fixed[row] = not said.get("gpsfix", "").lower().startswith("no")
-            row += 1
+def _timed(path: Path, columns: Columns) -> tuple[Columns, FloatArray, list[str]]:
+    """Return the rows with a time and a fix, their time since the first midnight in UTC [s], and a report."""
+    unknown = np.full(len(columns.lines), np.nan)
+    date, clock, offset = (columns.values.pop(key, unknown) for key in ("date", "clock", "zone"))
+    time = date + clock % DAY - np.nan_to_num(offset)
     place = columns.vector("latitude", "longitude")
     assert place is not None  # both are required
-    fixed &= (place != 0).any(axis=1)
+    fixed = (columns.values.pop("fix", np.ones_like(unknown)) != 0) & (place != 0).any(axis=1)
     dropped = [
-        Dropped(f"{NO_FIX}, or another cell empty or no number", one.count, one.first_row)
+        replace(one, reason=f"{NO_FIX}, or another cell empty or no number")
         if one.reason == NO_NUMBER
         else one
         for one in columns.dropped
@@ -216,22 +114,16 @@ def _timed(path: Path, columns: Columns, header: Header) -> tuple[Columns, Float
         )
     values = {key: value[kept] for key, value in columns.values.items()}
     left = replace(columns, values=values, lines=columns.lines[kept], dropped=tuple(dropped))
-    return left, time[kept], clock
-
-
-def _iso(said: Mapping[str, str]) -> str:
-    """Return date, time and offset as ISO 8601 writes them."""
-    offset = said.get("utcofst", "")
-    if not _OFFSET.fullmatch(offset):
-        offset = ""
-    elif offset[0] not in "+-":
-        offset = f"+{offset}"
-    return f"{said.get('lcldate', '')}T{said.get('lcltime', '')}{offset}"
+    midnight = float(time[kept][0] // DAY * DAY)
+    said = [f"Time counts from {datetime.fromtimestamp(midnight, UTC):%Y-%m-%d} 00:00 UTC."]
+    if unzoned := int(np.isnan(offset[kept]).sum()):
+        said.append(f"{unzoned} times name no time zone and are taken as UTC.")
+    return left, time[kept] - midnight, said
 
 
 def _north(columns: Columns, time: FloatArray) -> _North:
     """Return the corrections to true north, decided by the course between the positions."""
-    track, speed = columns.get("track"), columns.get("speed")
+    track, speed = columns.get("course"), columns.get("speed")
     if track is None or speed is None:
         return _North(
             None, None, "There is no track over ground. The heading, which is magnetic, is not used."
@@ -303,7 +195,7 @@ def _middle(angles: FloatArray) -> float:
 
 
 def _velocity(columns: Columns, north: _North) -> FloatArray | None:
-    speed, track, climb = (columns.get(key) for key in ("speed", "track", "climb"))
+    speed, track, climb = (columns.get(key) for key in ("speed", "course", "up"))
     if speed is None or track is None or climb is None or north.track is None:
         return None
     course = track + north.track
@@ -311,7 +203,7 @@ def _velocity(columns: Columns, north: _North) -> FloatArray | None:
 
 
 def _attitude(columns: Columns, north: _North) -> FloatArray | None:
-    euler = columns.vector("roll", "pitch", "heading")
+    euler = columns.vector("roll", "pitch", "yaw")
     if euler is None or north.heading is None:
         return None
     euler[:, 2] += north.heading

@@ -23,11 +23,12 @@ from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.clock.faults import increasing
-from lab.data.files.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
+from lab.data.files.fields import OF_THE_FORMAT, SEA_LEVEL
 from lab.data.files.inertial_attitude import inertial_attitude
-from lab.data.files.table import Header, head_lines, plain
+from lab.data.files.profile import Profile
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
+from lab.data.sheets.flight_columns import Columns, raw_flight, read_columns
 from lab.motion.frames.rotation import euler_from_C_nb
 
 NAME = "FlightGear insgns-gps and insgns-imu"
@@ -35,54 +36,53 @@ NAME = "FlightGear insgns-gps and insgns-imu"
 MOST_UNCERTAIN = np.radians(3.0)
 """Largest uncertainty of the heading with which a reconstructed attitude is used [rad]."""
 
-GPS = Header(
-    "\t",
-    (
-        "time (sec)", "latitude (rad)", "longitude (rad)", "negative altitude (m)", "Velocity North (mps)",
-        "Velocity East (mps)", "Velocity Down (mps)",
-    ),
+
+def _protocol(columns: Mapping[str, str]) -> Profile:
+    needs = tuple((heading,) for heading in columns)
+    return Profile(Path(__file__), NAME, columns, needs, source=OF_THE_FORMAT, simulator=True)
+
+
+GPS = _protocol(
+    {
+        "time (sec)": "time[s]", "latitude (rad)": "latitude[rad]", "longitude (rad)": "longitude[rad]",
+        "negative altitude (m)": "depth[m]", "Velocity North (mps)": "north[m/s]",
+        "Velocity East (mps)": "east[m/s]", "Velocity Down (mps)": "down[m/s]",
+    }
 )  # fmt: skip
 """Columns of insgns-gps, by the names the protocol gives them."""
-IMU = Header(
-    "\t",
-    (
-        "time (sec)", "roll rate (rad/sec)", "pitch rate (rad/sec)", "yaw rate (rad/sec)",
-        "X accel (mps2)", "Y accel (mps2)", "Z accel (mps2)",
-    ),
+IMU = _protocol(
+    {
+        "time (sec)": "time[s]", "roll rate (rad/sec)": "rate_x[rad/s]",
+        "pitch rate (rad/sec)": "rate_y[rad/s]", "yaw rate (rad/sec)": "rate_z[rad/s]",
+        "X accel (mps2)": "force_x[m/s²]",
+        "Y accel (mps2)": "force_y[m/s²]", "Z accel (mps2)": "force_z[m/s²]",
+    }
 )  # fmt: skip
 """Columns of insgns-imu."""
 
-_KEYS = {
-    GPS: (
-        ("time", "time", "s"), ("latitude", "angle", "rad"), ("longitude", "angle", "rad"),
-        ("depth", "length", "m"), ("north", "speed", "m/s"), ("east", "speed", "m/s"),
-        ("down", "speed", "m/s"),
-    ),
-    IMU: (
-        ("time", "time", "s"), ("p", "angular rate", "rad/s"), ("q", "angular rate", "rad/s"),
-        ("r", "angular rate", "rad/s"), ("fx", "acceleration", "m/s²"), ("fy", "acceleration", "m/s²"),
-        ("fz", "acceleration", "m/s²"),
-    ),
-}  # fmt: skip
-_DECIMALS = {GPS: (4, 10, 10, 3, 8, 8, 8), IMU: (4, 6, 6, 6, 5, 5, 5)}
+_DECIMALS = ((GPS, (4, 10, 10, 3, 8, 8, 8)), (IMU, (4, 6, 6, 6, 5, 5, 5)))
 """Decimals of each column, as the protocols' own formats write them."""
-_LINE = {
-    header: re.compile("\t".join(rf"\s*-?\d+\.\d{{{count}}}" for count in decimals) + r"\s*")
-    for header, decimals in _DECIMALS.items()
-}
+_LINES = tuple(
+    (protocol, re.compile("\t".join(rf"\s*-?\d+\.\d{{{count}}}" for count in decimals) + r"\s*"))
+    for protocol, decimals in _DECIMALS
+)
 
 
 def recognises(head: bytes) -> bool:
     """Return whether a file begins with a line in the format of one of the two protocols."""
-    return _protocol(head_lines(head)) is not None
+    return _protocol_of(head[:_FIRST].decode("utf-8", "replace").splitlines()) is not None
 
 
-def _protocol(lines: Sequence[str]) -> Header | None:
+_FIRST = 4096
+"""Bytes at the start with the first lines."""
+
+
+def _protocol_of(lines: Sequence[str]) -> Profile | None:
     # The first line may be what is left of an earlier one.
     for line in lines[:3]:
-        for header, pattern in _LINE.items():
+        for protocol, pattern in _LINES:
             if pattern.fullmatch(line):
-                return header
+                return protocol
     return None
 
 
@@ -94,40 +94,33 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     MissionError
         For whatever is wrong with a file, or if insgns-gps is missing.
     """
-    files: dict[Header, Path] = {}
+    gps: Path | None = None
+    imu: Path | None = None
     for path in paths:
-        header = _protocol_of(path)
-        if header in files:
+        with TextBlocks(path, MAX_BYTES, strict=False) as text:
+            protocol = _protocol_of([line for line, _ in zip(text.lines(), range(3), strict=False)])
+        if protocol is None:
+            raise MissionError(f"{path}: does not begin as insgns-gps or insgns-imu writes it")
+        same = gps if protocol is GPS else imu
+        if same is not None:
             raise MissionError(
-                f"{path}: is of the same protocol as {files[header]}; accepted are one file of insgns-gps "
+                f"{path}: is of the same protocol as {same}; accepted are one file of insgns-gps "
                 "and one of insgns-imu"
             )
-        files[header] = path
-    if GPS not in files:
+        gps, imu = (path, imu) if protocol is GPS else (gps, path)
+    if gps is None:
         raise MissionError(
-            f"{files[IMU]}: has the rates and accelerations of insgns-imu only; give the file of insgns-gps "
+            f"{imu}: has the rates and accelerations of insgns-imu only; give the file of insgns-gps "
             "of the same flight with it, which has position and velocity"
         )
-    refuse_unknown(files[GPS], units, [name for header in files for name in header.cells])
-    flight = _gps(files[GPS], units)
-    return _with_rates(flight, files[IMU], units) if IMU in files else flight
+    refuse_unknown(gps, units, [*GPS.columns, *(IMU.columns if imu else ())])
+    flight = _gps(gps, units)
+    return _with_rates(flight, imu, units) if imu else flight
 
 
-def _protocol_of(path: Path) -> Header:
-    with TextBlocks(path, MAX_BYTES, strict=False) as text:
-        header = _protocol([line for line, _ in zip(text.lines(), range(3), strict=False)])
-    if header is None:
-        raise MissionError(f"{path}: does not begin as insgns-gps or insgns-imu writes it")
-    return header
-
-
-def _columns(path: Path, header: Header, units: Mapping[str, str]) -> Columns:
-    fields = [
-        Field(key, (plain(name),), quantity, unit)
-        for name, (key, quantity, unit) in zip(header.cells, _KEYS[header], strict=True)
-    ]
-    known = {name: unit for name, unit in units.items() if name in header.cells}
-    return read_columns(path, fields, known, [field.names for field in fields], header)
+def _columns(path: Path, protocol: Profile, units: Mapping[str, str]) -> Columns:
+    known = {name: unit for name, unit in units.items() if name in protocol.columns}
+    return read_columns(path, protocol, known, "\t")
 
 
 def _gps(path: Path, units: Mapping[str, str]) -> RawFlight:
@@ -161,8 +154,8 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     for reason, lost in (("outside the time of insgns-imu", ~both), ("back in time", both & ~kept)):
         dropped += Dropped.of(reason, lost)
     flight = flight.rows(kept, dropped)
-    rate = np.column_stack([imu.values[key][increases] for key in ("p", "q", "r")])
-    force = np.column_stack([imu.values[key][increases] for key in ("fx", "fy", "fz")])
+    rate = np.column_stack([imu.values[key][increases] for key in ("rate_x", "rate_y", "rate_z")])
+    force = np.column_stack([imu.values[key][increases] for key in ("force_x", "force_y", "force_z")])
     return replace(
         _with_attitude(flight, imu_time, rate, force),
         body_rate=_at(flight.time, imu_time, rate) if rate.any() else None,
