@@ -23,12 +23,14 @@ from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.clock.faults import set_backs
 from lab.data.files.unit_names import UNITS
 from lab.data.formats import log_reader_of
+from lab.data.protocols.column_map import ColumnMapError
 from lab.data.sheets.column_names import VECTORS
-from lab.data.sheets.sensor_csv import sheets_of
+from lab.data.sheets.sensor_csv import names_quantity, sheets_of
 from lab.data.sheets.sheet_imu import Triad, in_order, triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.raw_recording import RecordingError
 from lab.data.streams.recorded_log import recorded_samples
+from lab.data.streams.transport import TransportError
 from lab.sensors.suite import TRIADS
 
 OFF_GRAVITY = 0.1
@@ -202,12 +204,12 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
     try:
         reader = log_reader_of(files[0], units)
     except MissionError:
-        if len(files) > 1 or units or not _is_of_device(files[0]):
+        if len(files) > 1 or not _is_of_device(files[0]):
             raise
         reader = None
     if reader is not None and reader.read_logs is not None and reader.read_imu is None:
         return _of_tables(files, units)
-    if len(files) > 1 or units:
+    if len(files) > 1 or (units and reader is not None):
         raise MissionError("several files, --unit and --column are for tables with named columns")
     if reader is not None and reader.read_imu is not None:
         imu = reader.read_imu(files[0])
@@ -217,13 +219,26 @@ def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str,
     if not _is_of_device(files[0]):
         raise MissionError(f"{files[0]}: is {reader.name if reader else 'unknown'}, which has no IMU")
     try:
-        found = recorded_samples(files[0]).imu
-    except RecordingError as error:
+        recorded = recorded_samples(files[0], **_options_of_text(units))
+    except (RecordingError, TransportError, ColumnMapError) as error:
         raise MissionError(str(error)) from error
+    found, doubt = recorded.imu, recorded.reception.doubt
+    if doubt:
+        raise MissionError(
+            f"nothing names the unit of the angular rates, and at rest nothing shows it; accepted is "
+            f"{' or '.join(f'--unit rate={unit}' for unit in doubt)}"
+        )
     return {
         "gyro": Samples(found["time"], found["rate"]),
         "accelerometer": Samples(found["time"], found["force"]),
     }, []
+
+
+def _options_of_text(units: Mapping[str, str]) -> dict[str, str]:
+    """Return what a person says of text as options of a recording: of columns, and of units of quantities."""
+    columns = ";".join(f"{name}={text}" for name, text in units.items() if names_quantity(text))
+    others = ";".join(f"{name}={text}" for name, text in units.items() if not names_quantity(text))
+    return {name: text for name, text in (("column", columns), ("unit", others)) if text}
 
 
 def _is_of_device(path: Path) -> bool:

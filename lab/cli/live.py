@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -61,6 +61,25 @@ _SOLUTION = (
 _WAKE = 0.1
 """Longest time until Ctrl-C is heeded [s]."""
 
+Units = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--unit",
+        metavar="QUANTITY=UNIT",
+        help="Unit of a quantity in text lines, such as rate=deg/s; may be repeated.",
+        show_default=False,
+    ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="HEADING=QUANTITY[UNIT]",
+        help="What a column of text lines is, by its heading or its number, such as 4=force_x[g]; may be "
+        "repeated.",
+        show_default=False,
+    ),
+]
 SourceAddress = Annotated[
     str, typer.Argument(metavar="SOURCE", help="The source, such as tcp:127.0.0.1:5555.", show_default=False)
 ]
@@ -102,17 +121,25 @@ def list_sources(as_json: AsJson = False) -> None:
 
 
 @live.command("watch", epilog=EXAMPLES)
-def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = False) -> None:
+def watch(
+    source: SourceAddress,
+    seconds: Seconds = None,
+    units: Units = None,
+    columns: Columns = None,
+    as_json: AsJson = False,
+) -> None:
     """Show what a source sends: a line a second; with --json one object a line."""
     _check_seconds(seconds)
-    with _opened(source) as (opened, go_on):
+    with _opened(source, units, columns) as (opened, go_on):
         if not as_json:
             print(
                 "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
             )
         begin = time.monotonic()
+        question = ""
         while go_on(seconds):
             status = opened.status
+            question = _asked(status, question)
             print(
                 json.dumps(plain(_state(opened, status)), allow_nan=False)
                 if as_json
@@ -120,6 +147,7 @@ def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = Fals
                 flush=True,
             )
         status = opened.status
+    _asked(status, question)
     _check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
     _conclude(status)
@@ -130,6 +158,8 @@ def record(
     source: SourceAddress,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False)],
     seconds: Seconds = None,
+    units: Units = None,
+    columns: Columns = None,
     title: Annotated[str, typer.Option("--title", metavar="TEXT", show_default=False)] = "",
     lever_arm: Annotated[
         str,
@@ -157,7 +187,7 @@ def record(
         raise CommandError(f"{folder / name} exists; accepted is a new name")
     raw = RawFile(folder, name)
     path = raw.path
-    with _opened(source, raw.begin) as (opened, go_on):
+    with _opened(source, units, columns, raw.begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -166,6 +196,7 @@ def record(
                 break
         running = opened.stop_recording()
         status = opened.status
+    _asked(status)
     if running and status.warning:
         print(f"ins-lab: {status.warning}", file=sys.stderr)
     if not status.statistics.bytes:
@@ -187,6 +218,8 @@ def record(
 def navigate(
     source: SourceAddress,
     seconds: Seconds = None,
+    units: Units = None,
+    columns: Columns = None,
     config: Config = None,
     card: Card = None,
     assignments: Assignments = None,
@@ -201,7 +234,7 @@ def navigate(
 
     _check_seconds(seconds)
     chosen = experiment(_ANY, config, card, assignments, None)
-    with _opened(source) as (opened, go_on):
+    with _opened(source, units, columns) as (opened, go_on):
         try:
             station = Station(opened, chosen.sensors, chosen.navigator, source)
         except SettingError as error:
@@ -210,9 +243,10 @@ def navigate(
             if not as_json:
                 print(_SOLUTION)
             begin = time.monotonic()
-            more = True
+            more, question = True, ""
             while more:
                 more = go_on(seconds)
+                question = _asked(opened.status, question)
                 if not more:
                     station.wait()
                 known = station.state
@@ -323,7 +357,10 @@ def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
 
 @contextmanager
 def _opened(
-    address: str, prepare: Callable[[Source], None] = lambda source: None
+    address: str,
+    units: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    prepare: Callable[[Source], None] = lambda source: None,
 ) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
     """Yield an open source, and a function that waits a moment and returns whether to go on."""
     from lab.data.protocols.column_map import ColumnMapError  # noqa: PLC0415 - help does not need it
@@ -334,7 +371,8 @@ def _opened(
 
     with working(address):
         try:
-            source = open_source(address)
+            options = {"unit": ";".join(units or ()), "column": ";".join(columns or ())}
+            source = open_source(address, **{name: text for name, text in options.items() if text})
             prepare(source)
         except (RecordingError, TransportError, DecoderError, ColumnMapError) as error:
             raise CommandError(str(error)) from error
@@ -352,6 +390,13 @@ def _opened(
             return not done
 
         yield source, go_on
+
+
+def _asked(status: Status, before: str = "") -> str:
+    """Print a question about the source once, on standard error; return it."""
+    if status.question and status.question != before:
+        print(f"ins-lab: {status.question}", file=sys.stderr, flush=True)
+    return status.question
 
 
 def _line(source: Source, status: Status, seconds: float) -> str:
@@ -395,7 +440,7 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         name: getattr(status, name)
         for name in (
             "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "drift_sigma", "silence", "interruptions",
+            "latency", "drift", "drift_sigma", "silence", "interruptions", "question",
         )
     }  # fmt: skip
     state["axes"] = str(status.axes)
@@ -413,7 +458,11 @@ def _check_came(source: str, status: Status) -> None:
     seen = status.statistics.bytes
     what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
     why = "" if status.evidence in status.sentence else f"{status.evidence} "
-    raise CommandError(f"{source}: no sample came, {what}. {why}{status.sentence}")
+    from lab.data.protocols.column_guess import advice_on_lines  # noqa: PLC0415 - help does not need it
+
+    advice = advice_on_lines(status.last_lines)
+    said = f"{source}: no sample came, {what}. {why}{status.sentence}"
+    raise CommandError(f"{said}\n{advice}" if advice else said)
 
 
 def _conclude(status: Status) -> None:

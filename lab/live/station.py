@@ -52,6 +52,8 @@ class Station:
         The assumptions of the live navigator.
     zero, newest : float
         Times of the first sample or fix, and of the newest one [s].
+    begun : int
+        How often it has begun to navigate with all samples: whoever shows them begins anew, too.
     failure : str
         Why the navigator has ended; empty while it has not.
     verdict : str
@@ -67,6 +69,7 @@ class Station:
         self.name = name
         self.thinned = ThinnedSamples()
         self.zero = self.newest = 0.0
+        self.begun = 1
         self.failure = ""
         self.verdict = ""
         self.recorded = ""
@@ -144,7 +147,7 @@ class Station:
                 self._growing.add(imu)
 
     def _run(self) -> None:
-        cursor, axes = None, self.source.axes
+        cursor, axes, rescaled = None, self.source.axes, self.source.rescaled
         held: list[NDArray[np.void]] = []
         shown = time.monotonic()
         while not self._ending.is_set():
@@ -152,6 +155,10 @@ class Station:
             if self.source.axes != axes:
                 axes, cursor = self.source.axes, self.source.end
                 self._restart("The axes were changed")
+            if self.source.rescaled != rescaled:
+                rescaled, cursor = self.source.rescaled, None
+                self._begin_anew()
+                held.clear()
             read = self.source.since(cursor)
             cursor = read.cursor
             self._note(read)
@@ -168,6 +175,19 @@ class Station:
                 self._finish()
                 return
             self.source.wait(cursor, PERIOD)
+
+    def _begin_anew(self) -> None:
+        """Navigate with all samples that are kept again: their angular rates have another unit."""
+        with self._lock, self._growing_lock:
+            if self._navigator is not None:
+                self._navigator = LiveNavigator(self.sensors, self._assumed)
+                self._state = self._navigator.state
+            if self._growing is not None:
+                self._growing = GrowingAllan()
+            self.thinned = ThinnedSamples()
+            self.zero = self.newest = 0.0
+            self.failure = self.verdict = ""
+            self.begun += 1
 
     def _restart(self, why: str) -> None:
         with self._lent() as navigator:

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 from live_streams import fixes, motion
+from text_outputs import still_dot
 from writers.nmea import sentence
 
 from lab.cli import live as live_command
@@ -233,9 +234,52 @@ def test_a_device_on_a_table_stands_until_it_is_interrupted(monkeypatch: pytest.
     refused(ask("live", "simulate", "rest", "--device", "toaster"), "'toaster' is no device", "vectornav")
 
 
+def test_a_unit_that_nothing_names_is_a_question_on_standard_error(tmp_path: Path) -> None:
+    path = tmp_path / "dot.csv"
+    path.write_text(still_dot(600))
+    source = f"replay:{path}?speed=max"
+    answer = ask("live", "watch", source)
+    assert "°/s is used, and rad/s is possible. --unit rate=rad/s says so" in answer.stderr
+    assert "rate_x[°/s]" in answer.stderr
+    answer = ask("live", "watch", source, "--unit", "rate=rad/s")
+    assert "is not known" not in answer.stderr
+    assert "rate_x[rad/s]" in answer.stderr
+    state = json.loads(
+        ask("live", "watch", f"replay:{path}?speed=10", "--seconds", "2", "--json").stdout.splitlines()[0]
+    )
+    assert "rad/s is possible" in state["question"]
+    refused(ask("allan", str(path)), "--unit Gyr_X=°/s")
+
+
+def test_columns_that_are_not_recognised_are_shown_and_named_by_number(tmp_path: Path) -> None:
+    path = tmp_path / "odd.txt"
+    path.write_text("".join(f"D 2.{k % 7} 2.{k % 5} 3.{k % 3} 1.{k % 2} 2.{k % 9} 1.5\n" for k in range(600)))
+    source = f"replay:{path}?speed=max&rate=60"
+    refused(
+        ask("live", "watch", source),
+        "D 2.4 2.4 3.2 1.1 2.5 1.5",
+        "They have 6 columns, 2.4, 2.4",
+        "--column '1=",
+    )
+    names = [
+        f"{vector}_{axis}[{unit}]"
+        for vector, unit in (("force", "m/s²"), ("rate", "deg/s/131"))
+        for axis in "xyz"
+    ]
+    said = [word for number, name in enumerate(names, 1) for word in ("--column", f"{number}={name}")]
+    answer = ask("live", "watch", source, *said)
+    assert answer.exit_code == 0, answer.output
+    assert "600 samples" in answer.stderr
+    assert "rate_x[°/s/131]" in answer.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["watch", "udp:5555", "--unit", "rate=lb"], ["'lb' is no unit of it", "°/s, rad/s"]),
+        (["watch", "udp:5555", "--unit", "rate"], ["'rate'", "NAME=VALUE"]),
+        (["watch", "udp:5555", "--column", "1=moon[m/s]"], ["'moon' is no quantity"]),
+        (["watch", "udp:5555?protocol=mip", "--unit", "rate=deg/s"], ["columns are of text lines"]),
         (["watch"], ["SOURCE"]),
         (["watch", "COM3"], ["'COM3' names no source", "serial:PORT"]),
         (["watch", "replay:nowhere.inslab"], ["nowhere.inslab", "cannot be read"]),

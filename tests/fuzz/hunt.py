@@ -173,14 +173,14 @@ def by_bytes(name: str, seconds: float) -> int:
     """Attack a decoder with mutations of a stream, in pieces of any size; half of them pass every check."""
     import numpy as np
     from mutations import mutated
-    from streams import DECODER_NAMES, attack_decoder, same, seed, unchecked
+    from streams import DECODER_NAMES, attack_decoder, same, seeds, unchecked
 
     protocol, rng = DECODER_NAMES[name], np.random.default_rng()
-    stream, hostile = seed(protocol), b""
+    streams, hostile = seeds(protocol), b""
 
     def once(count: int) -> int:
         nonlocal hostile
-        hostile = mutated(stream, rng)
+        hostile = mutated(streams[count % len(streams)], rng)
         with unchecked() if count % 2 else contextlib.nullcontext():
             found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
             assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))

@@ -15,6 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from live_streams import fixes, motion
+from text_outputs import OUTPUTS
 
 from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
 from lab.data.protocols.limits import Limits
@@ -27,6 +28,12 @@ DECODER_NAMES = {f"live {name}": name for name in DECODERS}
 def seed(name: str, count: int = 200) -> bytes:
     """Return a stream of a device."""
     return ENCODERS[name]().encode(motion(count), fixes(max(count // 50, 2)))
+
+
+def seeds(name: str) -> list[bytes]:
+    """Return streams of a device: of text, all that people own."""
+    texts = [make().text.encode()[:8000] for make in OUTPUTS.values()] if name == "text" else []
+    return [seed(name), *texts]
 
 
 _CHECKS: tuple[tuple[str, str, Any], ...] = (

@@ -15,6 +15,7 @@ from dashboards.pages.live.attitude_readout import AttitudeReadout
 from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
+from dashboards.pages.live.question_part import QuestionPart
 from dashboards.pages.live.raw_part import RawPart
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import Chosen, SourceFields
@@ -73,6 +74,7 @@ class Live(PartOfWatched, Page):
         self._looking: Any = None
         self._ticks = 0
         self._told = self._read = 0  # ticks of the last updates of the words and of the large digits
+        self._begun = 0  # how often the station had begun when the plots did
         self._waited = 0  # ticks for the browser to draw the last update
         self._visible = False
         self._closed = False
@@ -109,6 +111,7 @@ class Live(PartOfWatched, Page):
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
         self._twin = TwinPart(self._session, lambda: self._allan.card)
         self._raw = RawPart()
+        self._question = QuestionPart(self._keep_answer)
         self._parts = {
             PLOTS: self._plots,
             ERRORS: self._errors.view,
@@ -127,6 +130,7 @@ class Live(PartOfWatched, Page):
             self._readout.view,
             self._status.view,
             self._status.details,
+            self._question.view,
             self._fields.view,
             pn.Row(*self._buttons(), *self._recorder.widgets, self._choice, **row),
             self._job.view,
@@ -209,6 +213,7 @@ class Live(PartOfWatched, Page):
         self._allan.watch(watched)
         self._twin.watch(watched)
         self._raw.watch(watched)
+        self._question.watch(watched)
 
     def _look_on(self) -> None:
         """Look at offers and rights now and then while the page is visible or watches, and else no more."""
@@ -366,6 +371,7 @@ class Live(PartOfWatched, Page):
         """Fill the plots with what the station still has, and follow it."""
         assert self._document is not None
         self._unwatch()
+        self._begun = 0 if self._station is None else self._station.begun
         self._cursors = (0, HistoryCursor(), Cursor())
         with together(self._document):
             self._figures.clear()
@@ -399,6 +405,9 @@ class Live(PartOfWatched, Page):
             self._look()
             return
         self._ticks += 1
+        if watched.station.begun != self._begun:
+            self._begin_anew()
+            return
         # Many who watch share the work of one: their pages take turns.
         turn = min(STATIONS.watchers(watched.key), SLOWEST)
         if self._ticks % max(turn, 1):
@@ -453,7 +462,14 @@ class Live(PartOfWatched, Page):
             self._readout.show(station.state, status.state)
             self._status.show(status, station.state, station.verdict, station.failure, station.name)
             self._recorder.tell(status)
+            self._question.tell(status)
             self._tell_part()
+
+    def _keep_answer(self, option: str, text: str) -> None:
+        """Keep what was said of the source, for the next time that it is connected."""
+        if self._station is not None:
+            self._fields.keep(self._station.name, option, text)
+            self._report()
 
     def _widen(self, name: str) -> None:
         window = WINDOWS.get(name, WINDOWS["20 s"])

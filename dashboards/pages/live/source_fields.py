@@ -119,6 +119,7 @@ class SourceFields:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._answers: dict[str, dict[str, str]] = {}  # what was said of devices, by their addresses
         self._source = pmui.Select(
             label="Source", options=self._offers(), value=SIMULATED, **_FIELD, **sized(240)
         )
@@ -209,6 +210,18 @@ class SourceFields:
         note = next((words for words, chosen in kinds.items() if chosen), _OF_OTHERS)
         self._note.object = f"<p>{note}{_OF_TEXT if self._columns.visible else ''}</p>"
 
+    def keep(self, source: str, option: str, text: str) -> None:
+        """Keep what a person said of a source, for the next time that it is opened.
+
+        Parameters
+        ----------
+        source
+            The device, as it is offered.
+        option, text
+            The option of its address, and its value.
+        """
+        self._answers.setdefault(source, {})[option] = text
+
     def _given(self) -> dict[str, str]:
         """Return the options with which this server opens the chosen device."""
         source = str(self._source.value)
@@ -249,6 +262,8 @@ class SourceFields:
         columns = str(self._columns.value_input or self._columns.value or "").strip()
         if columns and self._columns.visible:
             options["columns"] = str(ColumnMap.of(columns))
+        elif self._columns.visible:
+            options |= self._answers.get(source, {})
         for name, value in options.items():
             if address.options.get(name, value) != value:
                 raise ValueError(

@@ -1,29 +1,51 @@
 """Column guess: the column map of text lines, found in their header or in their numbers.
 
-A header names columns and units, as that of a csv file does. Without one, time is the column that increases
-by equal steps, the specific force the first three columns that are about 1 g long, a magnetic field three
-whose length is steady, and the angular rate the next three. Its unit cannot be seen at rest: degrees go with
-g, radians with m/s². Each guess says so in a remark.
+A header names columns and units, as that of a csv file does, or words between the numbers of each line do
+(`lab.data.protocols.labelled_lines`). What they leave open is guessed by the numbers
+(`lab.data.protocols.number_guess`). Each guess says so in a remark; where the unit of the rate is one, the
+map is in doubt, and the first turn decides (`lab.data.streams.unit_question`).
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
+from lab.base.files.mission_error import MissionError
+from lab.data.files.profile import profile_of
 from lab.data.files.unit_names import unit_of
-from lab.data.protocols.column_map import MAX_COLUMNS, SEPARATORS, UNITS_OF, Column, ColumnMap, ColumnMapError
-from lab.data.sheets.column_names import heading_of
+from lab.data.protocols.column_map import (
+    CLOCK,
+    IGNORED,
+    MAX_COLUMNS,
+    OF_A_FIX,
+    SEPARATORS,
+    VECTORS,
+    Column,
+    ColumnMap,
+    ColumnMapError,
+)
+from lab.data.protocols.labelled_lines import PERIODS, labelled_samples
+from lab.data.protocols.number_guess import (
+    AXES,
+    FINE,
+    GROWS,
+    MIN_LINES,
+    columns_by_numbers,
+    is_believed,
+    time_column,
+    unit_of_steps,
+    with_units,
+)
+from lab.data.protocols.text_cells import IS_CELL, IS_CLOCK, IS_NUMBER, IS_STAMP, IS_VALUE, cells_in, value_of
+from lab.data.sheets.column_names import given_heading, heading_of
 
-MIN_LINES = 8
-"""Fewest lines with numbers that columns are guessed from: fewer do not show which of them is time."""
-NUMBER = r"[+-]?(?:\d{1,15}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
-_IS_NUMBER = re.compile(NUMBER)
 _PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
 _STREAMED = (
     ("count", "", re.compile(r"count|counter|sample|n|index")),
@@ -35,31 +57,16 @@ _STREAMED = (
     *((aid.live, "", re.compile(aid.live.replace("_", " "))) for aid in FURTHER if aid.live),
 )
 """Names of what only streams have, each with the kind of its unit."""
-_SHARED = {"time": "time", "rate": "rate", "force": "force", "field": "magnetic", "pressure": "pressure"}
-"""What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
-_DEFAULT_UNITS = {
-    "time": "s", "count": "", "temperature": "°C", "pressure": "Pa", "heading": "°", "speed": "m/s",
-    **{aid.live: aid.unit for aid in FURTHER if aid.live},
+_SHARED = {
+    "time": "time", "seconds": "time", "fraction": "fraction", "clock": "time", "rate": "rate",
+    "force": "force", "field": "magnetic", "pressure": "pressure", "height": "altitude",
+    **{one: one for one in OF_A_FIX},
 }  # fmt: skip
-_RATES = (4.0, 4500.0)
-"""Rates of samples that time columns are believed to have [Hz]: 1,125 times apart, and the units of time
-1,000 times, so any even step has a unit, and only steps of 4 to 4.5 Hz have two."""
-_UNEVEN = 20.0
-"""Largest step of time, in usual ones. A plain choice: up to 19 lines in a row may be lost. It hardly keeps
-out columns that grow by chance: of those with exponential steps, 99 % pass in eight lines, and with 5 instead
-of 20 still 75 %."""
-_AXES = 3
-"""Fewest columns of a line, those of a vector; a counter beside fewer others is taken for time."""
-_ONE_G = {"m/s²": (8.0, 11.8), "g": (0.82, 1.2), "mg": (820.0, 1200.0), "g/256": (210.0, 308.0)}
-"""Median length of three columns that are a specific force: a sensor that is held or carried, 20 % off."""
-_FIELDS = {"µT": (15.0, 110.0), "G": (0.15, 1.1), "mG": (150.0, 1100.0)}
-"""Median length of three columns that are a magnetic field: the Earth's is 25 to 65 µT, indoors half to 1.7
-times."""
-_STEADY = 0.1
-"""Largest scatter of the length of a magnetic field, relative: iron of 8 µT makes 0.09 of 50 µT that are
-turned all around. The length of rates that are only noise scatters by 0.42 (Maxwell's distribution)."""
-_FAST = 35.0
-"""Angular rate that is not in rad/s: most gyros measure at most 2000 °/s, which are 34.9 rad/s."""
+"""What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
+_LARGEST = 1e30
+"""Number from which one is damaged; nanoseconds since 1970 are 1.7e18, and squares must not overflow."""
+NOTHING: Mapping[str, str] = {}
+"""Nothing is said of columns."""
 _RAZOR = {
     "#YPRAG=": "-,-,-,force_x[g/256],force_y[g/256],force_z[g/256],rate_x[rad/s],rate_y[rad/s],rate_z[rad/s]",
     "#YPRAMG=": "-,-,-,force_x[g/256],force_y[g/256],force_z[g/256],-,-,-,"
@@ -68,36 +75,204 @@ _RAZOR = {
 """Lines of the Razor AHRS firmware, which its prefix names: yaw, pitch, roll, then what its letters say."""
 
 
-def guess_columns(lines: Sequence[str]) -> ColumnMap | None:
+def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -> ColumnMap | None:
     """Return the column map of lines; None if they do not show it.
 
     Parameters
     ----------
     lines
         Whole lines, without their ends; the header, if they have one, among them.
+    said
+        What a person says of columns, by heading or by number from 1: ``force_x[g]``, or ``-`` for one that
+        is not read.
+
+    Raises
+    ------
+    ColumnMapError
+        If what is said is no column.
     """
+    said = {heading: str(Column.of(text)) for heading, text in (said or {}).items()}
+    if said:
+        return _of_separated(lines, said) or _of_labelled(lines, said)
     for prefix, columns in _RAZOR.items():
         count = columns.count(",") + 1
         if sum(line.startswith(prefix) and line.count(",") == count - 1 for line in lines) >= MIN_LINES:
             found = ColumnMap.of(columns)
             remark = f"{prefix} is the Razor AHRS firmware's: accelerations in 1/256 g, rates in rad/s."
             return ColumnMap(found.columns, ",", prefix, False, (remark,))
+    return _of_separated(lines) or _of_labelled(lines)
+
+
+def _of_separated(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> ColumnMap | None:
+    """Return the map of lines of cells with separators."""
     shape = _shape(lines)
     if shape is None:
         return None
-    separator, prefix, comma, rows = shape
-    headings = _header(lines, separator, rows.shape[1])
+    count = shape.rows.shape[1]
+    headings = _header(lines, shape.separator, count) or [""] * count
     remarks: list[str] = []
-    columns_found = _named(headings, remarks) if headings else None
-    if columns_found is None or not any(column.kind in ("rate", "force") for column in columns_found):
-        columns_found = _columns_by_numbers(rows, remarks) if len(rows) >= MIN_LINES else None
-    if columns_found is None:
-        return None
-    columns_found = _with_units(columns_found, rows, remarks)
+    columns = _profiled(headings, remarks) or named(headings, remarks)
+    columns = _as_said(columns, headings, said)
+    return _mapped(columns, shape.rows, shape.clocks, remarks, shape.separator, shape.prefix, shape.comma)
+
+
+def _of_labelled(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> ColumnMap | None:
+    """Return the map of lines with words between the numbers."""
+    for sample in labelled_samples(lines):
+        remarks: list[str] = []
+        columns = _as_said(named(sample.headings, remarks, sample.others), sample.headings, said)
+        found = _mapped(
+            columns, sample.rows, sample.clocks, remarks, texts=sample.texts, guessed=not sample.is_named
+        )
+        if found is not None:
+            return found
+    return None
+
+
+def _as_said(columns: list[Column], headings: Sequence[str], said: Mapping[str, str]) -> list[Column]:
+    """Return the columns with what a person says of them, by heading or number, in place of a guess."""
+    given = {
+        place: Column.of(text)
+        for place, heading in enumerate(headings)
+        if (text := said.get(heading) or said.get(str(place + 1)))
+    }
+    taken = {column.quantity for column in given.values()}
+    return [
+        given.get(place) or (Column() if column.quantity in taken else column)
+        for place, column in enumerate(columns)
+    ]
+
+
+def _profiled(headings: Sequence[str], remarks: list[str]) -> list[Column] | None:
+    """Return the columns by the profile of a maker; None if none has these headings."""
     try:
-        return ColumnMap(tuple(columns_found), separator, prefix, comma, tuple(remarks))
+        profile = profile_of("the stream", headings)
+        if profile is None:
+            return None
+        given = [
+            given_heading(profile.columns[one], one) if one in profile.columns else None for one in headings
+        ]
+    except MissionError:
+        return None
+    if any(one is not None and one.sign < 0 for one in given):
+        return None
+    remarks.append(f"The headings are those of {profile.name}. {' '.join(profile.remarks)}".strip())
+    columns = []
+    for one in given:
+        ours = "" if one is None else _SHARED.get(one.quantity, "")
+        if one is None or not ours:
+            columns.append(Column())
+        else:
+            name = f"{ours}_{one.axis}" if one.axis else ours
+            columns.append(Column(name, one.unit or profile.defaults.get(one.quantity, "")))
+    return columns
+
+
+def _mapped(
+    columns: list[Column],
+    rows: FloatArray,
+    clocks: Sequence[bool],
+    remarks: list[str],
+    separator: str = ",",
+    prefix: str = "",
+    comma: bool = False,
+    texts: tuple[tuple[str, ...], ...] = (),
+    guessed: bool = True,
+) -> ColumnMap | None:
+    """Return the map of columns that are named, or else of their numbers; None if neither shows an IMU."""
+    rows = np.where(np.abs(rows) < _LARGEST, rows, np.nan)
+    named_ones = _complete(_timed(columns, rows, clocks, remarks))
+    if len(rows) < MIN_LINES and "time" not in _names(named_ones):
+        free = [at for at, column in enumerate(named_ones) if column.quantity == IGNORED]
+        if (np.diff(rows[:, free], axis=0) > 0).all(axis=0).any():
+            return None  # more lines show whether it is a time
+    if not any(column.kind in ("rate", "force") for column in named_ones):
+        if len(rows) < MIN_LINES or not guessed:
+            return None
+        named_ones = columns_by_numbers(rows, remarks)
+    found, doubt = with_units(named_ones, rows, remarks)
+    try:
+        return ColumnMap(tuple(found), separator, prefix, comma, tuple(remarks), texts, doubt)
     except ColumnMapError:
         return None
+
+
+def _complete(columns: Sequence[Column]) -> list[Column]:
+    """Return the columns without those of vectors that lack an axis, and of a place that is none."""
+    axes = Counter(column.kind for column in columns if column.kind in VECTORS)
+    there = _names(columns)
+    left_out = {kind for kind, count in axes.items() if count < AXES}
+    left_out |= set() if set(OF_A_FIX[:2]) <= there else set(OF_A_FIX)
+    left_out |= set() if set(OF_A_FIX[3:]) <= there else set(OF_A_FIX[3:])
+    return [Column() if column.kind in left_out else column for column in columns]
+
+
+def _timed(
+    columns: list[Column], rows: FloatArray, clocks: Sequence[bool], remarks: list[str]
+) -> list[Column]:
+    """Return the columns with a time that increases; without a heading, it is found by its steps."""
+    columns = list(columns)
+    place = next((at for at, column in enumerate(columns) if column.quantity == "time"), None)
+    if place is not None:
+        steps = np.diff(rows[:, place])
+        if clocks[place]:
+            columns[place] = Column("time", CLOCK)
+        elif columns[place].unit == FINE and steps.size and not is_believed(1e-4 * float(np.median(steps))):
+            columns[place] = Column("time", unit_of_steps(float(np.median(steps))) or FINE)
+        if len(rows) < PERIODS or np.mean(steps > 0) > GROWS or "fraction" in _names(columns):
+            return columns
+        columns[place] = Column()
+        remarks.append(f"time: column {place + 1} does not increase from line to line, and is not read.")
+    if len(rows) < MIN_LINES:
+        return columns
+    free = [at for at, column in enumerate(columns) if column.quantity == IGNORED]
+    found = time_column(rows[:, free], remarks) if free else None
+    if found is not None:
+        columns[free[found[0]]] = Column("time", CLOCK if clocks[free[found[0]]] else found[1])
+    return columns
+
+
+def _names(columns: Sequence[Column]) -> set[str]:
+    return {column.quantity for column in columns}
+
+
+def advice_on_lines(lines: Sequence[str]) -> str:
+    """Return a sentence on text whose columns are not recognised: its last lines, and what names them.
+
+    Parameters
+    ----------
+    lines
+        The last lines; without any, there is nothing to say.
+    """
+    if not lines:
+        return ""
+    cells = cells_to_name(lines)
+    shown = "\n".join(f"  {line}" for line in lines)
+    if len(cells) < AXES:
+        return f"The last lines are:\n{shown}\nNone has three numbers."
+    return (
+        f"The last lines are:\n{shown}\nThey have {len(cells)} columns, {', '.join(cells)}. Say what these "
+        "are: --column '1=QUANTITY[UNIT]' --column '2=…' and so on, such as --column '1=force_x[g]'."
+    )
+
+
+def cells_to_name(lines: Sequence[str]) -> tuple[str, ...]:
+    """Return the numbers of the last line with most of them, for a person who names what they are.
+
+    Parameters
+    ----------
+    lines
+        The last lines of a text whose columns are not recognised.
+    """
+    best: list[str] = []
+    for line in reversed(lines):
+        for separator in SEPARATORS.values():
+            cells = cells_of(line[len(_prefix_of(line, separator)) :], separator)
+            if all(_says_little(cell, separator) for cell in cells) and len(cells) > max(len(best), AXES - 1):
+                best = cells
+        if not best and len(cells_in(line).kinds) >= AXES:
+            best = [cell[0] for cell in IS_CELL.finditer(line)]
+    return tuple(best[:MAX_COLUMNS])
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -106,49 +281,100 @@ def cells_of(line: str, separator: str) -> list[str]:
     return cells[:-1] if cells and not cells[-1] else cells
 
 
-def _shape(lines: Sequence[str]) -> tuple[str, str, bool, FloatArray] | None:
-    """Return separator, prefix, whether numbers have a comma, and the numbers of most lines."""
-    best = None
+class _Shape(NamedTuple):
+    """How most lines are written, and the numbers in them; NaN where a cell has none."""
+
+    separator: str
+    prefix: str
+    comma: bool
+    rows: FloatArray
+    clocks: tuple[bool, ...]  # which columns are times of day
+
+
+def _shape(lines: Sequence[str]) -> _Shape | None:
+    best: _Shape | None = None
+    best_score = (False, 0)
     for separator in SEPARATORS.values():
+        headed = {len(cells) for line in lines if (cells := _heads(line, separator))}
         for comma in (False, True) if separator in ";\t" else (False,):
-            rows, prefixes = [], Counter[str]()
+            rows, prefixes, counts = [], Counter[str](), Counter[int]()
             for line in lines:
-                found = _PREFIX.match(line)
-                prefix = found[0] if found else ""
+                prefix = _prefix_of(line, separator)
                 cells = cells_of(line[len(prefix) :], separator)
                 if comma:
                     cells = [cell.replace(",", ".") for cell in cells]
-                if _AXES <= len(cells) <= MAX_COLUMNS and all(_IS_NUMBER.fullmatch(cell) for cell in cells):
-                    rows.append([float(cell) for cell in cells])
+                if not AXES <= len(cells) <= MAX_COLUMNS:
+                    continue
+                if sum(1 for cell in cells if IS_NUMBER.fullmatch(cell)) < AXES:
+                    continue
+                if len(cells) in headed or all(_says_little(cell, separator) for cell in cells):
+                    rows.append(cells)
                     prefixes[prefix] += 1
+                    counts[len(cells)] += 1
             if not rows:
                 continue
-            count = Counter(map(len, rows)).most_common(1)[0][0]
+            count = counts.most_common(1)[0][0]
             kept = [row for row in rows if len(row) == count]
-            if best is None or len(kept) * count > best[3].size:
-                best = separator, prefixes.most_common(1)[0][0], comma, np.array(kept)
+            clocks = tuple(all(IS_CLOCK.fullmatch(row[at]) for row in kept) for at in range(count))
+            score = count in headed, len(kept) * count
+            if best is None or score > best_score:
+                values = np.array([[value_of(cell) for cell in row] for row in kept])
+                best = _Shape(separator, prefixes.most_common(1)[0][0], comma, values, clocks)
+                best_score = score
     return best
+
+
+def _prefix_of(line: str, separator: str) -> str:
+    """Return what stands before the first number; a first cell that is a text is no such prefix."""
+    found = _PREFIX.match(line)
+    if found is None or IS_VALUE.fullmatch(found[0]):
+        return ""
+    after = line[found.end() : found.end() + 1]
+    return "" if after == separator != " " or line[found.end() :].lstrip()[:1] in tuple(",;") else found[0]
+
+
+def _says_little(cell: str, separator: str) -> bool:
+    """Return whether a cell is a number, none, a time, or a word without a number in it."""
+    if IS_VALUE.fullmatch(cell) or IS_STAMP.fullmatch(cell):
+        return True
+    return separator != " " and not cells_in(cell).kinds
+
+
+def _heads(line: str, separator: str) -> list[str]:
+    """Return the headings in a line; none if a cell is empty or a number."""
+    cells = [
+        cell.strip(" \"'\ufeff") for cell in line.lstrip("#% ").split(separator if separator != " " else None)
+    ]
+    cells = cells[:-1] if cells and not cells[-1] else cells
+    whole = len(cells) >= AXES and all(cell and not IS_NUMBER.fullmatch(cell) for cell in cells)
+    return cells if whole and not any(IS_STAMP.fullmatch(cell) for cell in cells) else []
 
 
 def _header(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
     """Return the headings of the last line with the right number of cells, of which none is a number."""
-    for line in reversed(lines):
-        cells = [
-            cell.strip(" \"'\ufeff")
-            for cell in line.lstrip("#% ").split(separator if separator != " " else None)
-        ]
-        cells = cells[:-1] if cells and not cells[-1] else cells
-        if len(cells) == count and all(cell and not _IS_NUMBER.fullmatch(cell) for cell in cells):
-            return cells
-    return None
+    found = (cells for line in reversed(lines) if len(cells := _heads(line, separator)) == count)
+    return next(found, None)
 
 
-def _named(headings: Sequence[str], remarks: list[str]) -> list[Column]:
-    """Return columns by their headings; a unit that is not named is left open."""
+def named(headings: Sequence[str], remarks: list[str], others: Sequence[str] = ()) -> list[Column]:
+    """Return columns by their headings; a unit that is not named is left open.
+
+    Parameters
+    ----------
+    headings
+        The headings.
+    remarks
+        Gets a sentence on each column.
+    others
+        Headings in place of those that name nothing, such as ``x (rad/s)``.
+    """
     found = [_quantity(heading) for heading in headings]
+    for place, heading in enumerate(others):
+        if found[place][0] == IGNORED and heading:
+            found[place] = _quantity(heading)
     best: dict[str, int] = {}  # the place of the best column of each quantity
     for place, (quantity, _unit_name, rank) in enumerate(found):
-        if quantity != "-" and (quantity not in best or rank < found[best[quantity]][2]):
+        if quantity != IGNORED and (quantity not in best or rank < found[best[quantity]][2]):
             best[quantity] = place
     for quantity, place in sorted(best.items(), key=lambda item: item[1]):
         remarks.append(f"{quantity}: the heading is {headings[place]!r}.")
@@ -170,118 +396,3 @@ def _quantity(heading: str) -> tuple[str, str, int]:
         return "-", "", 0
     ours = _SHARED[named.quantity]
     return f"{ours}_{named.axis}" if named.axis else ours, named.unit, named.rank
-
-
-def _columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:
-    """Return columns by their numbers; the unit of the rate is left open."""
-    columns = [Column()] * rows.shape[1]
-    time = _time(rows, remarks)
-    if time is not None:
-        columns[time[0]] = Column("time", time[1])
-    free = [[at, at + 1, at + 2] for at in range(rows.shape[1] - 2)]
-    if time is not None:
-        free = [three for three in free if time[0] not in three]
-    force = next((three for three in free if _matched(rows[:, three], _ONE_G)), None)
-    if force is None:
-        return columns
-    unit, length = _matched(rows[:, force], _ONE_G) or ("", 0.0)
-    _put(columns, "force", unit, force)
-    remarks.append(f"force: columns {_numbers(force)} are {length:.3g} {unit} long, about 1 g.")
-    start = force[0] % 3
-    others = [three for three in free if not set(three) & set(force) and three[0] % 3 == start]
-    others = [three for three in others if three[0] > force[0]] or others[::-1]
-    fields = [_field(rows[:, three]) for three in others[:2]]
-    # Rates at rest may be as steady as a field: the next three are rates, unless only they are steady.
-    if len(fields) == 2 and fields[0] and not fields[1]:
-        others, fields = others[1::-1], fields[1::-1]
-    if others:
-        _put(columns, "rate", "", others[0])
-        remarks.append(f"rate: a guess: columns {_numbers(others[0])} are the next three.")
-    if len(fields) == 2 and fields[1]:
-        unit, length = fields[1]
-        _put(columns, "magnetic", unit, others[1])
-        remarks.append(
-            f"magnetic: a guess: columns {_numbers(others[1])} are {length:.3g} {unit} long, and steadily."
-        )
-    return columns
-
-
-def _time(rows: FloatArray, remarks: list[str]) -> tuple[int, str] | None:
-    steps = np.diff(rows, axis=0)
-    usual = np.median(steps, axis=0)
-    for place in range(rows.shape[1]):
-        if not ((steps[:, place] > 0).all() and steps[:, place].max() <= _UNEVEN * usual[place]):
-            continue
-        if (steps[:, place] == 1).all() and rows.shape[1] > _AXES and _other_time(steps, place):
-            continue
-        for unit in ("s", "ms", "µs", "ns"):
-            rate = 1 / (usual[place] * UNITS_OF["time"][unit])
-            if _RATES[0] <= rate <= _RATES[1]:
-                remarks.append(
-                    f"time: column {place + 1} increases by {usual[place]:.4g} a line: "
-                    f"{rate:.4g} Hz if it is in {unit}."
-                )
-                return place, unit
-    return None
-
-
-def _other_time(steps: FloatArray, place: int) -> bool:
-    others = np.delete(steps, place, axis=1)
-    return bool((others > 0).all(axis=0).any())
-
-
-def _matched(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple[str, float] | None:
-    """Return the unit in which three columns have a length within a range, and the length."""
-    length = float(np.median(np.linalg.norm(three, axis=1)))
-    for unit, (low, high) in ranges.items():
-        if low <= length <= high:
-            return unit, length
-    return None
-
-
-def _field(three: FloatArray) -> tuple[str, float] | None:
-    lengths = np.linalg.norm(three, axis=1)
-    return _matched(three, _FIELDS) if np.std(lengths) <= _STEADY * np.mean(lengths) else None
-
-
-def _put(columns: list[Column], vector: str, unit: str, places: Sequence[int]) -> None:
-    for axis, place in zip("xyz", places, strict=True):
-        columns[place] = Column(f"{vector}_{axis}", unit)
-
-
-def _numbers(places: Sequence[int]) -> str:
-    return f"{places[0] + 1} to {places[-1] + 1}"
-
-
-def _with_units(columns: Sequence[Column], rows: FloatArray, remarks: list[str]) -> list[Column]:
-    """Return the columns with the units that are open chosen by the numbers."""
-    places = {column.quantity: place for place, column in enumerate(columns)}
-    units = {column.kind: column.unit for column in columns if column.unit}
-
-    def three(vector: str) -> FloatArray | None:
-        names = [f"{vector}_{axis}" for axis in "xyz"]
-        return rows[:, [places[name] for name in names]] if all(name in places for name in names) else None
-
-    force, rate, magnetic = three("force"), three("rate"), three("magnetic")
-    if force is not None and "force" not in units:
-        units["force"] = (_matched(force, _ONE_G) or ("m/s²", 0.0))[0]
-        remarks.append(f"force: a guess: {units['force']}, by its length.")
-    if rate is not None and "rate" not in units:
-        fast = np.abs(rate).max(initial=0.0) > _FAST
-        units["rate"] = "°/s" if fast or units.get("force", "") in ("g", "mg") else "rad/s"
-        why = (
-            "it is too fast for rad/s" if fast else f"the force is in {units.get('force', 'an unknown unit')}"
-        )
-        remarks.append(f"rate: a guess: {units['rate']}, because {why}.")
-    if magnetic is not None and "magnetic" not in units:
-        units["magnetic"] = (_matched(magnetic, _FIELDS) or ("µT", 0.0))[0]
-    if "time" in places and "time" not in units:
-        found = _time(rows[:, [places["time"]]], [])
-        units["time"] = found[1] if found else "s"
-        remarks.append(f"time: a guess: {units['time']}, by its steps.")
-    return [
-        column
-        if column.quantity == "-" or column.unit
-        else Column(column.quantity, units.get(column.kind, _DEFAULT_UNITS.get(column.kind, "")))
-        for column in columns
-    ]

@@ -3,32 +3,50 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 from lab.base.aid_table import FURTHER, SENT
-from lab.data.files.unit_names import UNITS, Factors
+from lab.base.files.mission_error import MissionError
+from lab.data.files.unit_names import UNITS, Factors, unit_name
 
 _AXES = ("x", "y", "z")
 VECTORS = ("rate", "force", "magnetic")
 """Quantities with an x, a y and a z."""
+CLOCK = "clock"
+"""Unit of a time that is written as hours:minutes:seconds."""
 UNITS_OF = {
-    "time": UNITS["time"],
+    "time": Factors({**UNITS["time"], CLOCK: 1.0}),
+    "fraction": UNITS["time"],
     "count": {"": 1.0},
     "rate": UNITS["angular rate"],
     "force": UNITS["acceleration"],
     "magnetic": Factors({unit: factor / 1e6 for unit, factor in UNITS["magnetic field"].items()}),
-    "temperature": {"°C": 1.0},
+    "temperature": Factors({"°C": 1.0}),
     "pressure": UNITS["pressure"],
     "heading": UNITS["angle"],
     "speed": UNITS["speed"],
-    **{aid.live: {aid.unit: 1.0} for aid in FURTHER if aid.live},
+    "latitude": UNITS["angle"],
+    "longitude": UNITS["angle"],
+    "altitude": UNITS["length"],
+    **dict.fromkeys(("north", "east", "down"), UNITS["speed"]),
+    **{aid.live: Factors({aid.unit: 1.0}) for aid in FURTHER if aid.live},
 }
 """Factor to SI of each unit, by quantity."""
+_KINDS = {
+    "time": "time", "fraction": "time", "rate": "angular rate", "force": "acceleration",
+    "magnetic": "magnetic field", "pressure": "pressure", "heading": "angle", "speed": "speed",
+    "latitude": "angle", "longitude": "angle", "altitude": "length", "north": "speed", "east": "speed",
+    "down": "speed",
+}  # fmt: skip
+"""What the units of a quantity are spelled as (`lab.data.files.unit_names`)."""
+OF_A_FIX = ("latitude", "longitude", "altitude", "north", "east", "down")
+"""Quantities of a receiver: its position, above the sea, and its velocity."""
 READINGS = tuple(aid.live for aid in SENT)
 """Quantities that stand alone: readings of sensors besides the IMU."""
 QUANTITIES = (
-    "time", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES), "temperature", "pressure",
-    *READINGS,
+    "time", "fraction", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES),
+    "temperature", "pressure", *READINGS, *OF_A_FIX,
 )  # fmt: skip
 """What a column may be."""
 IGNORED = "-"
@@ -37,10 +55,12 @@ SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 """What separates columns, by name; blanks may be any number."""
 
 _COLUMN = re.compile(r"\s*([a-z_]+|-)\s*(?:\[([^\]]*)\])?\s*")
+_SIGN = re.compile(r"\{\{|\}\}|\\n|\{([^{}]*)\}")
+"""In a form of lines: a brace, the end of a line, or a column."""
 _NAMES = {mark: name for name, mark in SEPARATORS.items()}
 _LINES, _DECIMAL, _AFTER = ";", "decimal comma", "after "
 MAX_COLUMNS = 64
-"""Most columns of a line."""
+"""Most columns of a sample."""
 
 
 class ColumnMapError(ValueError):
@@ -74,8 +94,72 @@ class Column:
         """Factor to SI."""
         return 1.0 if self.quantity == IGNORED else UNITS_OF[self.kind][self.unit]
 
+    def check(self) -> None:
+        """Raise a `ColumnMapError` if there is no such quantity, or no such unit of it."""
+        if self.quantity == IGNORED:
+            return
+        if self.quantity not in QUANTITIES:
+            raise ColumnMapError(
+                f"{self.quantity!r} is no quantity; accepted are {', '.join(QUANTITIES)}, and {IGNORED} for "
+                "a column that is not read"
+            )
+        if self.unit not in UNITS_OF[self.kind]:
+            raise ColumnMapError(
+                f"{self.quantity}: {self.unit!r} is no unit of it; accepted are "
+                f"{', '.join(UNITS_OF[self.kind])}"
+            )
+
+    @classmethod
+    def of(cls, text: str) -> Column:
+        """Return the column that a person writes, such as ``force_x[g]``; units may be spelled as in files.
+
+        Raises
+        ------
+        ColumnMapError
+            If this is no column.
+        """
+        found = _COLUMN.fullmatch(text)
+        if found is None:
+            raise ColumnMapError(f"{text!r} is no column; accepted is quantity[unit], such as force_x[g]")
+        # Files call the field of a magnetometer so.
+        name = re.sub(r"^field_(?=[xyz]$)", "magnetic_", found[1])
+        column = cls(name)
+        return cls(name, spelled(column.kind, found[2] or "")) if name != IGNORED else column
+
     def __str__(self) -> str:
         return f"{self.quantity}[{self.unit}]" if self.unit else self.quantity
+
+
+def _refuse_parts(names: Sequence[str]) -> None:
+    """Raise if a vector lacks an axis, or a position or velocity of a receiver a part."""
+    for vector in VECTORS:
+        there = [axis for axis in _AXES if f"{vector}_{axis}" in names]
+        if there and len(there) < len(_AXES):
+            raise ColumnMapError(f"{vector} has only {', '.join(there)}; accepted are all three axes or none")
+    for parts in (OF_A_FIX[:2], OF_A_FIX[3:]):
+        there = [one for one in parts if one in names]
+        if there and len(there) < len(parts):
+            raise ColumnMapError(
+                f"only {', '.join(there)} is there; accepted are {', '.join(parts)} together"
+            )
+
+
+def spelled(kind: str, unit: str) -> str:
+    """Return a unit as `UNITS_OF` has it; one that is none of the quantity is returned as it is.
+
+    Parameters
+    ----------
+    kind
+        The quantity, without its axis.
+    unit
+        As a person or a file writes it.
+    """
+    if unit in UNITS_OF.get(kind, {}) or kind not in _KINDS:
+        return unit
+    try:
+        return unit_name(_KINDS[kind], unit)
+    except MissionError:
+        return unit
 
 
 @dataclass(frozen=True)
@@ -94,6 +178,12 @@ class ColumnMap:
         Whether numbers are written with a comma.
     remarks : tuple of str
         Why each was taken for what it is; those that are guesses say so.
+    texts : tuple of tuples of str
+        Of lines with words between the cells: for each line of a sample, the texts around its cells, one
+        more than these. Empty for lines of cells with separators.
+    doubt : tuple of str
+        Units that the angular rate may have where neither header nor numbers decide, the likeliest first,
+        which it has; empty where there is no doubt.
     """
 
     columns: tuple[Column, ...]
@@ -101,35 +191,27 @@ class ColumnMap:
     prefix: str = ""
     decimal_comma: bool = False
     remarks: tuple[str, ...] = field(default=(), compare=False)
+    texts: tuple[tuple[str, ...], ...] = ()
+    doubt: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         names = [column.quantity for column in self.columns if column.quantity != IGNORED]
         for column in self.columns:
-            if column.quantity != IGNORED and column.quantity not in QUANTITIES:
-                raise ColumnMapError(
-                    f"{column.quantity!r} is no quantity; accepted are {', '.join(QUANTITIES)}, and "
-                    f"{IGNORED} for a column that is not read"
-                )
-            if column.quantity != IGNORED and column.unit not in UNITS_OF[column.kind]:
-                raise ColumnMapError(
-                    f"{column.quantity}: {column.unit!r} is no unit of it; accepted are "
-                    f"{', '.join(UNITS_OF[column.kind])}"
-                )
+            column.check()
         for name in names:
             if names.count(name) > 1:
                 raise ColumnMapError(
                     f"{name} is there more than once; accepted is one column of each quantity"
                 )
-        for vector in VECTORS:
-            there = [axis for axis in _AXES if f"{vector}_{axis}" in names]
-            if there and len(there) < len(_AXES):
-                raise ColumnMapError(
-                    f"{vector} has only {', '.join(there)}; accepted are all three axes or none"
-                )
+        _refuse_parts(names)
         if not {"rate_x", "force_x"} & set(names):
             raise ColumnMapError(
                 "no column is a rate or a force; accepted are maps with three of one of them at least"
             )
+        if self.texts and sum(len(line) - 1 for line in self.texts) != len(self.columns):
+            raise ColumnMapError("the form of the lines has another number of cells than there are columns")
+        if "fraction" in names and "time" not in names:
+            raise ColumnMapError("fraction is a part of a second; accepted is a time beside it")
         if len(self.columns) > MAX_COLUMNS:
             raise ColumnMapError(f"{len(self.columns)} columns; accepted are up to {MAX_COLUMNS}")
         if self.separator not in _NAMES:
@@ -139,28 +221,84 @@ class ColumnMap:
 
     @classmethod
     def of(cls, text: str) -> ColumnMap:
-        """Return the map that a person writes, as ``str`` shows it.
+        r"""Return the map that a person writes, as ``str`` shows it.
 
         Columns stand with commas between them, whatever separates them in the lines:
         ``time[ms],force_x[g],-,rate_x[°/s]``. After a semicolon may follow what the lines have that is not
         usual: the name of the separator, ``decimal comma``, and last ``after`` with what each line begins
         with: ``force_x[g],force_y[g],force_z[g];semicolon;decimal comma;after $IMU,``.
 
+        Lines with words between the numbers stand as they are, with the columns in braces and ``\n`` between
+        the lines of one sample: ``Accel X: {force_x[g]} Y: {force_y[g]} Z: {force_z[g]}``. A brace of the
+        lines themselves is doubled.
+
         Raises
         ------
         ColumnMapError
             If this is no map.
         """
+        if "{" in text:
+            return cls._of_form(text)
         names, *lines = text.split(_LINES, 1)
-        columns = []
-        for cell in names.split(","):
-            found = _COLUMN.fullmatch(cell)
-            if found is None:
-                raise ColumnMapError(f"{cell!r} is no column; accepted is quantity[unit], such as force_x[g]")
-            columns.append(Column(found[1], found[2] or ""))
+        columns = [Column.of(cell) for cell in names.split(",")]
         return cls(tuple(columns), *_lines_of(lines[0] if lines else ""))
 
+    @classmethod
+    def _of_form(cls, text: str) -> ColumnMap:
+        """Return the map of lines that stand as they are."""
+        columns, lines, line, piece, at = [], [], [], "", 0
+        for sign in _SIGN.finditer(text):
+            piece, at = piece + text[at : sign.start()], sign.end()
+            if sign[1] is not None:
+                columns.append(Column.of(sign[1]))
+                line.append(piece)
+                piece = ""
+            elif sign[0] == "\\n":
+                lines.append((*line, piece))
+                line, piece = [], ""
+            else:
+                piece += sign[0][0]
+        lines.append((*line, piece + text[at:]))
+        return cls(tuple(columns), texts=tuple(lines))
+
+    @property
+    def _form(self) -> str:
+        """The lines of a sample, with the columns in braces."""
+        columns = iter(self.columns)
+        lines = []
+        for texts in self.texts:
+            plain = [text.replace("{", "{{").replace("}", "}}") for text in texts]
+            cells = [f"{text}{{{next(columns)}}}" for text in plain[:-1]]
+            lines.append("".join((*cells, plain[-1])))
+        return "\\n".join(lines)
+
+    def in_unit(self, kind: str, unit: str) -> ColumnMap:
+        """Return the map with the columns of a quantity in a unit, and no doubt about it any more.
+
+        Parameters
+        ----------
+        kind
+            The quantity, without its axis: ``rate``.
+        unit
+            As a person or a file writes it.
+
+        Raises
+        ------
+        ColumnMapError
+            If no column has the quantity, or it does not have the unit.
+        """
+        if not any(column.kind == kind for column in self.columns if column.quantity != IGNORED):
+            there = dict.fromkeys(column.kind for column in self.columns if column.quantity != IGNORED)
+            raise ColumnMapError(f"{kind!r} is no quantity of these columns; accepted are {', '.join(there)}")
+        columns = tuple(
+            Column(column.quantity, spelled(kind, unit)) if column.kind == kind else column
+            for column in self.columns
+        )
+        return replace(self, columns=columns, doubt=() if kind == "rate" else self.doubt)
+
     def __str__(self) -> str:
+        if self.texts:
+            return self._form
         parts = [",".join(map(str, self.columns))]
         if self.separator != SEPARATORS["comma"]:
             parts.append(_NAMES[self.separator])
@@ -173,6 +311,9 @@ class ColumnMap:
     @property
     def described(self) -> str:
         """The map in a sentence."""
+        if self.texts:
+            lines = "a line" if len(self.texts) == 1 else f"{len(self.texts)} lines"
+            return f"{lines} a sample: {self}"
         before = f" after {self.prefix!r}" if self.prefix else ""
         comma = ", numbers with a decimal comma" if self.decimal_comma else ""
         return f"{len(self.columns)} columns{before}, separated by {_NAMES[self.separator]}{comma}: {self}"

@@ -75,6 +75,12 @@ class LimitCheck:
         self._odd = values
         return False
 
+    def scale_rates(self, factor: float) -> None:
+        """Multiply the rates of the samples before, whose unit was another one."""
+        self._last, self._odd = (
+            one and (*(factor * rate for rate in one[:3]), *one[3:]) for one in (self._last, self._odd)
+        )
+
     def _near(self, values: Vector, others: Vector) -> bool:
         # Written so that NaN, of a triad that is not measured, is near.
         limits = self.limits

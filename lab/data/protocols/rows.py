@@ -54,6 +54,10 @@ class Rows:
         self._fix = bytearray()
         self._reading = bytearray()
 
+    def scale_rates(self, factor: float) -> None:
+        """Compare the next angular rates with those before, whose unit was another one."""
+        self._check.scale_rates(factor)
+
     def add_imu(
         self,
         end: int,

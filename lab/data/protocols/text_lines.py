@@ -1,12 +1,13 @@
-"""Text lines: one sample a line, as an Arduino or a spreadsheet of a phone writes them.
+"""Text lines: samples as an Arduino or a spreadsheet of a phone writes them, each on one line or on several.
 
 Without a column map, the first lines are held back until they show one. Lines have no check: a line counts
-only if it has all its columns, each a plain number, and its time and values are no jump that the next line
-does not confirm. A line whose time jumps waits for that; after three in a row, the clock itself jumps. The
-line in which a stream begins may be cut, so it is not taken. Damage that leaves a number a number gets
-through.
+only if it has all its columns and all words between them, each column a plain number or none, and its time
+and values are no jump that the next line does not confirm. A line whose time jumps waits for that; after
+three in a row, the clock itself jumps. The line in which a stream begins may be cut, so it is not taken.
+Damage that leaves a number a number gets through. Of a sample on several lines, all must come in their
+order; lines between that belong to none are left out.
 
-A heading or a speed that repeats that of the line before is the same reading, written again.
+A heading, a speed or a position that repeats that of the line before is the same reading, written again.
 """
 
 from __future__ import annotations
@@ -14,23 +15,30 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.data.protocols.column_guess import MIN_LINES, NUMBER, guess_columns
-from lab.data.protocols.column_map import IGNORED, READINGS, ColumnMap
+from lab.data.protocols import text_cells
+from lab.data.protocols.column_guess import guess_columns
+from lab.data.protocols.column_map import CLOCK, IGNORED, OF_A_FIX, READINGS, VECTORS, ColumnMap
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.limits import TEXT_LIMITS
+from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
-from lab.data.protocols.samples import NAN, UNKNOWN, Samples, Vector
+from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, UNKNOWN, Samples, Vector
+from lab.data.protocols.text_cells import NO_VALUE, NUMBER, value_of
 from lab.data.sheets.sheet_layout import as_utf8
 
-LONGEST = 1024
-"""Longest line [bytes]; a longer one is skipped."""
-_NUMBER = f"({NUMBER})"
-_HELD = 64
-"""Most lines held back while the columns are not known."""
+LONGEST = 2048
+"""Longest line [bytes]; a longer one is skipped. The header of a sensor_msgs/Imu as csv has 1300."""
+_HELD = 192
+"""Most lines held back while the columns are not known: three samples of 60 lines, and what comes before."""
+_OFTEN = 8
+"""Times as many lines at which columns are looked for each time: what comes before the data is shorter."""
+_SEEN = 3
+"""Last lines that are kept of text whose columns are not known, to be shown."""
 _STEPS = 10.5
 """Step of time, in usual ones, beyond which the next line must confirm it. With one byte of 1000 damaged,
 every tenth line of 100 bytes is lost, and ten in a row never."""
@@ -39,9 +47,9 @@ _MOST_WAITING = 3
 one damaged byte of 1000, one line in some 60 has a damaged time, so three in a row come once in 200,000."""
 _REMEMBERED = 9
 """Steps of time that the usual one is the median of."""
-_WRAPS = {"ms": 2**32, "µs": 2**32}
-"""Where the counters of microcontrollers start again."""
-_ENDS = re.compile(rb"[\r\n]+")
+_WRAPS = {"ms": 2**32, "µs": 2**32, CLOCK: 86_400}
+"""Where the counters of microcontrollers start again, and the time of day."""
+_ENDS = re.compile(rb"\r\n|\r|\n")
 _PIECE = 2**16  # bytes decoded at once
 
 
@@ -52,12 +60,29 @@ class TextLines:
     ----------
     columns
         What the columns are; None to find out.
+    said
+        What a person says of columns that are to be found out, as of `guess_columns`.
+    units
+        Units that a person says, by quantity without its axis.
+
+    Attributes
+    ----------
+    before : int
+        Bytes before the first line with all columns: what a device says when it starts.
+    last : deque of str
+        The last lines before the columns are known.
     """
 
     name = "text"
     longest = (_HELD + 1) * LONGEST
 
-    def __init__(self, columns: ColumnMap | None = None) -> None:
+    def __init__(
+        self,
+        columns: ColumnMap | None = None,
+        said: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
+        self._said, self._units = said or {}, units or {}
         self.statistics = Statistics()
         self.wrap_period = math.inf
         self._rows = Rows(self.statistics, TEXT_LIMITS)
@@ -65,8 +90,14 @@ class TextLines:
         self._before = 0
         self._whole = False  # whether the buffer begins with the start of a line
         self._first = True
+        self._cut = False  # whether the last line ended in a carriage return, and a line feed may follow
         self._held: deque[tuple[str, int]] = deque(maxlen=_HELD)
-        self._fresh = 0
+        self._seen = 0
+        self.before = 0
+        self.last: deque[str] = deque(maxlen=_SEEN)
+        self._fix = (NAN, NAN, NAN)
+        self._part: list[str] = []  # cells of the lines of a sample that have come
+        self._line_of = 0  # the line of the sample that is next
         self._map: ColumnMap | None = None
         if columns is not None:
             self._use(columns)
@@ -115,7 +146,10 @@ class TextLines:
             if end.start() > at:
                 # Whether a line feed follows may not be known yet, so it is not counted.
                 self._line(bytes(buffer[at : end.start()]), self._before + end.start() + 1)
+            elif self._map is None and self._held and not (self._cut and end[0] == b"\n"):
+                self._hold("", self._before + end.end())
             self._whole, self._first = True, False
+            self._cut = end[0] == b"\r"
             at = end.end()
         if len(buffer) - at > LONGEST:
             self.statistics.skipped += len(buffer) - at
@@ -128,71 +162,140 @@ class TextLines:
             self.statistics.skipped += len(line)
             return
         text = (line if line.isascii() else as_utf8(line + b"\n")[:-1]).decode("utf-8", "replace")
+        if "\x1b" in text:
+            text = text_cells.without_colours(text)
         if not self._whole and _begins_with_number(text):
             self.statistics.skipped += len(line)
             return
         if self._map is not None:
             self._accept(text, len(line), end)
             return
+        self.last.append(text)
+        self._hold(text, end)
+        self._seen += 1
+        # Of text that shows no columns, a guess is made less and less often.
+        twice = self._seen & (self._seen - 1) == 0
+        if self._seen >= MIN_LINES and (twice or (self._seen % _HELD == 0 and self._seen <= _OFTEN * _HELD)):
+            self._guess()
+
+    def _hold(self, text: str, end: int) -> None:
+        """Keep a line; an empty one stands for any number of these."""
+        if not text and not (self._held and self._held[-1][0]):
+            return
         if len(self._held) == _HELD:
             self.statistics.skipped += len(self._held[0][0])
         self._held.append((text, end))
-        self._fresh += 1
-        if self._fresh >= MIN_LINES:
-            self._guess()
 
     def _guess(self) -> None:
-        self._fresh = 0
-        found = guess_columns([text for text, _ in self._held])
+        found = guess_columns([text for text, _ in self._held], self._said)
         if found is None:
             return
         self._use(found)
         for text, end in self._held:
-            self._accept(text, len(text), end)
+            if text:
+                self._accept(text, len(text), end)
         self._held.clear()
 
     def _use(self, columns: ColumnMap) -> None:
-        self._map = columns
-        between = r"\s+" if columns.separator == " " else rf"\s*{re.escape(columns.separator)}\s*"
-        number = _NUMBER.replace(r"\.", ",") if columns.decimal_comma else _NUMBER
-        other = r"[^,;\t]*?" if columns.separator != " " else r"\S+"
-        cells = [f"({other})" if column.quantity == IGNORED else number for column in columns.columns]
-        end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
-        self._pattern = re.compile(re.escape(columns.prefix) + r"\s*" + between.join(cells) + end)
-        places = {column.quantity: at for at, column in enumerate(columns.columns)}
-        self._scales = {column.quantity: column.scale for column in columns.columns}
-        self._vectors = {
-            name: tuple((places[f"{name}_{axis}"], self._scales[f"{name}_{axis}"]) for axis in "xyz")
-            for name in ("rate", "force", "magnetic")
-            if f"{name}_x" in places
-        }
-        self._places = places
-        self._readings = {name: NAN for name in READINGS if name in places}
+        for kind, unit in self._units.items():
+            if any(column.kind == kind for column in columns.columns):
+                columns = columns.in_unit(kind, unit)
+        self._patterns = _patterns_of(columns)
+        self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
+        ends = np.cumsum([one.groups for one in self._patterns])
+        used = [at for at, column in enumerate(columns.columns) if column.quantity != IGNORED]
+        self._decides = int(np.searchsorted(ends, used[-1], side="right"))  # line with the last column read
+        self._scale(columns)
+        self._readings = {name: NAN for name in READINGS if name in self._places}
         unit = next((column.unit for column in columns.columns if column.quantity == "time"), "")
         self._clock = _TimeCheck(_WRAPS.get(unit))
         if unit in _WRAPS:
             self.wrap_period = _WRAPS[unit] * self._scales["time"]
 
+    def _scale(self, columns: ColumnMap) -> None:
+        self._map = columns
+        self._places = {column.quantity: at for at, column in enumerate(columns.columns)}
+        self._scales = {column.quantity: column.scale for column in columns.columns}
+        self._vectors = {
+            name: tuple((self._places[f"{name}_{axis}"], self._scales[f"{name}_{axis}"]) for axis in "xyz")
+            for name in VECTORS
+            if f"{name}_x" in self._places
+        }
+
+    def answer(self, unit: str) -> float:
+        """Read the rates in a unit from the next line on; return the factor for those that were read.
+
+        Parameters
+        ----------
+        unit
+            The unit.
+
+        Raises
+        ------
+        ColumnMapError
+            If it is no unit of a rate, or there is none.
+        """
+        self._units = {**self._units, "rate": unit}
+        if self._map is None:
+            return 1.0
+        before = self._scales.get("rate_x", 1.0)
+        self._scale(self._map.in_unit("rate", unit))
+        factor = self._scales["rate_x"] / before
+        self._rows.scale_rates(factor)
+        return factor
+
     def _accept(self, text: str, size: int, end: int) -> None:
-        found = self._pattern.fullmatch(text)
+        several = self._several
+        found = self._patterns[self._line_of].fullmatch(text)
+        if found is None and several:
+            found = self._begun_anew(text)
         if found is None:
-            if _begins_with_number(text):
-                self.statistics.failed += 1
-            else:
-                self.statistics.unknown += 1
-            self.statistics.skipped += size
+            self._leave_out(text, size)
             return
         self.statistics.frames += 1
         cells = found.groups()
-        if self._map is not None and self._map.decimal_comma:
+        if several:
+            self._part += cells
+            at, self._line_of = self._line_of, (self._line_of + 1) % len(self._patterns)
+            cells = tuple(self._part)
+            if not self._line_of:
+                self._part = []
+            if at != self._decides:  # lines that are not read may follow, and are not waited for
+                return
+        if self._comma:
             cells = tuple(cell.replace(",", ".") for cell in cells)
         if "time" not in self._places:
             self._add(cells, NAN, end)
             return
-        accepted, refused = self._clock.accept(float(cells[self._places["time"]]), (cells, end))
+        accepted, refused = self._clock.accept(self._time(cells), (cells, end))
         self.statistics.refused += refused
         for counted, (one, place) in accepted:
             self._add(one, counted * self._scales["time"], place)
+
+    def _begun_anew(self, text: str) -> re.Match[str] | None:
+        """Return the cells of the first line of a sample; one that lacks lines before another is given up."""
+        if any(one.fullmatch(text) for one in self._patterns):
+            self.statistics.refused += bool(self._line_of)
+            self._part, self._line_of = [], 0
+        return None if self._line_of else self._patterns[0].fullmatch(text)
+
+    def _leave_out(self, text: str, size: int) -> None:
+        if _begins_with_number(text):
+            self.statistics.failed += 1
+        else:
+            self.statistics.unknown += 1
+        self.statistics.skipped += size
+        if not self.statistics.frames:
+            self.before += size
+
+    def _time(self, cells: tuple[str, ...]) -> float:
+        """Return the time of a sample in its unit."""
+        cell = cells[self._places["time"]]
+        time = value_of(cell) if ":" in cell else float(cell)
+        if "fraction" in self._places:
+            part = float(cells[self._places["fraction"]]) * self._scales["fraction"]
+            time += part / self._scales["time"]
+        return time
 
     def _add(self, cells: tuple[str, ...], time: float, end: int) -> None:
         self._rows.add_imu(
@@ -205,22 +308,74 @@ class TextLines:
             self._number(cells, "temperature", NAN),
             self._number(cells, "pressure", NAN),
         )
+        if "latitude" in self._places:
+            self._add_fix(cells, time, end)
         for name, before in self._readings.items():
             value = self._number(cells, name, NAN)
             if value != before:
                 self._readings[name] = value
                 self._rows.add_reading(end, time, **{name: value})
 
+    def _add_fix(self, cells: tuple[str, ...], time: float, end: int) -> None:
+        """Take the position of a line, if it has another one than the line before."""
+        latitude, longitude, height, *velocity = (self._number(cells, name, NAN) for name in OF_A_FIX)
+        fix = latitude, longitude, height
+        if fix == self._fix or math.isnan(latitude + longitude) or latitude == longitude == 0:
+            return  # zeros are written before the first fix
+        self._fix = fix
+        kind = FIX_2D if math.isnan(height) else FIX_3D
+        self._rows.add_fix(
+            end, time, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity,
+            fix_type=kind, sea_level=True,
+        )  # fmt: skip
+
     def _vector(self, cells: tuple[str, ...], name: str) -> Vector:
         if name not in self._vectors:
             return UNKNOWN
-        return [float(cells[at]) * scale for at, scale in self._vectors[name]]
+        try:
+            return [float(cells[at]) * scale for at, scale in self._vectors[name]]
+        except ValueError:  # a cell without a number
+            return UNKNOWN
 
     def _number(self, cells: tuple[str, ...], name: str, unknown: float) -> float:
         if name not in self._places:
             return unknown
-        value = float(cells[self._places[name]]) * self._scales[name]
+        try:
+            value = float(cells[self._places[name]]) * self._scales[name]
+        except ValueError:  # a cell without a number
+            return unknown
         return value if abs(value) < 2**53 else unknown
+
+
+def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
+    """Return regular expressions of the lines of a sample."""
+    between = rf"\s*{re.escape(columns.separator)}\s*" if columns.separator != " " else r"\s+"
+    number = NUMBER.replace(r"\.", ",") if columns.decimal_comma else NUMBER
+    other = r"\S+" if columns.separator == " " else r"[^,;\t]*?"
+    # Lines with words have no empty cells.
+    none = "" if columns.texts or columns.separator == " " else "?"
+    cells = []
+    for column in columns.columns:
+        if column.quantity == IGNORED:
+            cells.append(f"({text_cells.ANY if columns.texts else other})")
+        elif column.unit == CLOCK:
+            cells.append(f"({text_cells.CLOCK})")
+        elif column.quantity in ("time", "fraction"):
+            cells.append(f"({number})")
+        else:
+            cells.append(f"((?:{number}|{NO_VALUE}){none})")
+    if not columns.texts:
+        end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
+        return [re.compile(rf"{re.escape(columns.prefix)}\s*{between.join(cells)}{end}")]
+    left = iter(cells)
+    return [
+        re.compile(
+            r"\s*"
+            + "".join(f"{text_cells.pattern_around(text)}{next(left)}" for text in texts[:-1])
+            + rf"{text_cells.pattern_around(texts[-1])}\s*"
+        )
+        for texts in columns.texts
+    ]
 
 
 _Line = tuple[tuple[str, ...], int]  # cells, and where the line ends
@@ -280,6 +435,14 @@ class _TimeCheck:
 
 def _begins_with_number(text: str) -> bool:
     return text.lstrip()[:1] in set("0123456789+-.")
+
+
+def lines_of(data: bytes) -> tuple[str, ...]:
+    """Return the last whole lines in bytes from anywhere in a stream; none if they are no text."""
+    lines = [line for line in re.split(rb"[\r\n]+", data)[1:-1] if line.strip()]
+    shown = [line.decode("utf-8", "replace") for line in lines[-_SEEN:]]
+    is_text = all(line.replace("\t", " ").isprintable() and "\ufffd" not in line for line in shown)
+    return tuple(shown) if shown and is_text else ()
 
 
 class TextEncoder:

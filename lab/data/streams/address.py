@@ -25,7 +25,7 @@ FORMS = (
 """Forms of addresses, one for each kind."""
 KINDS = tuple(form.partition(":")[0] for form in FORMS)
 """Kinds of sources."""
-COMMON = ("protocol", "columns", "axes", "rate", "name")
+COMMON = ("protocol", "columns", "column", "unit", "axes", "rate", "name")
 """Options that every kind has: how the bytes are decoded, mapped to the vehicle and timed."""
 
 MAX_SEED = 2**31

@@ -18,10 +18,12 @@ from lab.base.arrays import FloatArray
 from lab.data.clock.faults import usual_step
 from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import DECODERS, decoder_of
+from lab.data.protocols.column_guess import advice_on_lines
 from lab.data.protocols.column_map import ColumnMap
+from lab.data.protocols.decoder import Decoder
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples, joined
-from lab.data.protocols.text_lines import TextLines
+from lab.data.protocols.text_lines import TextLines, lines_of
 from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, opened, read_header, records
 from lab.data.streams.transport import Chunk, TransportError
 
@@ -47,7 +49,7 @@ def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
     path
         The file.
     options
-        Of a capture: ``protocol`` and ``columns``, if they shall not be found out.
+        Of a capture: ``protocol``, ``columns`` and ``column``, if they shall not be found out.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
         return read_header(path)
     protocol, columns = options.get("protocol", ""), options.get("columns", "")
     if not protocol:
-        protocol = "text" if columns else _recognised(path)
+        protocol = "text" if columns or options.get("column") else _recognised(path)
     return {"protocol": protocol, "columns": columns}
 
 
@@ -85,13 +87,40 @@ def records_of(path: str | os.PathLike[str], **options: str) -> Records:
         return records(path)
     header, data = header_of(path, **options), _data(path)
     columns, rate = header["columns"], rate_of(options.get("rate") or 0.0)
-    decoder = TextLines(ColumnMap.of(columns)) if columns else decoder_of(header["protocol"])
+    if header["protocol"] == TextLines.name:
+        decoder: Decoder = TextLines(
+            ColumnMap.of(columns) if columns else None, said_of(options.get("column", ""))
+        )
+    else:
+        decoder = decoder_of(header["protocol"])
     parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
     return _records(data, *_arrivals(path, joined([*parts, decoder.finish()]), rate))
 
 
 def _is_raw(path: str | os.PathLike[str]) -> bool:
     return Path(path).suffix == SUFFIX or _begin(path) == MAGIC
+
+
+def said_of(text: str) -> dict[str, str]:
+    """Return what a person says of columns or units, by heading, number or quantity: ``rate=deg/s``.
+
+    Parameters
+    ----------
+    text
+        Several with semicolons between them.
+
+    Raises
+    ------
+    TransportError
+        If there is no ``=`` in one of them.
+    """
+    found = {}
+    for one in filter(None, (part.strip() for part in text.split(";"))):
+        name, sign, value = one.rpartition("=")
+        if not sign or not name.strip() or not value.strip():
+            raise TransportError(f"{one!r}; accepted is NAME=VALUE, such as rate=deg/s or ax=force_x[g]")
+        found[name.strip()] = value.strip()
+    return found
 
 
 def rate_of(value: Any) -> float:
@@ -112,9 +141,9 @@ def rate_of(value: Any) -> float:
 
 
 def holds_samples(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a raw recording, or begins with frames of an IMU that `records_of` reads.
+    """Return whether a file is a raw recording, or begins with samples of an IMU that `records_of` reads.
 
-    Text is none: any table of numbers looks like samples.
+    Any table of numbers looks like samples: whoever has a reader for the format asks that first.
 
     Parameters
     ----------
@@ -128,7 +157,7 @@ def holds_samples(path: str | os.PathLike[str]) -> bool:
     """
     head = _begin(path, _LOOKED_AT)
     found = recognise(head)
-    return head.startswith(MAGIC) or bool(found and found[0].samples and not found[0].columns)
+    return head.startswith(MAGIC) or bool(found and found[0].samples)
 
 
 def _begin(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
@@ -155,9 +184,11 @@ def _recognised(path: str | os.PathLike[str]) -> str:
         known = sound_frames(_begin(path, _LOOKED_AT))
         if known:
             raise RecordingError(f"{path}: {known}")
+        advice = advice_on_lines(lines_of(b"\n" + _begin(path, _LOOKED_AT)))
         raise RecordingError(
             f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "
             f"bytes of a device, as another program saved them, of the protocols {', '.join(DECODERS)}"
+            + (f". {advice}" if advice else "")
         )
     return found[0].name
 
@@ -178,7 +209,12 @@ def _arrivals(
             times, ends = rows[name][known], rows["end"][known]
             break
     else:
-        if not (rate > 0 and len(samples.imu)):
+        if not len(samples.imu):
+            raise RecordingError(
+                f"{path}: no sample is recognised in it. "
+                + advice_on_lines(lines_of(b"\n" + _begin(path, _LOOKED_AT)))
+            )
+        if not rate > 0:
             raise RecordingError(
                 f"{path}: nothing in it has a time, so that its samples cannot be timed; with rate=100 they "
                 "are taken to come 100 times a second"

@@ -35,6 +35,8 @@ DATA, EVENT = 0, 1
 """Kinds of records: bytes of the device; text in JSON about what happened."""
 DEVICE_LOST, NEW_AXES = "lost", "axes"
 """Keys of events: the device was lost, with the reason; another axis map holds from here on."""
+NEW_UNIT, NEW_COLUMNS = "rate unit", "columns"
+"""Keys of events: all angular rates have this unit; text has these columns from here on."""
 
 _RECORD = struct.Struct("<BdI")
 _MAX_HEADER = 2**16  # [bytes]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,17 +13,26 @@ from numpy.typing import NDArray
 
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
-from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.formats import log_reader_of
 from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols.catalogue import DECODERS
+from lab.data.protocols.column_map import UNITS_OF, ColumnMap, ColumnMapError
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.capture import header_of, holds_samples, rate_of, records_of
+from lab.data.streams.capture import header_of, holds_samples, rate_of, records_of, said_of
 from lab.data.streams.live_log import log_of
-from lab.data.streams.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of
+from lab.data.streams.raw_recording import (
+    DATA,
+    DEVICE_LOST,
+    NEW_AXES,
+    NEW_COLUMNS,
+    NEW_UNIT,
+    RecordingError,
+    event_of,
+)
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import TransportError
+from lab.data.streams.vehicle_rows import NO_FIXES, NO_IMU
 
 Rows = NDArray[np.void]
 
@@ -65,7 +74,8 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
     header
         What the recording says of its source.
     options
-        Options in place of those in the header: ``protocol``, ``columns``, ``axes``, ``rate``.
+        Options in place of those in the header: ``protocol``, ``columns``, ``axes``, ``rate``; and what
+        `said_of` reads: ``column`` of text, and ``unit`` of a quantity.
 
     Raises
     ------
@@ -81,13 +91,27 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
             "and is not executed; accepted is protocol=FILE.py:Name with a decoder that you trust"
         )
     axes, rate = str(known["axes"]), known["rate"] or 0.0
+    columns: str | ColumnMap = str(known["columns"])
+    if "columns" not in options:
+        columns = _columns_of(str(columns), header.get("doubt"))
     reception = Reception(
-        str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, rate_of(rate)
+        str(known["protocol"]),
+        columns,
+        AxisMap.of(axes) if axes else None,
+        rate_of(rate),
+        said=said_of(options.get("column", "")),
+        units=said_of(options.get("unit", "")),
     )
-    if "clock" in header:
-        reception.clock = DeviceClock.restored(header["clock"])
-    reception.restore(header.get("watch"), header.get("counted"))
+    reception.restore(header)
     return reception
+
+
+def _columns_of(text: str, doubt: Any) -> str | ColumnMap:
+    """Return the columns of a header, with the units that the rates may have."""
+    if not text or not isinstance(doubt, list):
+        return text
+    known = tuple(unit for unit in doubt if isinstance(unit, str) and unit in UNITS_OF["rate"])
+    return replace(ColumnMap.of(text), doubt=known if len(known) > 1 else ())
 
 
 def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSamples:
@@ -111,22 +135,26 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     """
     header = header_of(path, **options)
     reception = reception_of(header, **options)
-    imu, fix, readings, arrival = [], [], [NO_READINGS], 0.0
+    imu: list[Rows] = []
+    fix, readings, arrival = [], [NO_READINGS], 0.0
     for kind, chunk in records_of(path, **options):
         if kind == DATA:
             arrival = chunk.arrival
             samples, fixes = reception.accept(chunk)
         else:
             event = event_of(chunk.data)
-            if NEW_AXES in event and "axes" not in options:
-                reception.axes = AxisMap.of(str(event[NEW_AXES]))
-            if DEVICE_LOST not in event:
-                continue
-            samples, fixes = reception.lose(arrival)
+            try:
+                samples, fixes = _happened(reception, event, options)
+            except ColumnMapError as error:
+                raise RecordingError(f"{path}: {error}") from error
+            if DEVICE_LOST in event:
+                samples, fixes = reception.lose(arrival)
+        _scale(imu, reception.taken_factor())
         imu.append(samples)
         fix.append(fixes)
         readings.append(reception.taken_readings())
     samples, fixes = reception.lose(arrival)
+    _scale(imu, reception.taken_factor())
     readings.append(reception.taken_readings())
     return RecordedSamples(
         np.concatenate([*imu, samples]),
@@ -135,6 +163,24 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
         header,
         np.concatenate(readings),
     )
+
+
+def _happened(reception: Reception, event: Mapping[str, Any], options: Collection[str]) -> tuple[Rows, Rows]:
+    """Follow what changed while it was recorded, unless an option says it; return what comes of it."""
+    if NEW_AXES in event and "axes" not in options:
+        reception.axes = AxisMap.of(str(event[NEW_AXES]))
+    if NEW_UNIT in event and "unit" not in options:
+        reception.answer(str(event[NEW_UNIT]))
+    if NEW_COLUMNS in event and not {"columns", "column"} & set(options):
+        return reception.name_columns(said_of(str(event[NEW_COLUMNS])))
+    return NO_IMU, NO_FIXES
+
+
+def _scale(parts: list[Rows], factor: float) -> None:
+    """Multiply the angular rates of samples whose unit was another one."""
+    if factor != 1.0:
+        for part in parts:
+            part["rate"] *= factor
 
 
 def log_of_recording(

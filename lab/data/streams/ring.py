@@ -77,6 +77,11 @@ class Ring:
                 np.zeros(0, kind) for kind in (TIMED_IMU, TIMED_FIX, TIMED_READING)
             )
 
+    def scale_rates(self, factor: float) -> None:
+        """Multiply the angular rates of all samples, whose unit was another one."""
+        with self._lock:
+            self._imu["rate"] *= factor
+
     def append(
         self, imu: NDArray[np.void], fix: NDArray[np.void], reading: NDArray[np.void] = NO_READINGS
     ) -> None:

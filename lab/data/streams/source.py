@@ -14,12 +14,20 @@ import numpy as np
 
 from lab.data.protocols.decoder import DecoderError
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
+from lab.data.streams.raw_recording import (
+    DEVICE_LOST,
+    NEW_AXES,
+    NEW_COLUMNS,
+    NEW_UNIT,
+    RawWriter,
+    RecordingError,
+)
 from lab.data.streams.reception import Reception
 from lab.data.streams.ring import Cursor, Read, Ring
 from lab.data.streams.sample_watch import FirstBytes, SampleWatch
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, cause_of
+from lab.data.streams.unit_question import question_of
 from lab.motion.truth.growing_truth import TrueMotion
 
 SILENCE = 0.5
@@ -91,6 +99,7 @@ class Source:
         self._latest: deque[bytes] = deque(maxlen=LATEST[0])
         self._recorded = ("", 0)
         self._warning = ""
+        self._rescaled = 0
         self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
 
     def __enter__(self) -> Self:
@@ -179,6 +188,51 @@ class Source:
                 self._report({NEW_AXES: str(axes)}, self._arrival)
 
     @property
+    def rescaled(self) -> int:
+        """How often the angular rates of all samples so far got another unit."""
+        return self._rescaled
+
+    def answer(self, unit: str) -> None:
+        """Say in which unit the angular rates of a text are, for all samples; raw recordings note it.
+
+        Parameters
+        ----------
+        unit
+            One of `Status.doubt`, or another one.
+
+        Raises
+        ------
+        ColumnMapError
+            If it is no unit of a rate, or no columns are known.
+        """
+        with self._lock:
+            self._reception.answer(unit)
+            self._rescale()
+            self._report({NEW_UNIT: unit}, self._arrival)
+
+    def name_columns(self, said: Mapping[str, str]) -> None:
+        """Say what the columns of text are, by heading or number; raw recordings note it.
+
+        Raises
+        ------
+        ColumnMapError
+            If these are no columns of an IMU.
+        """
+        with self._lock:
+            self._put(*self._reception.name_columns(said))
+            written = ";".join(f"{name}={text}" for name, text in said.items())
+            self._happened(f"The columns are {written} now.")
+            self._report({NEW_COLUMNS: written}, self._arrival)
+
+    def _rescale(self) -> None:
+        """Give all samples the unit that their angular rates have."""
+        factor = self._reception.taken_factor()
+        if factor != 1.0:
+            self._ring.scale_rates(factor)
+            self._rescaled += 1
+        self._happened(self._reception.decided)
+
+    @property
     def end(self) -> Cursor:
         """The cursor of someone who has read everything."""
         return self._ring.end
@@ -237,6 +291,9 @@ class Source:
             recorded=size,
             warning=self._warning or (writer.warning if writer else ""),
             events=self._events,
+            doubt=reception.doubt,
+            question=question_of(reception.doubt),
+            last_lines=reception.last_lines,
         )
 
     def _now(self, now: float) -> tuple[str, str]:
@@ -297,6 +354,7 @@ class Source:
                     "address": self.address,
                     "protocol": reception.protocol,
                     "columns": "" if columns is None else str(columns),
+                    "doubt": list(reception.doubt),
                     "axes": str(reception.axes),
                     "rate": reception.rate,
                     "clock": reception.clock.state,
@@ -392,7 +450,10 @@ class Source:
             self._record(chunk)
             self._latest.append(chunk.data[-LATEST[1] :])
             self._heard, self._arrival = self._clock(), chunk.arrival
+            decided = self._reception.decided
             imu, fix = self._reception.accept(chunk)
+            if self._reception.decided != decided:
+                self._rescale()
             self._put(imu, fix)
             self._tell_of_the_clock()
             if len(imu) or len(fix):

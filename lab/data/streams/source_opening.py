@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from lab.base.registry import find, names
-from lab.data.streams.address import Address
+from lab.data.protocols.column_map import ColumnMapError
+from lab.data.streams.address import COMMON, Address
 from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.capture import said_of
 from lab.data.streams.network_transports import TcpConnection, UdpListener
-from lab.data.streams.raw_recording import NEW_AXES
+from lab.data.streams.raw_recording import NEW_AXES, NEW_COLUMNS, NEW_UNIT, RecordingError
 from lab.data.streams.recorded_log import reception_of
 from lab.data.streams.replay import Replay
 from lab.data.streams.sensor_server import SensorServerTransport
@@ -34,8 +36,8 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
     address
         An address as `lab.data.streams.address.FORMS` shows, or a transport of one's own.
     options
-        Further options, as they may stand in the address: ``protocol``, ``columns`` of text, ``axes``,
-        ``rate`` [Hz] of a device without a clock.
+        Further options, as they may stand in the address: ``protocol``, ``columns`` of text, or ``column``
+        and ``unit`` of those that are detected, ``axes``, ``rate`` [Hz] of a device without a clock.
 
     Raises
     ------
@@ -51,9 +53,7 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
     if isinstance(address, Address):
         address = Address(address.kind, address.place, {**address.options, **options})
         options = dict(address.options)
-    given = {
-        name: value for name, value in options.items() if name in ("protocol", "columns", "axes", "rate")
-    }
+    given = {name: value for name, value in options.items() if name in COMMON and name != "name"}
     # Before a flight is simulated; what a replay goes on with is in its header.
     is_replay = isinstance(address, Replay) or (isinstance(address, Address) and address.kind == "replay")
     reception = None if is_replay else reception_of({}, **given)
@@ -81,6 +81,13 @@ def _follow(source: Source, event: Mapping[str, Any]) -> None:
     """Take over from a recording what changed while it was made."""
     if NEW_AXES in event:
         source.axes = AxisMap.of(str(event[NEW_AXES]))
+    try:
+        if NEW_UNIT in event:
+            source.answer(str(event[NEW_UNIT]))
+        if NEW_COLUMNS in event:
+            source.name_columns(said_of(str(event[NEW_COLUMNS])))
+    except ColumnMapError as error:
+        raise RecordingError(f"the recording: {error}") from error
 
 
 def _replay(address: Address) -> Replay:
@@ -88,7 +95,9 @@ def _replay(address: Address) -> Replay:
     fast = address.options.get("speed") == "max"
     speed = float("inf") if fast else address.number("speed", 1.0, *SPEEDS)
     given = {
-        name: address.options[name] for name in ("protocol", "columns", "rate") if name in address.options
+        name: address.options[name]
+        for name in ("protocol", "columns", "column", "rate")
+        if name in address.options
     }
     return Replay(Path(address.place), speed, **given)
 

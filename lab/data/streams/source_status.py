@@ -73,6 +73,12 @@ class Status:
         What is about to go wrong with it, or what went wrong.
     events : tuple of Event
         The last events, oldest first.
+    doubt : tuple of str
+        Units that the angular rates may have, the one that is used first; empty where it is known.
+    question : str
+        The doubt in a sentence, with how it ends; empty without one.
+    last_lines : tuple of str
+        The last lines of text whose columns are not recognised.
     """
 
     state: str
@@ -99,3 +105,6 @@ class Status:
     recorded: int = 0
     warning: str = ""
     events: tuple[Event, ...] = ()
+    doubt: tuple[str, ...] = ()
+    question: str = ""
+    last_lines: tuple[str, ...] = ()

@@ -319,3 +319,13 @@ def test_a_heading_or_a_speed_of_unknown_kind_is_not_guessed(headings, found):
     lines = [f"wx,wy,wz,fx,fy,fz,{headings}", *(",".join(f"{value:g}" for value in row) for row in rows)]
     guessed = str(guess_columns(lines))
     assert ("heading[°]" in guessed) == ("speed[m/s]" in guessed) == found
+
+
+def test_a_line_of_colours_alone_and_numbers_beyond_all_are_no_trouble():
+    """Both were found by mutated streams."""
+    colours = b"\n\x1b[0m\r\n\x1b[0;32m\n"
+    huge = b"".join(b"a: 1e200 b: 2e200 c: %de200 ax: 0 ay: 0 az: 9.8\n" % k for k in range(20))
+    with np.errstate(all="raise"):
+        assert len(decoded(TextLines(), colours).imu) == 0
+        decoder = TextLines()
+        assert len(decoded(decoder, huge).imu) == 20

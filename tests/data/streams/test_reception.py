@@ -15,7 +15,8 @@ from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.samples import FIX, IMU, Samples
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.reception import Reception, nominal_rate
+from lab.data.streams.imu_clock import nominal_rate
+from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
 
 HOST = 5000.0
@@ -267,7 +268,7 @@ def test_whatever_the_times_are_those_of_the_host_increase(
                 table["force" if triads == "rate" else "rate"][k] = np.nan
         tables.append(table)
     reception = Reception("text", rate=rate)
-    reception._decoder = Told(tables)
+    reception._detector.decoder = Told(tables)
     arrival, found = HOST, []
     for wait, _ in parts:
         arrival += wait
@@ -282,7 +283,7 @@ def test_a_counter_that_stands_still_is_none() -> None:
     sent = motion(500)
     sent["time"], sent["count"] = np.nan, 7
     reception = Reception("text")
-    reception._decoder = Told([row[None] for row in sent])
+    reception._detector.decoder = Told([row[None] for row in sent])
     imu = np.concatenate([reception.accept(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
     assert reception.timing == "by the number of samples at 100 Hz, measured"
     assert len(imu) == len(sent)

@@ -1,0 +1,247 @@
+"""Labelled lines: samples with words between the numbers, on one line or on several.
+
+Sketches of microcontrollers write ``Accel X: 0.12  Y: 0.40  Z: 9.80 m/s^2`` and a line for the gyros after
+it, ``Scaled. Acc (mg) [ 12.20, 3.10, 1000.00 ], Gyr (DPS) [ …``, ``ax:0.10,ay:0.02``, a heading and three
+lines below it, or JSON. The lines of a sample are those that repeat. What stands before a number is its
+name, what stands behind it its unit, and a name holds for the numbers that follow without one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.arrays import FloatArray
+from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.protocols.column_map import MAX_COLUMNS
+from lab.data.protocols.text_cells import Cells, cells_in
+from lab.data.sheets.column_names import heading_of
+
+PERIODS = 3
+"""Samples that must have followed each other in the same lines: two may look alike by chance."""
+LONGEST = 60
+"""Most lines of a sample: a sensor_msgs/Imu as ROS 2 prints it has 49."""
+
+_AXIS = re.compile(r"(?i)^([xyz])\d?$")
+_LAST_AXIS = re.compile(r"(?i)[\s_.-]*(?<![a-z])([xyz])\d?$")
+_ENDS = re.compile(r"[,;|\]}\t]+")
+_QUOTES = re.compile(r"[\"'{\[:=]+|->")
+_BRACKETS = re.compile(r"\[\s*([^\d\[\]\s]{1,12})\s*\]")
+_FIRST_WORDS = re.compile(r"\s*(\S+(?: C)?)(.*)", re.DOTALL)
+_SPELLED = {"radians/s": "rad/s", "utesla": "µT"}
+"""Units as libraries of sensors print them."""
+_ALIASES = {"accl": "accel", "rotation": "gyro"}
+"""Names of the same libraries."""
+_BLANKS = re.compile(r"\s+")
+_RULE = re.compile(r"[^\w]*")
+_FIRST_ONES = ("time", "seconds", "force", "rate")
+"""What is in the line that begins a sample where nothing else shows it."""
+
+
+class LabelledSamples(NamedTuple):
+    """The lines of a sample, and the numbers in them.
+
+    Attributes
+    ----------
+    texts : tuple of tuples of str
+        As of `lab.data.protocols.column_map.ColumnMap`.
+    headings, others : list of str
+        For each cell, a heading as of a csv file, and another if that one names nothing: the axis and the
+        unit, or the name below the title of the lines.
+    rows : (n, k) array
+        The numbers.
+    clocks : tuple of bool
+        Which cells are times of day.
+    is_named : bool
+        Whether most of the cells have a name of their own: what these do not say is not guessed by numbers.
+    """
+
+    texts: tuple[tuple[str, ...], ...]
+    headings: list[str]
+    others: list[str]
+    rows: FloatArray
+    clocks: tuple[bool, ...]
+    is_named: bool
+
+
+def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
+    """Yield what may be the samples of lines, from those of the fewest lines on.
+
+    Parameters
+    ----------
+    lines
+        Whole lines; an empty one stands for any number of empty lines.
+    """
+    found: list[Cells] = []
+    begins: list[int] = []  # whether a line follows an empty one, 1, or a rule, 2
+    begin = 0
+    for line in lines:
+        cells = cells_in(line)
+        if line.strip():
+            found.append(_squeezed(cells))
+            begins.append(begin)
+        begin = (1 + bool(line.strip())) * (not cells.kinds and _RULE.fullmatch(line) is not None)
+    shapes: dict[tuple[tuple[str, ...], str], int] = {}
+    ids = np.array([shapes.setdefault((one.texts, one.kinds), len(shapes)) for one in found], dtype=np.int64)
+    seen: list[tuple[int, int, int]] = []
+    for period in range(1, min(LONGEST, len(ids) // PERIODS) + 1):
+        runs = _runs(ids[period:] == ids[:-period], (PERIODS - 1) * period)
+        if not runs:
+            continue
+        first, last = runs[-1]
+        # Twice a period is none of its own.
+        if any(not period % one and a <= first and last + period <= b + one for one, a, b in seen):
+            continue
+        seen += [(period, a, b) for a, b in runs]
+        at = _begin(found, begins, ids, first, period)
+        block = found[at : at + period]
+        texts = tuple(one.texts for one in block)
+        count = sum(len(one.kinds) for one in block)
+        if not 1 <= count <= MAX_COLUMNS or any("\\n" in text for line in texts for text in line):
+            continue
+        rows = [
+            [value for one in found[place : place + period] for value in one.values]
+            for place in range(len(ids) - period + 1)
+            if (ids[place : place + period] == ids[at : at + period]).all()
+        ]
+        headings, others = _headings(block)
+        clocks = tuple(kind == "c" for one in block for kind in one.kinds)
+        labels = [_name(_cut(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
+        is_named = sum(map(bool, labels)) > count / 2
+        yield LabelledSamples(texts, headings, others, np.array(rows).reshape(-1, count), clocks, is_named)
+
+
+def _squeezed(line: Cells) -> Cells:
+    """Return a line whose texts have one blank in place of several, and none at its ends."""
+    texts = [_BLANKS.sub(lambda blanks: "\t" if "\t" in blanks[0] else " ", text) for text in line.texts]
+    texts[0], texts[-1] = texts[0].lstrip(), texts[-1].rstrip()
+    return line._replace(texts=tuple(texts))
+
+
+def _runs(same: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+    """Return where the runs of lines that repeat long enough begin and end."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least]
+
+
+def _begin(
+    found: Sequence[Cells], begins: Sequence[int], ids: NDArray[np.int64], first: int, period: int
+) -> int:
+    """Return the line with which a sample begins.
+
+    That is the line after a rule, or else after an empty one, if there are such, or after what a device says
+    when it starts. Of several, and of all without one, it is that of the time, of the accelerometers, or of
+    the gyros, in this order.
+    """
+    places = range(first, first + period)
+    strongest = max(begins[at + period] for at in places)
+    marked = [at for at in places if strongest and begins[at + period] == strongest]
+    # The first line of all may be cut, and looks like no other one.
+    if not marked and first > 1 and not np.isin(ids[1:first], ids[first : first + period]).any():
+        return first
+
+    def rank(at: int) -> int:
+        headings = _headings([found[at]])[0]
+        # What stays as it is is no time, such as the t of a temperature.
+        steps = (
+            after != before for before, after in zip(found[at].values, found[at + period].values, strict=True)
+        )
+        moving = [heading for heading, moves in zip(headings, steps, strict=True) if moves]
+        named = [heading_of(heading) for heading in moving or [f"{_name(found[at].texts[0])} x"]]
+        there = {one.quantity for one in named if one is not None}
+        return next((k for k, name in enumerate(_FIRST_ONES) if name in there), len(_FIRST_ONES))
+
+    return min(marked or places, key=lambda at: (rank(at), at))
+
+
+def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
+    """Return for each cell of a sample a heading as of a csv file, and another one."""
+    names: list[tuple[str, str]] = []  # the name and the axis
+    groups: list[int] = []  # numbers of one name have one unit
+    units: dict[int, str] = {}
+    section = title = ""
+    titles: list[str] = []  # the last line without a number
+    count = 0
+    for line in block:
+        group = max(groups, default=-1) + 1
+        if not line.kinds:
+            section = title = _name(line.texts[0]) or section
+            count = 0
+            continue
+        for at, text in enumerate(line.texts):
+            unit, label = _cut(text, at)
+            if at and unit:
+                units.setdefault(groups[-1], unit)
+            if at == len(line.kinds):
+                continue
+            label = _name(label)
+            if found := _AXIS.match(label):
+                names.append((section, found[1].lower()))
+            elif found := _LAST_AXIS.search(label):
+                section, count = label[: found.start()], 0
+                group = max(groups, default=-1) + 1
+                names.append((section, found[1].lower()))
+            elif label:
+                section, count = label, 1
+                group = max(groups, default=-1) + 1
+                names.append((label, ""))
+            else:
+                names.append((section, "xyz"[count : count + 1]))
+                count += 1
+            groups.append(group)
+            titles.append(title)
+    # Three numbers behind one name are its axes; the first has the name itself.
+    for place in range(len(names) - 1):
+        name, axis = names[place]
+        if not axis and names[place + 1] == (name, "y") and groups[place] == groups[place + 1]:
+            names[place] = name, "x"
+    in_units = [f"({units[group]})" if group in units else "" for group in groups]
+    headings = [
+        " ".join(filter(None, (_ALIASES.get(name.lower(), name), axis, unit)))
+        for (name, axis), unit in zip(names, in_units, strict=True)
+    ]
+    others = [
+        (f"{axis} {unit}" if unit else "") if axis else f"{title} {name}"
+        for (name, axis), unit, title in zip(names, in_units, titles, strict=True)
+    ]
+    return headings, others
+
+
+def _cut(text: str, place: int) -> tuple[str, str]:
+    """Return the unit of the number before a text, and the name of the number behind it."""
+    parts = _ENDS.split(_BRACKETS.sub(r"(\1)", text))
+    names = [part for part in (parts[1:] if place else parts) if part.strip()]
+    # "Accl:", a tabulator, "x=": the axis stands behind the name.
+    last = (
+        ""
+        if not names or not parts[-1].strip()
+        else " ".join(names[-2:] if _AXIS.match(_name(names[-1])) else names[-1:])
+    )
+    if not place:
+        return "", last or text
+    if len(parts) > 1:
+        return _unit(parts[0]), last
+    found = _FIRST_WORDS.match(text)
+    unit = _unit(found[1]) if found else ""
+    return (unit, found[2]) if found and unit else ("", text)
+
+
+@lru_cache(maxsize=1024)
+def _unit(text: str) -> str:
+    """Return the unit that a text is; empty if it is none."""
+    text = text.strip().rstrip(".")
+    text = _SPELLED.get(text.lower(), text)
+    if any(text in units for units in UNITS.values()):
+        return text
+    return next((unit for kind in UNITS if text and (unit := unit_of(kind, text))), "")
+
+
+def _name(text: str) -> str:
+    """Return the last name in a text, without signs and quotes."""
+    words = [word for part in _QUOTES.split(text) for word in part.split()]
+    return " ".join(words).strip(" .-|/#$>*")

@@ -1,0 +1,87 @@
+"""Text cells: the numbers, clocks and dates in a line of text, and the texts around them."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from lab.data.protocols.samples import NAN
+
+NUMBER = r"[+-]?(?:\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
+"""A plain number; nanoseconds since 1970 have 19 digits."""
+NO_VALUE = r"(?:[+-]?[nN][aA][nN]|null|NULL|None|[+-]?[iI]nf(?:inity)?|ovf)"
+"""What devices write where they have no number; ``ovf`` is the Arduino's for one that is too large."""
+_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
+_TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
+CLOCK = rf"(?:{_DATE}[T ,]{{1,3}})?{_TIME}(?:Z|[+-]\d{{2}}:?\d{{2}})?"
+"""A time of day, with or without a date before it."""
+ANY = rf"(?:{CLOCK}|{_DATE}|{NUMBER}|{NO_VALUE})"
+"""What a cell that is not read holds."""
+
+IS_NUMBER = re.compile(NUMBER)
+IS_VALUE = re.compile(rf"(?:{NUMBER}|{NO_VALUE})?")
+IS_CLOCK = re.compile(CLOCK)
+IS_STAMP = re.compile(rf"{CLOCK}|{_DATE}")
+_PARTS = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?")
+IS_CELL = re.compile(
+    rf"(?<![\w.])(?P<clock>{CLOCK})(?!\w)|(?<![\w.])(?P<date>{_DATE})(?!\w)"
+    rf"|(?<![\w.^])(?P<number>{NUMBER})|(?<![\w.^])(?P<none>{NO_VALUE})(?!\w)"
+)
+"""A digit after a letter, such as that of ``X1`` or ``m/s^2``, is part of a text."""
+_COLOUR = re.compile(r"\x1b\[[\d;]*m")
+
+
+class Cells(NamedTuple):
+    """A line, cut at its cells.
+
+    Attributes
+    ----------
+    texts : tuple of str
+        What stands before, between and after the cells; one more than cells.
+    kinds : str
+        A letter for each cell: n of a number, c of a clock, d of a date.
+    values : tuple of float
+        Numbers; of a clock the seconds of the day; NaN without one.
+    """
+
+    texts: tuple[str, ...]
+    kinds: str
+    values: tuple[float, ...]
+
+
+def cells_in(line: str) -> Cells:
+    """Return the cells of a line and the texts around them."""
+    texts, kinds, values, at = [], "", [], 0
+    for found in IS_CELL.finditer(line):
+        kind = found.lastgroup or "none"
+        texts.append(line[at : found.start()])
+        kinds += "n" if kind == "none" else kind[0]
+        values.append(float(found[0]) if kind == "number" else seconds_of_day(found[0]))
+        at = found.end()
+    texts.append(line[at:])
+    return Cells(tuple(texts), kinds, tuple(values))
+
+
+def seconds_of_day(text: str) -> float:
+    """Return the time of day in a text [s]; NaN if there is none."""
+    found = _PARTS.search(text)
+    if found is None:
+        return NAN
+    fraction = float(f"0.{found[4]}") if found[4] else 0.0
+    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3]) + fraction
+
+
+def value_of(cell: str) -> float:
+    """Return the number of a cell, or the seconds of its time of day; NaN for anything else."""
+    return float(cell) if IS_NUMBER.fullmatch(cell) else seconds_of_day(cell)
+
+
+def without_colours(line: str) -> str:
+    """Return a line without the marks by which terminals colour it, as loggers of the ESP32 write them."""
+    return _COLOUR.sub("", line)
+
+
+def pattern_around(text: str) -> str:
+    """Return a regular expression of a text between cells, in which any number of blanks counts as one."""
+    words = re.split(r"\s+", text)
+    return r"\s+" if text and not any(words) else r"\s*".join(map(re.escape, words))

@@ -1,0 +1,230 @@
+"""IMU clock: samples get times of the host, by the clock or the counter of the device, or by their number."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.base.arrays import FloatArray
+from lab.data.clock.clock_watch import ClockWatch, sent_again
+from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.limits import LIMITS
+
+Rows = NDArray[np.void]
+
+COUNTED = 2.0
+"""Time over which the rate of a device without a clock is taken [s]."""
+
+_NEXT = 0.05
+"""Part of the usual interval by which the next sample of a counter that turns over may miss it: then it came
+late, and nothing is missing. Samples that are missing leave any part of a turn, of 21 intervals, so this is
+wrong in one of 200 short silences."""
+
+
+class ImuClock:
+    """Times the samples of one IMU.
+
+    Attributes
+    ----------
+    clock : DeviceClock
+        The mapping from the device's clock to the host's.
+    watch : ClockWatch
+        What happened to the device's clock.
+    rate : float
+        Rate by which samples are counted [Hz]; 0 if their clock is used, or it is not known yet.
+    counted : int
+        Samples that were timed by their number.
+    missing : int
+        Samples that the clock or the counter shows to be missing.
+    timing : str
+        How samples are timed, in words.
+
+    Parameters
+    ----------
+    rate
+        Of a device without a clock [Hz]; 0 to find out.
+    put
+        Takes rows, their times (n,) [s], the time of their arrival [s], and which of them follow a gap, and
+        returns the timed rows.
+    none
+        What stands for no rows.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        put: Callable[[Rows, FloatArray, float, NDArray[np.bool_]], Rows],
+        none: Rows,
+    ) -> None:
+        self.rate = rate
+        self.timing = ""
+        self.missing = 0
+        self.counted = 0
+        self.clock = DeviceClock()
+        self.watch = ClockWatch()
+        self._put, self._none = put, none
+        self._given_rate = rate > 0
+        self._has_counter = self._counting = False
+        self._waiting: list[tuple[float, Rows]] = []
+        self._values: FloatArray | None = None  # times, rates and forces of the last samples
+        self._paced: deque[tuple[float, int]] = deque()  # arrivals and numbers of the last samples
+        self._rebase = False  # whether times by number begin
+        self._last_arrival = np.nan
+        self._wrapped = 0.0
+
+    def restart(self) -> None:
+        """Forget the mapping: the device was lost."""
+        self._waiting.clear()
+        self.clock.restart()
+        self.watch.forget()
+        self._paced.clear()
+        self._last_arrival, self._wrapped = np.nan, 0.0
+
+    def scale_rates(self, factor: float) -> None:
+        """Compare the next samples with those before, whose rates had another unit."""
+        if self._values is not None:
+            self._values[:, 1:4] *= factor
+
+    def timed(self, rows: Rows, arrival: float, wrap_period: float) -> Rows:
+        """Return the timed rows of samples that arrived.
+
+        Parameters
+        ----------
+        rows : (n,) array of `lab.data.protocols.samples.IMU`
+            The samples.
+        arrival
+            When they arrived [s].
+        wrap_period
+            Time after which the device's clock starts again [s].
+        """
+        if not len(rows):
+            return self._none
+        if np.isfinite(rows["time"][-1]):
+            device = self._unwrapped(rows["time"], arrival, wrap_period)
+            rows, device = self._once(rows, device, arrival)
+            if not len(rows):
+                return self._none
+            if not self.watch.distrusted:
+                self.timing = "by the clock of the device"
+                return self._by_clock(rows, device, arrival)
+        numbers = self.counted + np.arange(len(rows), dtype=float)
+        self.counted += len(rows)
+        if self.rate == 0.0:
+            return self._measure_rate(rows, arrival)
+        return self._by_count(rows, numbers, arrival)
+
+    def _once(self, rows: Rows, device: FloatArray, arrival: float) -> tuple[Rows, FloatArray]:
+        """Return samples without those that were sent twice; see whether a bad clock runs evenly again."""
+        values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
+        before = np.full((1, 7), np.nan) if self._values is None else self._values
+        fresh = ~sent_again(values, before)
+        self._values = np.concatenate((before, values[fresh]))[-LIMITS.compared :]
+        if not fresh.all():
+            self.watch.repeated += int((~fresh).sum())
+            rows, device = rows[fresh], device[fresh]
+        passed = self._paced[-1][1] if self._paced else 0
+        self._paced.append((arrival, passed + len(rows)))
+        while arrival - self._paced[0][0] > 2 * COUNTED:
+            self._paced.popleft()
+        waits = not self.watch.distrusted or not self.rate or not len(device)
+        if not waits and self.watch.runs_again(device, 1 / self.rate, arrival):
+            self.watch.rebase(float(device[0]) - 1 / self.rate, self.clock)
+            self.clock.counted = False
+            self.rate = self.rate if self._given_rate else 0.0
+        return rows, device
+
+    def _unwrapped(self, device: FloatArray, arrival: float, period: float) -> FloatArray:
+        """Return times of the device's clock with the turns that it made in a silence."""
+        silence = arrival - self._last_arrival
+        self._last_arrival = arrival
+        step = (float(device[0]) + self._wrapped - self.watch.last) % period
+        stalled = abs(step - self.watch.usual) < _NEXT * self.watch.usual and silence < 2 * period
+        if np.isfinite(period) and silence > period / 2 and not stalled:
+            missed = self.watch.last + silence - (float(device[-1]) + self._wrapped)
+            self._wrapped += period * round(missed / period)
+        return device + self._wrapped
+
+    def _measure_rate(self, rows: Rows, arrival: float) -> Rows:
+        """Keep samples until their nominal rate is known, then time them."""
+        self._waiting.append((arrival, np.array(rows)))
+        begin, first = self._waiting[0]
+        if arrival - begin < COUNTED:
+            return self._none
+        counts = np.concatenate([part["count"] for _, part in self._waiting])
+        # A counter that stands still or runs backwards is none.
+        self._has_counter = bool(counts.min() >= 0 and (np.diff(counts) > 0).all())
+        passed = counts[-1] - first["count"][-1] if self._has_counter else len(counts) - len(first)
+        self.rate = nominal_rate(max(float(passed), 1.0) / (arrival - begin))
+        self.counted = 0
+        held, self._waiting = self._waiting, []
+        parts = []
+        for when, part in held:
+            numbers = self.counted + np.arange(len(part), dtype=float)
+            self.counted += len(part)
+            parts.append(self._by_count(part, numbers, when))
+        return np.concatenate(parts)
+
+    def _by_count(self, rows: Rows, numbers: FloatArray, arrival: float) -> Rows:
+        """Time samples by the counter of the device, or by their numbers, at the nominal rate."""
+        if self._given_rate and not self._counting:
+            self._has_counter = bool((rows["count"] >= 0).all()) and not self.watch.distrusted
+        self._counting = True
+        counter = "by the counter of the device" if self._has_counter else "by the number of samples"
+        self.clock.counted = not self._has_counter
+        self.timing = f"{counter} at {self.rate:g} Hz, {'given' if self._given_rate else 'measured'}"
+        count = rows["count"].astype(float) if self._has_counter else numbers
+        if self._rebase:
+            self.watch.rebase(-1 / self.rate, self.clock)
+            self._rebase = False
+        return self._by_clock(rows, count / self.rate, arrival)
+
+    def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
+        """Map times of the device to those of the host; drop what was sent twice, or came after later."""
+        known = np.isfinite(device)
+        rows, device = rows[known], device[known]
+        if not len(rows):
+            return self._none
+        begun, last = np.isfinite(self.clock.offset), self.watch.last
+        followed = self.watch.follow(device, arrival, self.clock)
+        rows, device = rows[followed.kept], followed.device
+        if not len(rows):
+            return self._none
+        steps = np.diff(device, prepend=last)
+        times, anew = self.clock.mapped(device, arrival)
+        steps[followed.changed] = np.nan  # the clock was set: no sample is missing
+        gap, missing = self.watch.gaps(steps)
+        self.missing += missing
+        if anew and begun:
+            gap[0] = True
+        self.clock.shift(followed.moved)
+        if followed.useless:
+            self._begin_to_count(arrival)
+        return self._put(rows, times, arrival, gap)
+
+    def _begin_to_count(self, arrival: float) -> None:
+        """Time samples by their number from now on, at the rate so far if it is known."""
+        self.counted, self._rebase, self._counting, self._has_counter = 0, True, True, False
+        if self.rate or not self._paced or arrival - self._paced[0][0] < COUNTED:
+            return
+        begin, first = self._paced[0]
+        measured = (self._paced[-1][1] - first) / (arrival - begin)
+        usual = 1 / self.watch.usual
+        self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
+
+
+USUAL_RATES = (
+    1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 60, 100, 104, 119, 120, 125, 128, 150, 160, 200, 208, 238, 240, 250,
+    256, 300, 400, 416, 476, 500, 512, 600, 800, 833, 952, 1000, 1024, 1125, 1600, 2000,
+)  # fmt: skip
+"""Rates that devices are set to [Hz]."""
+NEAR = 0.03
+"""Largest part by which a measured rate may differ from a usual one: over `COUNTED`, at 50 Hz, one sample."""
+
+
+def nominal_rate(measured: float) -> float:
+    """Return the usual rate next to a measured one [Hz], or the measured one if none is near."""
+    best = min(USUAL_RATES, key=lambda rate: abs(rate / measured - 1)) if measured > 0 else 0
+    return float(best) if best and abs(best / measured - 1) <= NEAR else measured
