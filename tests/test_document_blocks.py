@@ -42,7 +42,12 @@ NOT_RUN = {
     ("docs/live.md", "drive.inslab"): "compares the recording of that device; tests/live/test_twin.py",
 }
 """Python that is not run, by document and a part of its text, and why; its imports are made."""
-SHOWN = {"text": "a diagram", "shell": "see tests/cli/test_document_commands.py", "{toctree}": "by Sphinx"}
+SHOWN = {
+    "text": "a diagram",
+    "shell": "see tests/cli/test_document_commands.py",
+    "{toctree}": "by Sphinx",
+    "{ledger}": "by Sphinx",
+}
 """Blocks of other languages, and what they are."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
 MARKERS = {"browser", "benchmark"}
