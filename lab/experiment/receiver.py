@@ -233,7 +233,8 @@ def _of_file(path: Path) -> _Fixes:
     try:
         found = recorded_samples(path).fix
     except RecordingError as error:
-        raise MissionError(str(error)) from error
+        hint = f"the log of an autopilot or of a program is a mission first: ins-lab import {path} --as log"
+        raise MissionError(f"{error}; {hint}") from error
     found = found[np.isfinite(found["latitude"]) & (found["fix_type"] >= FIX_2D)]
     time = found["utc"] if np.isfinite(found["utc"]).all() else found["time"]
     found, time = _increasing(found, time)
