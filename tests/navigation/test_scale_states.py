@@ -147,10 +147,12 @@ def test_feedback_equals_feedforward_while_errors_are_small() -> None:
 @pytest.mark.proof
 def test_smoothed_scale_factors_are_constant_and_better() -> None:
     """A constant is known equally well at all times once all fixes are known."""
-    filtered, smoothed = (run(5, navigator__smoother=flag) for flag in (False, True))
+    # Without held headings, which both would hold elsewhere.
+    filtered, smoothed = (
+        run(5, navigator__smoother=flag, navigator__hold_heading=False) for flag in (False, True)
+    )
     one, other = filtered.solution_arrays, smoothed.solution_arrays
-    # The filter holds its heading where the fixes show it by chance, the smoother does not: that moves 10⁻⁵.
-    assert (other.variance[:, 15:] <= one.variance[:, 15:] * (1 + 1e-4)).all()
+    assert (other.variance[:, 15:] <= one.variance[:, 15:] * (1 + 1e-6)).all()
     spread = np.ptp(other.scale, axis=0) / np.sqrt(other.variance[-1, 15:])
     print(
         f"\nsmoothed scale factors move by {spread.round(3)} σ, filtered ones by "
