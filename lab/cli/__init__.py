@@ -72,7 +72,7 @@ COMMANDS |= {
     ),
     "profile": (
         "lab.cli.profile:profile",
-        "What the columns of a maker's csv are: list the profiles, and check one.",
+        "What the columns of a maker's csv are: list the profiles, propose one, and check one.",
     ),
     "record": (
         "lab.cli.record:record",

@@ -196,4 +196,4 @@ def _apart(one: Innovations) -> Stretch | None:
     values = np.full((len(one.time), 6), np.nan)
     values[:, : one.values.shape[1]] = one.normalised[:, :3]
     span = float(one.time[0]), float(one.time[-1])
-    return stretch(binned(values, one.time, span), 0, rest_may_be_small=True)
+    return stretch(binned(values, one.time, span), 0, alone=True)

@@ -14,8 +14,9 @@ import numpy as np
 
 from lab.analysis.consistency import autocorrelation, chi_square_interval
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, Wording, size_weight, written
+from lab.analysis.verdicts.finding import Weighed, size_weight, written
 from lab.analysis.verdicts.foreign_evidence import FEWEST, LONGEST_MEMORY, isolated, memory
+from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import FloatArray
 from lab.data.log.filter_log import Track
 from lab.data.log.sensor_log import GnssLog
@@ -23,12 +24,6 @@ from lab.motion.frames.displacement import displacement
 
 LEAST = 1e-3
 """Least distance by which positions are compared [m]: logs round them to centimetres."""
-
-_FAR = Wording(
-    "position",
-    "The position is {root} times as far from {what} as the σ of both together say.",
-    "Compare R with the errors of the fixes, and Q with the noise of the inertial sensors.",
-)
 
 
 class Statement(NamedTuple):
@@ -122,7 +117,9 @@ def against(
     )
     if square < max(high, limits.VERDICT.consistent_nis):
         return Compared(said)
-    finding = _FAR.finding(square, said.evidence, direction="too small", root=square**0.5, what=what)
+    finding = FOREIGN_FINDINGS["far"].finding(
+        square, said.evidence, direction="too small", root=square**0.5, what=what
+    )
     return Compared(said, (Weighed(size_weight(square * independent, independent), finding),))
 
 

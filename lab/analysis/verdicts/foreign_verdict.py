@@ -24,7 +24,6 @@ from lab.analysis.verdicts.finding import (
     NOTHING,
     Verdict,
     Weighed,
-    Wording,
     headline,
     interval_words,
     is_right,
@@ -35,6 +34,7 @@ from lab.analysis.verdicts.finding import (
     wrong_by,
 )
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, following, measured
+from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, against, jumps
 from lab.base.notebook_card import NotebookCard
 from lab.data.log.filter_log import Event, FilterLog, Track
@@ -43,63 +43,6 @@ from lab.data.log.sensor_log import SensorLog
 GPS = "GPS", "position", "velocity"
 """Beginnings of the names of measurements that are fixes."""
 
-WORDINGS: dict[str, Wording] = {
-    "size": Wording(
-        "R {kind}",
-        "The {kind} innovations are {root} times as large as the filter says and do not follow each other: "
-        "R of the {kind} is about {factor} times too small.",
-        "Multiply the variance of the {kind} by {multiply}.",
-    ),
-    "size and memory": Wording(
-        "{kind}",
-        "The {kind} innovations are {root} times as large as the filter says and follow each other: Q is too "
-        "small, or errors of the {kind} last from one measurement to the next.",
-        "Raise Q, or model the slow error of the measurement.",
-    ),
-    "size, causes not compared": Wording(
-        "{kind}",
-        "The {kind} innovations are {root} times as large as the filter says. Their σ is logged too "
-        "coarsely to tell R from Q.",
-    ),
-    "stretch": Wording(
-        "{kind}",
-        "From {begin:.1f} s to {end:.1f} s the {kind} innovations are {root} times as large as the filter "
-        "says. Before and after, they are not too large.",
-    ),
-    "follows": Wording(
-        "Q",
-        "The innovations of the fixes follow each other: the filter corrects too little. Q is too small, or "
-        "errors of the fixes last from one to the next.",
-        "Raise Q, or model the slow error of the fixes.",
-    ),
-    "alternates": Wording(
-        "Q",
-        "The innovations of the fixes alternate: the filter corrects too much. Q is too large for the motion "
-        "that was.",
-        "Lower Q.",
-    ),
-    "bias": Wording(
-        "{kind} bias",
-        "The {kind} innovations {axis}have a mean of {size} σ: an error of the {kind} or of the states "
-        "lasts over the log.",
-    ),
-    "jump": Wording(
-        "GPS jump",
-        "At {time:.1f} s the position of the receiver jumped by {size} m, which its own velocity does not "
-        "show: the receiver explains {what}.",
-        "Check the receiver in that time (satellites, multipath, interference).",
-    ),
-    "rejected": Wording(
-        "gate",
-        "The filter rejected {percent:.2g} % of the {kind} innovations, first at {begin:.1f} s, for up to "
-        "{longest:.1f} s at a time.",
-    ),
-    "reset": Wording("reset", "{text}"),
-    "lane": Wording("lane", "{text}"),
-    "fault": Wording("fault", "{text}"),
-    "timeout": Wording("timeout", "{text}"),
-}
-"""The findings, in whole sentences; what each rests on is its evidence."""
 _CAREFUL = (
     "The filter overstates the σ of its innovations; in σ, their size is {sizes}. It is careful, which is no "
     "fault."
@@ -202,7 +145,7 @@ def _by_jumps(
     for begin, end, what in troubles:
         for jump in jumped:
             if begin - limits.VERDICT.explained_within <= jump.time <= end:
-                finding = WORDINGS["jump"].finding(
+                finding = FOREIGN_FINDINGS["jump"].finding(
                     jump.size,
                     f"{jump.size:.2g} m between position and velocity, {jump.usual:.2g} m usually; "
                     f"{len(jumped)} jumps in all (fixes of the log)",
@@ -272,7 +215,7 @@ def _of_size(one: Measurement, tested: int) -> list[Weighed]:
     if one.apart is not None:
         begin, end = one.apart_times
         ratio = float(one.apart.squares.mean)
-        finding = WORDINGS["stretch"].finding(
+        finding = FOREIGN_FINDINGS["stretch"].finding(
             ratio,
             f"normalised mean square {written(ratio, 3)} of {one.apart.squares.number:.0f} values, "
             f"logarithm of the likelihood ratio {one.apart.gain:.0f} ({one.innovations.source})",
@@ -289,7 +232,7 @@ def _of_size(one: Measurement, tested: int) -> list[Weighed]:
     if not one.values:
         row = "size, causes not compared"
     evidence = _evidence(one) + interval_words(interval) + (_memory_words(one) if one.values else "")
-    finding = WORDINGS[row].finding(
+    finding = FOREIGN_FINDINGS[row].finding(
         one.mean_square, evidence, interval, direction="too small",
         kind=kind, root=one.mean_square**0.5, factor=one.mean_square, multiply=one.mean_square,
     )  # fmt: skip
@@ -340,7 +283,7 @@ def _of_gain(found: _Gain | None) -> list[Weighed]:
     """Judge the gain of a filter whose innovations are as large as it says: others are careful."""
     if found is None or found.square < 1 / limits.VERDICT.wrong_factor:
         return []
-    row = WORDINGS["follows" if found.sigmas > 0 else "alternates"]
+    row = FOREIGN_FINDINGS["follows" if found.sigmas > 0 else "alternates"]
     finding = row.finding(float("nan"), found.evidence, direction=too(found.sigmas))
     return [Weighed(found.sigmas**2 / 2, finding)]
 
@@ -352,7 +295,7 @@ def _of_bias(one: Measurement) -> list[Weighed]:
         if abs(mean) < limits.VERDICT.innovation_bias or size < limits.VERDICT.correlation_sigmas:
             continue
         evidence = f"mean {mean:.2f} ± {sigma:.2f} σ of {one.count} innovations ({one.innovations.source})"
-        finding = WORDINGS["bias"].finding(
+        finding = FOREIGN_FINDINGS["bias"].finding(
             float(mean),
             evidence,
             kind=one.innovations.name,
@@ -371,7 +314,7 @@ def _of_rejections(one: Measurement) -> list[Weighed]:
     if part <= limits.VERDICT.unused_fixes or count < 2:
         return []
     edges = np.concatenate(([time[0]], time[~outside], [time[-1]]))
-    finding = WORDINGS["rejected"].finding(
+    finding = FOREIGN_FINDINGS["rejected"].finding(
         part,
         f"test ratio above 1 in {count} of {len(time)} innovations, {one.worst:.3g} at most "
         f"({one.innovations.source})",
@@ -393,7 +336,7 @@ def _of_events(log: FilterLog) -> list[Weighed]:
         if own:
             more = f" {len(own) - 1} more of this kind follow." if len(own) > 1 else ""
             first = own[0]
-            finding = WORDINGS[kind].finding(float(len(own)), first.source, text=first.text + more)
+            finding = FOREIGN_FINDINGS[kind].finding(float(len(own)), first.source, text=first.text + more)
             found.append(Weighed(float(len(own)) + 1, finding))
     return found
 

@@ -77,7 +77,7 @@ def _likelihood(total: FloatArray, number: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * number * (np.log(np.maximum(mean, FEW)) + 1))
 
 
-def stretch(squares: Squares, kind: int, *, rest_may_be_small: bool = False) -> Stretch | None:
+def stretch(squares: Squares, kind: int, *, alone: bool = False) -> Stretch | None:
     """Return the stretch that is too large while the rest is right, or None.
 
     Parameters
@@ -86,8 +86,10 @@ def stretch(squares: Squares, kind: int, *, rest_may_be_small: bool = False) -> 
         As from `binned`.
     kind
         0 for position, 1 for velocity.
-    rest_may_be_small
-        Whether the rest may be smaller than it should be, as of a filter that overstates its σ.
+    alone
+        Whether the innovations are all that is known, as of a filter that is not ours: then the stretch may
+        reach an end of the flight, and the rest may be smaller than it should be. Otherwise what lasts to an
+        end is left to causes that can be tried, of which only some begin in flight.
     """
     total = np.append(0.0, np.cumsum(squares.total[1, kind]))
     number = np.append(0.0, np.cumsum(squares.number[1, kind]))
@@ -97,9 +99,9 @@ def stretch(squares: Squares, kind: int, *, rest_may_be_small: bool = False) -> 
         (count >= limits.VERDICT.stretch_values)
         & (others > 0)
         & (np.arange(BINS + 1) > np.arange(BINS + 1)[:, None])
-        # What lies outside a stretch at an end of the flight is one, too, and gains as much.
-        & (inside * others > outside * count)
     )
+    if alone:  # what lies outside a stretch at an end of the flight is one, too, and gains as much
+        valid &= inside * others > outside * count
     gain = np.where(
         valid,
         _likelihood(np.where(valid, inside, 0), np.where(valid, count, 0))
@@ -115,7 +117,7 @@ def stretch(squares: Squares, kind: int, *, rest_may_be_small: bool = False) -> 
     if (
         best < limits.VERDICT.likelihood_ratio + np.log(BINS**2 / 2)
         or size < limits.VERDICT.wrong_factor
-        or not (is_right(*rest) or (rest_may_be_small and rest[0] < rest[1]))
+        or not (is_right(*rest) or (alone and rest[0] < rest[1]))
     ):
         return None
     return Stretch(
