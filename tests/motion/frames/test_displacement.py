@@ -15,7 +15,6 @@ from lab.motion.frames.displacement import displaced, displacement, longer_above
 ROOT = Path(lab.__file__).parent
 CURVATURE = {
     "analysis/errors.py": "the turn of north along a position error",
-    "analysis/fix_figures.py": "errors in metres, compiled",
     "analysis/transition.py": "the strapdown's state",
     "motion/frames/displacement.py": "the owner",
     "motion/frames/earth.py": "the definition",
