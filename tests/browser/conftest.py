@@ -110,6 +110,7 @@ def show(page: Page, title: str) -> None:
             close.click()
     if title in BESIDE:
         page.get_by_role("button", name=re.compile(f"^{title}[,:]")).click()
+        page.get_by_role("button", name=f"Close {title}").wait_for()  # what is not open yet cannot be closed
         return
     tab, titles = _place_of(title)
     page.get_by_role("tab", name=tab, exact=True).click()
