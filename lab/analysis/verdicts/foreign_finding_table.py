@@ -1,0 +1,68 @@
+"""Foreign finding table: what a verdict says of a filter that is not ours: names, sentences, advice."""
+
+from __future__ import annotations
+
+from lab.analysis.verdicts.finding import Wording
+
+FOREIGN_FINDINGS: dict[str, Wording] = {
+    "size": Wording(
+        "R {kind}",
+        "The {kind} innovations are {root} times as large as the filter says and do not follow each other: "
+        "R of the {kind} is about {factor} times too small.",
+        "Multiply the variance of the {kind} by {multiply}.",
+    ),
+    "size and memory": Wording(
+        "{kind}",
+        "The {kind} innovations are {root} times as large as the filter says and follow each other: Q is too "
+        "small, or errors of the {kind} last from one measurement to the next.",
+        "Raise Q, or model the slow error of the measurement.",
+    ),
+    "size, causes not compared": Wording(
+        "{kind}",
+        "The {kind} innovations are {root} times as large as the filter says. Their σ is logged too "
+        "coarsely to tell R from Q.",
+    ),
+    "stretch": Wording(
+        "{kind}",
+        "From {begin:.1f} s to {end:.1f} s the {kind} innovations are {root} times as large as the filter "
+        "says. Before and after, they are not too large.",
+    ),
+    "follows": Wording(
+        "Q",
+        "The innovations of the fixes follow each other: the filter corrects too little. Q is too small, or "
+        "errors of the fixes last from one to the next.",
+        "Raise Q, or model the slow error of the fixes.",
+    ),
+    "alternates": Wording(
+        "Q",
+        "The innovations of the fixes alternate: the filter corrects too much. Q is too large for the motion "
+        "that was.",
+        "Lower Q.",
+    ),
+    "bias": Wording(
+        "{kind} bias",
+        "The {kind} innovations {axis}have a mean of {size} σ: an error of the {kind} or of the states "
+        "lasts over the log.",
+    ),
+    "jump": Wording(
+        "GPS jump",
+        "At {time:.1f} s the position of the receiver jumped by {size} m, which its own velocity does not "
+        "show: the receiver explains {what}.",
+        "Check the receiver in that time (satellites, multipath, interference).",
+    ),
+    "rejected": Wording(
+        "gate",
+        "The filter rejected {percent:.2g} % of the {kind} innovations, first at {begin:.1f} s, for up to "
+        "{longest:.1f} s at a time.",
+    ),
+    "reset": Wording("reset", "{text}"),
+    "lane": Wording("lane", "{text}"),
+    "fault": Wording("fault", "{text}"),
+    "timeout": Wording("timeout", "{text}"),
+    "far": Wording(
+        "position",
+        "The position is {root} times as far from {what} as the σ of both together say.",
+        "Compare R with the errors of the fixes, and Q with the noise of the inertial sensors.",
+    ),
+}
+"""The findings, in whole sentences; what each rests on is its evidence."""
