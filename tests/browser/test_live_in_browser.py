@@ -17,11 +17,11 @@ RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"
 
 SCALES = """(() => {
   const figure = [...Bokeh.documents[0]._all_models.values()]
-    .find(one => one.type === 'Figure' && one.title?.text?.startsWith('Ground track'));
+    .find(one => one.type === 'Figure' && one.title?.text?.startsWith('Ground track:'));
   const {x_range: x, y_range: y} = figure;
   return [(x.end - x.start) / figure.inner_width, (y.end - y.start) / figure.inner_height];
 })()"""
-"""Metres of a pixel of the ground track, along both axes."""
+"""Metres of a pixel of the live ground track, along both axes; that of the page Flight has no colon."""
 EQUAL = f"{SCALES}.every(one => one > 0) && Math.abs({SCALES}[0] / {SCALES}[1] - 1) < 0.02"
 PAINTED = """
 async () => {
