@@ -11,7 +11,10 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import PATIENCE, PAUSE, Walk, walking
 
+from dashboards.pages import rest_upload
 from dashboards.pages.allan import Allan
+from dashboards.pages.rest_upload import RestRecording
+from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import read_cards
 
@@ -103,9 +106,23 @@ def test_what_is_no_recording_at_rest_is_refused_and_the_page_stays(walk: Walk, 
         assert "simulated at rest" in walk.text()
 
 
-def test_what_arrives_after_the_page_has_closed_is_not_shown(walk: Walk, tmp_path: Path) -> None:
-    page = part(walk)
-    page._upload.close()
-    with set_curdoc(walk._document):
-        page._upload._upload._process_chunk({"name": "a.csv", "chunk": 1, "data": b"1,2"})
+def test_what_is_read_after_the_page_has_closed_is_not_shown(walk: Walk, tmp_path: Path) -> None:
+    page, path = part(walk), recording(tmp_path / "late.csv")
+    read: list[Path] = []
+    whole = rest_upload._recording
+
+    def slow(files: list[Path], progress: Progress) -> RestRecording:
+        page._upload.close()
+        found = whole(files, progress)
+        read.extend(files)
+        return found
+
+    with pytest.MonkeyPatch.context() as patch, set_curdoc(walk._document):
+        patch.setattr(rest_upload, "_recording", slow)
+        page._upload._read([path])
+        until = time.monotonic() + PATIENCE
+        while not read:
+            assert time.monotonic() < until
+            time.sleep(PAUSE)
+    walk.settle()
     assert page._upload.recording is None

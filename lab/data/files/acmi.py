@@ -148,9 +148,7 @@ def _text(path: Path, data: bytes) -> bytes:
         raise MissionError(
             f"{path}: the zip file has no {_ENDING.decode()} file in it; accepted is one"
         ) from None
-    except (
-        zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError, RuntimeError,
-    ) as error:  # fmt: skip
+    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
         raise MissionError(f"{path}: is not a complete zip file ({error})") from error
     if len(text) > most:
         raise MissionError(
