@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.analysis.identification.identification import HeldOut, better
-from lab.analysis.identification.likelihood import InnovationSeries
 from lab.analysis.identification.renavigation import Subject
-from lab.analysis.identification.withheld import judged, predicted
+from lab.analysis.identification.withheld import Predicted, judged, predicted
 from lab.base.arrays import Flags
 from lab.run.experiment_settings import ExperimentSettings
 
@@ -91,7 +90,7 @@ def choose(
         return None
     tried = [pair for pair in product(ON_R, ON_Q) if pair[0] >= least and _allowed(experiment, *pair)]
 
-    def turn_by_turn(pair: tuple[float, float]) -> list[InnovationSeries] | None:
+    def turn_by_turn(pair: tuple[float, float]) -> list[Predicted] | None:
         changed = scaled(experiment, *pair)
         try:
             return [predicted(subject, changed, mask, dropped) for mask in turns]
@@ -117,12 +116,12 @@ def _allowed(experiment: ExperimentSettings, r: float, q: float) -> bool:
 
 
 def _without(
-    seen: dict[tuple[float, float], list[InnovationSeries]], turn: int
-) -> dict[tuple[float, float], list[InnovationSeries]]:
+    seen: dict[tuple[float, float], list[Predicted]], turn: int
+) -> dict[tuple[float, float], list[Predicted]]:
     return {pair: parts[:turn] + parts[turn + 1 :] for pair, parts in seen.items()}
 
 
-def _best(seen: dict[tuple[float, float], list[InnovationSeries]]) -> tuple[float, float]:
+def _best(seen: dict[tuple[float, float], list[Predicted]]) -> tuple[float, float]:
     """Return the pair with the smallest error, among those that gain a good part of the likelihood.
 
     The error alone would prefer filters that are too sure of themselves, whose predictions fail elsewhere.

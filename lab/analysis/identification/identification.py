@@ -6,11 +6,13 @@ card with the new parameters.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
@@ -25,6 +27,8 @@ INSIDE = 0.85
 """Fraction of the NIS in their 95 % intervals below which the reason is reported."""
 ALLOWED = 1.05
 """Largest factor by which the error of withheld fixes may grow, by chance, if their likelihood improves."""
+BY_CHANCE = 0.05
+"""Chance of a growth that counts as one although there is none. A convention."""
 
 
 class Row(NamedTuple):
@@ -80,6 +84,8 @@ class HeldOut(NamedTuple):
         Root mean square of each component in its σ: 1 for a consistent filter.
     log_likelihood : float
         Mean log-likelihood of a fix.
+    by_outage : tuple of float
+        Mean square error of the positions in each outage [m²].
     """
 
     fixes: int
@@ -87,14 +93,35 @@ class HeldOut(NamedTuple):
     velocity_error: float
     in_sigma: float
     log_likelihood: float
+    by_outage: tuple[float, ...]
 
 
-def better(before: HeldOut, after: HeldOut) -> bool:
-    """Return whether withheld fixes are more likely than before, and their error no larger."""
-    return bool(
-        after.log_likelihood > before.log_likelihood
-        and not after.position_error > ALLOWED * before.position_error
-    )
+def better(before: HeldOut, after: HeldOut, *, white: bool = False) -> bool:
+    """Return whether withheld fixes are more likely than before, and their error no larger.
+
+    Parameters
+    ----------
+    before, after
+        The predictions of the same fixes.
+    white
+        Whether the innovations are white, so that the model explains all that the log shows. Then only an
+        error that grows by more than the outages themselves scatter counts: the true noise often loses
+        against wrong noise in five outages.
+    """
+    if not after.log_likelihood > before.log_likelihood:
+        return False
+    if white:
+        return not _grows(before, after)
+    return not after.position_error > ALLOWED * before.position_error
+
+
+def _grows(before: HeldOut, after: HeldOut) -> bool:
+    """Return whether the error in the outages grows, by a paired t-test."""
+    growth = np.subtract(after.by_outage, before.by_outage)
+    if growth.size < 2:
+        return False
+    scatter = float(np.std(growth, ddof=1)) / math.sqrt(growth.size)
+    return bool(growth.mean() > special.stdtrit(growth.size - 1, 1 - BY_CHANCE) * scatter)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +192,7 @@ class Identification:
     @property
     def recommended(self) -> bool:
         """Whether withheld fixes are predicted better than before."""
-        return better(self.before, self.after)
+        return better(self.before, self.after, white=self.white)
 
     @property
     def table(self) -> pd.DataFrame:
@@ -178,9 +205,11 @@ class Identification:
     def sentence(self) -> str:
         """The result in a few sentences."""
         word = "better" if self.recommended else "no better"
+        grown = self.recommended and self.after.position_error > self.before.position_error
         text = (
             f"Fixes withheld for {self.withheld:g} s are predicted {word}: error "
-            f"{self.before.position_error:.3g} m before, {self.after.position_error:.3g} m after; in its σ "
+            f"{self.before.position_error:.3g} m before, {self.after.position_error:.3g} m after"
+            f"{', which is within chance' * grown}; in its σ "
             f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after. NIS in its 95 % interval: "
             f"{100 * self.inside[0]:.0f} % of the fixes before, {100 * self.inside[1]:.0f} % after."
         )

@@ -51,6 +51,12 @@ AT_ONCE = 4
 VALUES_PER_LAG = 10
 """Values for each lag of a correlation: with a tenth as many lags χ² is wrong by chance three times as often
 as said, with a third of them ten times."""
+JUMP = 0.01
+"""Change of the innovations over a step of a difference, squared in their σ, above which it may be a jump of
+the filter: a step is a small part of the σ of a parameter."""
+UNLIKE = 4.0
+"""Ratio of both sides above which it is one: smooth changes are alike within some percent, and a jump is a
+thousand times as large."""
 STIFFEST = 1e8
 """Damping at which the search ends without a step."""
 
@@ -313,26 +319,33 @@ def _slopes(
     pool: ThreadPoolExecutor,
 ) -> _Slopes:
     """Return scores and expected information from differences of runs."""
-
-    def beside(step: tuple[int, float]) -> InnovationSeries:
-        moved = place.copy()
-        moved[step[0]] += step[1]
-        return run(moved)
-
-    steps = [
-        (int(i), sign * parameters[i].step)
-        for i in free
-        for sign in ((1, -1) if parameters[i].both else (1,))
-    ]
     nu, S = _measured(here)
-    dnu, dS = np.zeros((free.size, *nu.shape)), np.zeros((free.size, *S.shape))
-    numbers = {int(index): number for number, index in enumerate(free)}
-    for (index, step), there in zip(steps, pool.map(beside, steps), strict=True):
-        other_nu, other_S = _measured(there)
-        share = step * (2 if parameters[index].both else 1)
-        dnu[numbers[index]] += (other_nu - nu) / share
-        dS[numbers[index]] += (other_S - S) / share
     inverse = np.linalg.inv(S)
+
+    def beside(index: int, side: int = 1) -> tuple[FloatArray, FloatArray]:
+        step = side * parameters[index].step
+        moved = place.copy()
+        moved[index] += step
+        other_nu, other_S = _measured(run(moved))
+        return (other_nu - nu) / step, (other_S - S) / step
+
+    def size(slope: tuple[FloatArray, FloatArray]) -> float:
+        return float(np.einsum("mi,mij,mj->", slope[0], inverse, slope[0]))
+
+    def slope(index: int) -> tuple[FloatArray, FloatArray]:
+        one = beside(index)
+        if parameters[index].both:
+            other = beside(index, -1)
+            return (one[0] + other[0]) / 2, (one[1] + other[1]) / 2
+        if parameters[index].step ** 2 * size(one) < JUMP:
+            return one
+        # Where the filter decides something otherwise, such as what counts as a turn, one side has no slope.
+        other = beside(index, -1)
+        return other if size(other) < size(one) / UNLIKE else one
+
+    found = list(pool.map(slope, map(int, free)))
+    dnu = np.array([one for one, _ in found]).reshape(free.size, *nu.shape)
+    dS = np.array([one for _, one in found]).reshape(free.size, *S.shape)
     white = np.einsum("mij,mj->mi", inverse, nu)
     relative = inverse @ dS  # S⁻¹ ∂S
     trace = np.trace(relative, axis1=-2, axis2=-1)

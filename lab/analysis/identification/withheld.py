@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.identification.identification import HeldOut
 from lab.analysis.identification.likelihood import InnovationSeries, log_likelihoods, squares
@@ -47,15 +50,19 @@ def innovations_of_withheld(
     return subject.navigate(settings, withheld)[1]
 
 
-def predicted(
-    subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags
-) -> InnovationSeries:
+class Predicted(NamedTuple):
+    """Innovations of the fixes of one set that are no outliers, and the number of the outage of each (m,)."""
+
+    seen: InnovationSeries
+    outage: NDArray[np.int64]
+
+
+def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Predicted:
     """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
     seen = innovations_of_withheld(subject, experiment, withheld)
-    kept = withheld & ~dropped
-    innovation = seen.innovation[kept]
-    known = np.isfinite(innovation).any(axis=1)
-    return InnovationSeries(innovation[known], seen.covariance[kept][known])
+    known = withheld & ~dropped & np.isfinite(seen.innovation).any(axis=1)
+    outage = np.cumsum(np.diff(withheld.astype(np.int64), prepend=0) > 0, dtype=np.int64)
+    return Predicted(InnovationSeries(seen.innovation[known], seen.covariance[known]), outage[known])
 
 
 def held_out(
@@ -66,9 +73,11 @@ def held_out(
         return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))
 
 
-def judged(parts: Sequence[InnovationSeries]) -> HeldOut:
+def judged(parts: Sequence[Predicted]) -> HeldOut:
     """Return the accuracy of the prediction."""
-    seen = InnovationSeries(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    seen = InnovationSeries(
+        *(np.concatenate(arrays) for arrays in zip(*(part.seen for part in parts), strict=True))
+    )
     nis, degrees = squares(seen)
     position, velocity = (
         float(np.sqrt(np.mean(np.nansum(block**2, axis=1)))) if np.isfinite(block).any() else float("nan")
@@ -80,4 +89,12 @@ def judged(parts: Sequence[InnovationSeries]) -> HeldOut:
         velocity,
         float(np.sqrt(nis.sum() / max(1, int(degrees.sum())))),
         float(log_likelihoods(seen).mean()),
+        tuple(chain.from_iterable(map(_by_outage, parts))),
     )
+
+
+def _by_outage(part: Predicted) -> list[float]:
+    """Return the mean square error of the positions in each outage of a set that has any [m²]."""
+    square = np.sum(part.seen.innovation[:, :3] ** 2, axis=1)
+    known = np.isfinite(square)
+    return [float(square[known & (part.outage == one)].mean()) for one in np.unique(part.outage[known])]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import io
+import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
@@ -13,6 +15,8 @@ from lab.base.files.mission_error import MissionError
 
 _BLOCK = 2**21
 """Bytes read at a time: large compared with a line, small compared with a file."""
+ZIP = b"PK\x03\x04"
+"""First bytes of a zip file."""
 MAX_RATIO = 100
 """How many times its stored size a file may grow when decompressed; logs of numbers grow at most 20 times."""
 
@@ -42,9 +46,9 @@ def check_file(path: Path, limit: int) -> None:
         raise MissionError(f"{path}: {size / 2**20:.0f} MB; accepted are files up to {_megabytes(limit)}")
 
 
-def decompressed_limit(path: Path, limit: int) -> int:
-    """Return the largest decompressed size of a file that is accepted, at most `limit` [bytes]."""
-    return min(limit, max(MAX_RATIO * path.stat().st_size, _MIN_DECOMPRESSED_LIMIT))
+def decompressed_limit(size: int, limit: int) -> int:
+    """Return the largest decompressed size accepted of a stored `size`, at most `limit` [bytes]."""
+    return min(limit, max(MAX_RATIO * size, _MIN_DECOMPRESSED_LIMIT))
 
 
 def too_large(path: Path, accepted: int, limit: int) -> MissionError:
@@ -107,7 +111,7 @@ class TextBlocks:
         compressed = compressed or self._path.suffix.lower() == ".gz"
         self._stream = gzip.GzipFile(fileobj=self._file) if compressed else self._file
         if compressed:
-            self._accepted = self._left = decompressed_limit(self._path, self._limit)
+            self._accepted = self._left = decompressed_limit(self._path.stat().st_size, self._limit)
         self._fill()
         self._text = self._text.removeprefix(b"\xef\xbb\xbf")
         return self
@@ -221,7 +225,7 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
         with path.open("rb") as file:
             compressed = file.read(2) == b"\x1f\x8b"
             file.seek(0)
-            most = decompressed_limit(path, limit) if compressed else limit
+            most = decompressed_limit(path.stat().st_size, limit) if compressed else limit
             stream = gzip.GzipFile(fileobj=file) if compressed else file
             size = 0
             while data := stream.read(piece):
@@ -240,3 +244,57 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
 def whole(path: Path, limit: int) -> bytes:
     """Return all bytes of a file; see `content`."""
     return b"".join(content(path, limit))
+
+
+def unzipped(
+    path: Path, data: bytes, choose: Callable[[Sequence[str]], Sequence[str]], limit: int
+) -> list[tuple[str, bytes]]:
+    """Return files in a zip file.
+
+    Parameters
+    ----------
+    path
+        The zip file, for messages.
+    data
+        Its bytes.
+    choose
+        Takes the names of all files in it that need no password, and returns those wanted.
+    limit
+        Most bytes accepted of all wanted files together.
+
+    Returns
+    -------
+    list of tuple
+        Name and bytes of each wanted file.
+
+    Raises
+    ------
+    MissionError
+        If the zip file is damaged, or grows too much.
+    """
+    most = decompressed_limit(len(data), limit)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            infos = {one.filename: one for one in archive.infolist() if not one.flag_bits & 1}
+            wanted = [infos[name] for name in choose(list(infos))]
+            if sum(one.file_size for one in wanted) > most:
+                raise too_large(path, most, limit)
+            return [(one.filename, _member(archive, one)) for one in wanted]
+    except MissionError:
+        raise
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        OSError,
+        EOFError,
+        ValueError,
+        NotImplementedError,
+        RuntimeError,
+    ) as error:
+        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
+    """Return a file of a zip file; `ZipFile.read` would decompress more than the size of a false entry."""
+    with archive.open(info) as member:
+        return member.read(info.file_size)

@@ -12,10 +12,7 @@ Raia Software, *Technical Reference, ACMI flight recordings 2.2*, https://www.ta
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
-import zlib
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.files.file_content import MAX_RATIO, whole
+from lab.base.files.file_content import ZIP, unzipped, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
@@ -35,7 +32,7 @@ NAME = "Tacview ACMI"
 
 _HEAD = re.compile(rb"(?:\xef\xbb\xbf)?\s*FileType=text/acmi/tacview")
 _VERSION = re.compile(rb"FileVersion=\s*([0-9.]{1,10})")
-_ZIP, _ENDING = b"PK\x03\x04", b".acmi"
+_ENDING = b".acmi"
 _ZIP_NAME = 400
 """Bytes at the start of a zip file in which the name of its first file stands."""
 _VERSIONS = "2."
@@ -111,7 +108,7 @@ class _Object:
 
 def recognises(head: bytes) -> bool:
     """Return whether a file starts like ACMI, or is a zip file of one."""
-    return _HEAD.match(head) is not None or (head.startswith(_ZIP) and _ENDING in head[:_ZIP_NAME])
+    return _HEAD.match(head) is not None or (head.startswith(ZIP) and _ENDING in head[:_ZIP_NAME])
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -136,26 +133,15 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
 
 def _text(path: Path, data: bytes) -> bytes:
     """Return the text of a file, or of the first recording in a zip file."""
-    if not data.startswith(_ZIP):
+    if not data.startswith(ZIP):
         return data
-    most = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            name = next((one for one in archive.namelist() if one.lower().endswith(_ENDING.decode())), "")
-            with archive.open(name) as member:
-                text = member.read(most + 1)
-    except KeyError:
-        raise MissionError(
-            f"{path}: the zip file has no {_ENDING.decode()} file in it; accepted is one"
-        ) from None
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
-        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
-    if len(text) > most:
-        raise MissionError(
-            f"{path}: grows more than {MAX_RATIO} times when decompressed, beyond {most / 2**20:.0f} MB; "
-            "accepted are recordings"
-        )
-    return text
+    ending = _ENDING.decode()
+    found = unzipped(
+        path, data, lambda names: [one for one in names if one.lower().endswith(ending)][:1], MAX_BYTES
+    )
+    if not found:
+        raise MissionError(f"{path}: the zip file has no {ending} file in it; accepted is one")
+    return found[0][1]
 
 
 def _lines(data: bytes) -> Iterator[tuple[int, bytes]]:

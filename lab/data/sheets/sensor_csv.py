@@ -8,10 +8,7 @@ files in it.
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import MAX_RATIO, whole
+from lab.base.files.file_content import ZIP, unzipped, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.checks.imu_axes import axes_matrix
@@ -64,7 +61,6 @@ MAX_MEMBERS = 200
 """Most files in a zip: exports of phones have some twenty."""
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat")
 _KITTI = b"oxts/"
-_ZIP = b"PK\x03\x04"
 _MIN_QUANTITIES = 3
 """Fewest quantities that the headings of a file must name: time, and two more."""
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f]")
@@ -83,7 +79,7 @@ _ROS = ("angular velocity", "linear acceleration")
 
 def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
-    if head.startswith(_ZIP):
+    if head.startswith(ZIP):
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
     text = as_utf8(head)
     if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
@@ -369,54 +365,29 @@ def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
     if fit.recognises(data):
         return fit_imu.tables(path, data)
-    if not data.startswith(_ZIP):
-        drive = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
-        return [drive or (path.name, data)]
-    found = []
-    left = min(MAX_BYTES, max(MAX_RATIO * len(data), 2**20))
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if zipped := _kitti(archive, left):
-                return [zipped]
-            infos = [one for one in archive.infolist() if one.filename.lower().endswith(_ENDINGS)]
-            for info in infos[:MAX_MEMBERS]:
-                if info.filename.startswith("__MACOSX") or info.flag_bits & 1:
-                    continue
-                with archive.open(info) as member:
-                    text = member.read(left + 1)
-                left -= len(text)
-                if left < 0:
-                    raise MissionError(f"{path}: grows too much when decompressed; accepted are logs")
-                found.append((Path(info.filename).name, text))
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        OSError,
-        EOFError,
-        ValueError,
-        NotImplementedError,
-        RuntimeError,
-    ) as error:
-        if isinstance(error, MissionError):
-            raise
-        raise MissionError(f"{path}: is not a complete zip file ({error})") from error
+    if not data.startswith(ZIP):
+        loose = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
+        return [loose or (path.name, data)]
+    found = unzipped(path, data, _wanted, MAX_BYTES)
     if not found:
         raise MissionError(
             f"{path}: the zip file has no {', '.join(_ENDINGS)} in it; accepted are zip files of such files"
         )
-    return found
+    frames = [(name, text) for name, text in found if KITTI_FRAME.search(name)]
+    if not frames:
+        return [(Path(name).name, text) for name, text in found]
+    drive = frames[0][0].partition("/oxts/")[0].rpartition("/")[2]
+    return [(drive, kitti_table([text for _, text in frames], found[-1][1]))]
 
 
-def _kitti(archive: zipfile.ZipFile, most: int) -> tuple[str, bytes] | None:
-    """Return the samples of a KITTI drive as one table; None if this is none."""
-    frames = sorted(
-        (one for one in archive.infolist() if KITTI_FRAME.search(one.filename)), key=lambda one: one.filename
-    )
-    stamps = next((one for one in archive.infolist() if KITTI_STAMPS.search(one.filename)), None)
-    if not frames or stamps is None or sum(one.file_size for one in (*frames, stamps)) > most:
-        return None
-    table = kitti_table([archive.read(one) for one in frames], archive.read(stamps))
-    return frames[0].filename.partition("/oxts/")[0].rpartition("/")[2], table
+def _wanted(names: Sequence[str]) -> list[str]:
+    """Return the files of a zip file to read: the samples and then the times of a KITTI drive, or tables."""
+    frames = sorted(filter(KITTI_FRAME.search, names))
+    stamps = list(filter(KITTI_STAMPS.search, names))
+    if frames and stamps:
+        return [*frames, stamps[0]]
+    tables = [one for one in names if one.lower().endswith(_ENDINGS) and not one.startswith("__MACOSX")]
+    return tables[:MAX_MEMBERS]
 
 
 def units_of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:

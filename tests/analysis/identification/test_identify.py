@@ -6,18 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
 from lab.analysis.identification.assumptions import PARAMETERS, Assumed, Known, parameters
-from lab.analysis.identification.identify import find_observable, refuted, whatever_others
+from lab.analysis.identification.identification import HeldOut, better
 from lab.analysis.identification.likelihood import Estimate, InnovationSeries, maximise
+from lab.analysis.identification.observable import find_observable, refuted, whatever_others
 from lab.analysis.identification.renavigation import subject
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
 from lab.navigation.log_navigation import navigate_log
-from lab.sensors.cards import read_cards
+from lab.sensors.cards import card, read_cards
 
 LIMIT = 4.0
 """Errors in σ that none of a dozen estimates has by chance, of Gaussian ones 1 in 1300 runs."""
@@ -240,6 +242,46 @@ def test_the_least_r_is_a_tenth_of_the_receivers_own(tmp_path):
         assert rows[name].after == pytest.approx(0.1, rel=1e-6)
         assert name in found.at_bounds
     assert any("At a bound: horizontal position variance" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize("seed", [1001, 1017, 1023, 1024, 1026])
+def test_a_few_outages_do_not_refute_what_explains_all_innovations(seed):
+    """A flight of two minutes has five outages, in which the wrong noise, and not the true one, had luck."""
+    made = Experiment(mission="los_angeles", seed=seed)
+    loaded = Experiment(mission="los_angeles")
+    card("BMI088").load(loaded)
+    for own, given in zip(_triads(made), _triads(loaded), strict=True):
+        own.update({term: given.get(term) for term in ("noise_density", "bias_sigma")})
+    r = 0.1 if seed % 2 else 10.0
+    made.update({"trajectory": {"imu_rate": 50.0}, "navigator": {"r_scale": r}})
+    made.navigator.q_scale = 10.0 if seed % 4 < 2 else 0.1
+    found = made.run().identify()
+    assert found.white and found.recommended
+    for row in found.rows[4:7]:
+        assert row.observable and within(row, row.before / r)
+
+
+@pytest.mark.parametrize(
+    ("after", "grown"),
+    [
+        ((1.0, 4.0, 9.0, 16.0, 40.0), False),  # one outage of five
+        ((2.0, 5.5, 10.4, 17.8, 26.3), True),  # each by as much
+        ((1.3, 4.0, 9.0, 16.0, 24.0), False),
+    ],
+)
+def test_an_error_grows_if_the_outages_agree(after, grown):
+    """A paired t-test; without white innovations, the limit is that of 5 % for all alike."""
+    before = HeldOut(50, 3.3, 1.0, 1.0, -2.0, (1.0, 4.0, 9.0, 16.0, 25.0))
+    held = HeldOut(50, float(np.sqrt(np.mean(after))), 1.0, 1.0, -1.0, after)
+    differences = np.subtract(after, before.by_outage)
+    assert (stats.ttest_1samp(differences, 0.0, alternative="greater").pvalue < 0.05) == grown
+    assert better(before, held, white=True) is not grown
+    assert not better(before, held._replace(log_likelihood=-3.0), white=True)
+    assert better(before, held) == (held.position_error <= 1.05 * before.position_error)
+
+
+def _triads(one: Experiment):
+    return one.sensors.gyro, one.sensors.accelerometer
 
 
 def test_too_few_fixes_are_refused():

@@ -167,3 +167,18 @@ def test_white_innovations_are_called_white():
     S = np.tile(np.eye(6), (175, 1, 1))
     draws = np.random.default_rng(1).normal(size=(600, 175, 6))
     assert np.mean([is_white(InnovationSeries(values, S)) for values in draws]) > 0.98
+
+
+def test_a_jump_of_the_filter_beside_the_estimate_is_no_information():
+    """Beyond a value, a decision of the filter is another one; σ of ln σ̂ is 1/√(2n) all the same."""
+    values = noise(500, 40.0)
+    best = 0.5 * np.log(np.mean(values**2))
+    jumps = 500.0 * (np.arange(500) > 400)[:, None] * np.ones(6)
+
+    def run(by):
+        shifted = values + jumps * (by[0] > best + 1e-6)
+        return InnovationSeries(shifted, np.tile(np.eye(6) * np.exp(2 * by[0]), (500, 1, 1)))
+
+    found = maximise(run, [scale()], np.array([best - 0.1]), np.zeros(1, bool))
+    assert found.value[0] == pytest.approx(best, abs=2e-3)
+    assert 0.99 < found.sigma[0] * np.sqrt(2 * values.size) < SPREAD

@@ -137,3 +137,20 @@ def test_many_objects_take_memory_in_proportion(tmp_path, line):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 10 * len(text) + 12e6
+
+
+@pytest.mark.parametrize("names", [["a.acmi"], ["a.csv"], ["x/oxts/data/0.txt", "x/oxts/timestamps.txt"]])
+def test_a_zip_file_with_a_false_size_takes_little_memory(tmp_path, names):
+    """The entry says ten bytes where 100 MB follow."""
+    out, size = io.BytesIO(), 100 * 2**20
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in names:
+            archive.writestr(name, bytes(size))
+    false = out.getvalue().replace(size.to_bytes(4, "little"), (10).to_bytes(4, "little"))
+    (tmp_path / "a.zip").write_bytes(false)
+    tracemalloc.start()
+    with pytest.raises(MissionError, match="not a complete zip file"):
+        read_raw(tmp_path / "a.zip")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 0.2 * size
