@@ -1,4 +1,4 @@
-"""IMU calibration: bias, scale factor and misalignment of both triads from rests and turns, judged on others."""
+"""IMU calibration: bias, scale factor and misalignment of both triads, judged on withheld rests and turns."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from lab.analysis.calibration.imu_fit import (
     BIAS_A,
@@ -24,7 +23,7 @@ from lab.analysis.calibration.imu_fit import (
     solve_linear,
 )
 from lab.analysis.calibration.rests import LIMITS, Rests, attitudes
-from lab.analysis.calibration.terms import FEWEST_JUDGED, Judgement, Term, judge
+from lab.analysis.calibration.terms import Judgement, Term, judge
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import counted
@@ -48,7 +47,9 @@ UNDEFINED = 2.0
 AXES = "xyz"
 ACCELEROMETER, GYRO_BIAS, GYRO = "accelerometer", "gyro bias", "gyro"
 """The groups that are judged."""
-AFTER_TURNS = "The gyros carry gravity from rest to rest: scale factors and misalignments of the gyros need turns."
+AFTER_TURNS = (
+    "The gyros carry gravity from rest to rest: scale factors and misalignments of the gyros need turns."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,15 +107,18 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     count = int(number.max()) + 1
     if count < FEWEST_ATTITUDES:
         raise MissionError(
-            f"the device rests in {counted(count, 'attitude')} ({counted(rests.count, 'rest')}); accepted are at "
-            f"least {FEWEST_ATTITUDES}, such as the six faces of a box, each of them twice, with turns between them"
+            f"the device rests in {counted(count, 'attitude')} ({counted(rests.count, 'rest')}); accepted "
+            "are at "
+            f"least {FEWEST_ATTITUDES}, such as the six faces of a box, each of them twice, with turns "
+            "between them"
         )
     size = STANDARD_GRAVITY if gravity is None else gravity
     rests = replace(rests, turns=tuple(turn for turn in rests.turns))
     fit, problem = solve(rests, size)
     known = _known(fit)
     folds = [
-        np.asarray(part, dtype=np.int64) for part in np.array_split(np.arange(rests.count), min(rests.count, FOLDS))
+        np.asarray(part, dtype=np.int64)
+        for part in np.array_split(np.arange(rests.count), min(rests.count, FOLDS))
     ]
     judgements = _judged(rests, size, problem, folds, known)
     terms = _terms(fit, known, 0.0 if gravity is not None else GRAVITY_SIGMA / size)
@@ -136,8 +140,10 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     ]
     if gravity is None and ACCELEROMETER in gaining:
         sentences.append(
-            f"Gravity is taken as {size:.4f} ± {GRAVITY_SIGMA:g} m/s², since the place is unknown: it is in σ of the "
-            "scale factors of the accelerometers, which it changes all alike. --latitude says where the log is from."
+            f"Gravity is taken as {size:.4f} ± {GRAVITY_SIGMA:g} m/s², since the place is unknown: it is "
+            "in σ of the "
+            "scale factors of the accelerometers, which it changes all alike. --latitude says where the "
+            "log is from."
         )
     return ImuCalibration(terms, judgements, tuple(sentences), calibration)
 
@@ -145,11 +151,11 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
 def _real_turns(rests: Rests) -> int:
     """Return how many turns show an angle."""
     angles = [np.linalg.norm((turn.rate * turn.dt[:, None]).sum(axis=0)) for turn in rests.turns]
-    return sum(angle > TURNED for angle in angles)
+    return sum(bool(angle > TURNED) for angle in angles)
 
 
 def _known(fit: Fit) -> Flags:
-    """Return the terms (21,) that the log shows; a matrix is known as a whole or not at all off its diagonal."""
+    """Return the terms (21,) that the log shows."""
     return np.asarray(fit.sigma < SHOWN * PRIOR)
 
 
@@ -166,7 +172,16 @@ def _terms(fit: Fit, known: Flags, of_gravity: float) -> tuple[Term, ...]:
     def add(group: str, name: str, axis: str, place: int, scale: float, unit: str) -> None:
         value = float(fit.terms[place]) * scale if known[place] else 0.0
         found.append(
-            Term(group, name, axis, value, float(sigma[place]) * scale, unit, float(degrees[place]), bool(known[place]))
+            Term(
+                group,
+                name,
+                axis,
+                value,
+                float(sigma[place]) * scale,
+                unit,
+                float(degrees[place]),
+                bool(known[place]),
+            )
         )
 
     for k, axis in enumerate(AXES):
@@ -194,7 +209,11 @@ def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
     for group, name, wanted in (
         (ACCELEROMETER, "bias", "rests with each axis up and down"),
         (ACCELEROMETER, "scale factor", "rests with each axis up and down"),
-        (ACCELEROMETER, "misalignment", "rests in further attitudes between the faces, or turns between the faces"),
+        (
+            ACCELEROMETER,
+            "misalignment",
+            "rests in further attitudes between the faces, or turns between the faces",
+        ),
         (GYRO, "bias", "rests"),
         (GYRO, "scale factor", "turns about this axis while it is level"),
         (GYRO, "misalignment", "turns about all three axes"),
@@ -202,7 +221,8 @@ def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
         missing = [one.axis for one in terms if (one.group, one.name) == (group, name) and not one.is_known]
         if missing:
             sentences.append(
-                f"Unknown stays the {name} of the {group}s, {', '.join(missing)}: it needs {wanted} (σ that the "
+                f"Unknown stays the {name} of the {group}s, {', '.join(missing)}: it needs {wanted} (σ "
+                "that the "
                 f"{counted(rests.count, 'rest')} and {counted(len(rests.turns), 'turn')} leave is above "
                 f"{100 * SHOWN:g} % of that beforehand)."
             )

@@ -1,18 +1,19 @@
 """IMU fit: bias, scale factors and misalignments of both triads by one least squares over rests and turns.
 
 The unknown attitude of each rest is the direction u of gravity's reaction in the device. At rest, the
-accelerometers measure K_a g u + b_a, and the gyros b_g and the Earth's rate. Over a turn, the rates that the gyros
-measured, less their errors, carry u and the unknown Earth's rate from one rest to the next. The common rotation of all axes against the vehicle does not show:
-the axes of the device are those for which K_a is symmetric, and the gyros are aligned to them.
+accelerometers measure K_a g u + b_a, and the gyros b_g and the Earth's rate. Over a turn, the rates that the
+gyros measured, less their errors, carry u and the unknown Earth's rate from one rest to the next. The common
+rotation of all axes against the vehicle does not show: the axes of the device are those for which K_a is
+symmetric, and the gyros are aligned to them.
 
-A weak knowledge of each term (`PRIOR`) keeps the solution finite where rests and turns show nothing. The sizes of the
-three kinds of errors follow from their own residuals and redundancy.
+A weak knowledge of each term (`PRIOR`) keeps the solution finite where rests and turns show nothing. The
+sizes of the three kinds of errors follow from their own residuals and redundancy.
 
 References
 ----------
-S. Bonnet et al., *Calibration methods for inertial and magnetic sensors*, Sensors and Actuators A 156, 2009 (rests).
-D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
-equipments*, ICRA 2014 (turns between rests).
+S. Bonnet et al., *Calibration methods for inertial and magnetic sensors*, Sensors and Actuators A 156, 2009,
+for rests; D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration
+without external equipments*, ICRA 2014, for turns between them.
 """
 
 from __future__ import annotations
@@ -30,16 +31,22 @@ from lab.motion.frames import earth
 from lab.motion.frames.rotation import skew
 
 BIAS_A, SHAPE_A, BIAS_G, MATRIX_G = slice(0, 3), slice(3, 9), slice(9, 12), slice(12, 21)
-"""The terms: accelerometer bias, its symmetric matrix (xx, yy, zz, xy, xz, yz), gyro bias, its matrix by rows."""
+"""The terms: accelerometer bias, its matrix (xx, yy, zz, xy, xz, yz), gyro bias, its matrix by rows."""
 TERMS = 21
 """Number of terms."""
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """The entries of the symmetric matrix in their order."""
 PRIOR = np.concatenate(
-    (np.full(3, 1.0), np.full(3, 0.1), np.full(3, 0.05), np.full(3, 0.1), np.where(np.eye(3), 0.1, 0.05).ravel())
+    (
+        np.full(3, 1.0),
+        np.full(3, 0.1),
+        np.full(3, 0.05),
+        np.full(3, 0.1),
+        np.where(np.eye(3), 0.1, 0.05).ravel(),
+    )
 )
-"""σ of each term before the log is seen: biases of 1 m/s² and 6 °/s, scale factors of 10 %, and misalignments of 3°.
-Consumer sensors have a fifth of it."""
+"""σ of each term before the log is seen: biases of 1 m/s² and 6 °/s, scale factors of 10 %, misalignments of
+3°. Consumer sensors have a fifth of it."""
 OUTER = 5
 """Passes over the samples of the turns: with 10 % of scale factor, the fourth changes nothing."""
 INNER = 6
@@ -107,7 +114,7 @@ def carry(turn: Turn, K_g: FloatArray, bias: FloatArray) -> Carried:
     inverse = np.linalg.inv(K_g)
     rate = (turn.rate - bias) @ inverse.T
     steps = Rotation.from_rotvec(rate * turn.dt[:, None]).as_quat()
-    # From the axes after each sample to those before the turn: products of all steps so far, in log₂ n passes.
+    # From the axes after each sample to those before the turn: products of all steps so far, doubling.
     done = 1
     while done < len(steps):
         steps[done:] = (Rotation.from_quat(steps[:-done]) * Rotation.from_quat(steps[done:])).as_quat()
@@ -125,7 +132,7 @@ def carry(turn: Turn, K_g: FloatArray, bias: FloatArray) -> Carried:
 
 
 class _State(NamedTuple):
-    """A solution while it is found: terms (21,), directions (n, 3), and the Earth's rate (c, 3) of each chain."""
+    """A solution while it is found: terms (21,), directions (n, 3), the Earth's rate (c, 3) of each chain."""
 
     terms: FloatArray
     up: FloatArray
@@ -216,7 +223,8 @@ def solve_linear(problem: Problem) -> tuple[Fit, FloatArray]:
             degrees[k] = (kind == k).sum() - np.sum(inverse * parts[k]) / sizes[k] ** 2
             if degrees[k] > FEWEST_DEGREES:
                 sizes[k] = np.sqrt(np.sum(left[kind == k] ** 2) / degrees[k])
-    fit = Fit(problem.about[:TERMS] + change[:TERMS], inverse[:TERMS, :TERMS], degrees, sizes)
+    covariance = np.asarray(inverse[:TERMS, :TERMS], dtype=np.float64)
+    fit = Fit(problem.about[:TERMS] + change[:TERMS], covariance, degrees, sizes)
     return fit, change[TERMS:]
 
 

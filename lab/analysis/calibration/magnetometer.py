@@ -1,14 +1,14 @@
 """Magnetometer calibration: hard and soft iron from the fields of a log with turns, judged on withheld parts.
 
-Without iron, the fields in the axes of the device lie on a sphere about zero. Hard iron moves its centre; soft iron
-makes an ellipsoid of it. Three models are tried, each with the size of the field: ellipsoid, sphere, and, if the
-device only turned about one axis, an ellipse in its plane. The richest one is taken that the log shows and that
-predicts withheld parts better than the poorer ones.
+Without iron, the fields in the axes of the device lie on a sphere about zero. Hard iron moves its centre;
+soft iron makes an ellipsoid of it. Three models are tried, each with the size of the field: ellipsoid,
+sphere, and, if the device only turned about one axis, an ellipse in its plane. The richest one is taken that
+the log shows and that predicts withheld parts better than the poorer ones.
 
 References
 ----------
-T. Ozyagcilar, *Calibrating an eCompass in the Presence of Hard- and Soft-Iron Interference*, Freescale AN4246, 2015.
-M. J. Caruso, *Applications of Magnetic Sensors for Low Cost Compass Systems*, IEEE PLANS 2000.
+T. Ozyagcilar, *Calibrating an eCompass in the Presence of Hard- and Soft-Iron Interference*, Freescale
+AN4246, 2015. M. J. Caruso, *Applications of Magnetic Sensors for Low Cost Compass Systems*, IEEE PLANS 2000.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class FieldLimits:
     shortest: float = 10.0
     """Shortest log [s]: a turn by hand about one axis takes some seconds."""
     depth: float = 0.25
-    """Least spread of the fields where it is smallest, in the largest: 0.5 of half a sphere, 0.27 of a cap of 60°."""
+    """Least spread of the fields, in the largest: 0.5 of half a sphere, 0.27 of a cap of 60°."""
     arc: float = np.radians(270.0)
     """Least arc in its plane that an ellipse needs [rad]: of half an ellipse, centre and shape are alike."""
     flat: float = 0.1
@@ -98,7 +98,9 @@ class _Model(NamedTuple):
         along /= np.linalg.norm(along, axis=1)[:, None]
         columns = [-along @ T]
         if self.shaped:
-            columns.append(np.stack([((off @ one.T) * along).sum(axis=1) for one in _traceless(self.d)], axis=-1))
+            columns.append(
+                np.stack([((off @ one.T) * along).sum(axis=1) for one in _traceless(self.d)], axis=-1)
+            )
         columns.append(-np.ones((len(fields), 1)))
         return np.concatenate(columns, axis=1)
 
@@ -111,7 +113,9 @@ class _Model(NamedTuple):
         size = np.sqrt(max(found[-1] + found[:-1] @ found[:-1], np.finfo(np.float64).tiny))
         start = np.concatenate((middle + found[:-1], np.zeros(len(_traceless(self.d)) * self.shaped), [size]))
         scale = np.concatenate((np.full(self.d, size), np.ones(start.size - self.d - 1), [size]))
-        solved = least_squares(self.residual, start, self.jacobian, x_scale=scale, args=(fields,), method="trf")
+        solved = least_squares(
+            self.residual, start, self.jacobian, x_scale=scale, args=(fields,), method="trf"
+        )
         return np.asarray(solved.x)
 
 
@@ -210,7 +214,8 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
             tried.append(found)
     if not tried:
         raise MissionError(
-            f"the magnetometer turned too little: {covered}; accepted is a log in which it turns in all directions, or "
+            f"the magnetometer turned too little: {covered}; accepted is a log in which it turns in all "
+            "directions, or "
             "at least once round"
         )
     best = tried[0]
@@ -230,7 +235,10 @@ def _models(fields: FloatArray) -> tuple[list[_Model], str]:
     middle = fields.mean(axis=0)
     _, spread, axes = np.linalg.svd(fields - middle, full_matrices=False)
     if spread[2] > LIMITS.depth * spread[0]:
-        return [_Model(SPHERE, np.eye(3), False), _Model(ELLIPSOID, np.eye(3), True)], "the fields cover all directions"
+        return [
+            _Model(SPHERE, np.eye(3), False),
+            _Model(ELLIPSOID, np.eye(3), True),
+        ], "the fields cover all directions"
     seen = (fields - middle) @ axes[:2].T
     normal = ", ".join(f"{one:+.2f}" for one in axes[2]).replace("-", "−")
     around = _Model(PLANE, axes[:2].T, False).fit(fields)[:2] - middle @ axes[:2].T
@@ -249,7 +257,7 @@ def _tried(model: _Model, fields: FloatArray) -> _Found:
     together = _correlated(residual)
     degrees = max(len(fields) / together - p.size, 1.0)
     variance = float(residual @ residual) / together / degrees
-    covariance = np.linalg.pinv(J.T @ J / together, hermitian=True) * variance
+    covariance = np.asarray(np.linalg.pinv(J.T @ J / together, hermitian=True) * variance, dtype=np.float64)
     before, after = [], []
     for part in np.array_split(np.arange(len(fields)), LIMITS.folds):
         others = np.delete(fields, part, axis=0)
@@ -261,7 +269,7 @@ def _tried(model: _Model, fields: FloatArray) -> _Found:
 
 
 def _correlated(residual: FloatArray) -> float:
-    """Return over how many samples residuals say the same: 1 + 2 Σ ρ up to the first ρ that is no longer clear."""
+    """Return over how many samples residuals say the same: 1 + 2 Σ ρ up to the first unclear ρ."""
     n = residual.size
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
@@ -296,7 +304,9 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
     in_plane = (basis**2).sum(axis=1) > 0.5
     for k, axis in enumerate(_AXES):
         if in_plane[k]:
-            terms.append(Term(GROUP, "hard iron", axis, float(hard[k]), float(of_hard[k]), "µT", best.degrees, True))
+            terms.append(
+                Term(GROUP, "hard iron", axis, float(hard[k]), float(of_hard[k]), "µT", best.degrees, True)
+            )
         else:
             terms.append(Term(GROUP, "hard iron", axis, 0.0, float("inf"), "µT", best.degrees, False))
     if model.shaped:
@@ -308,7 +318,16 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
                 value, sigma = K[row, column] - (row == column), np.sqrt(max(spread[row, column], 0.0))
                 name = _AXES[row] + _AXES[column]
                 terms.append(
-                    Term(GROUP, "soft iron", name, 100 * float(value), 100 * float(sigma), "%", best.degrees, True)
+                    Term(
+                        GROUP,
+                        "soft iron",
+                        name,
+                        100 * float(value),
+                        100 * float(sigma),
+                        "%",
+                        best.degrees,
+                        True,
+                    )
                 )
     linear = Linear(hard, K) if judgement.gains else None
     sentences = [
@@ -317,12 +336,14 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
     ]
     if judgement.gains and d == 2:
         sentences.append(
-            "Only the iron in this plane is known, since the device turned about one axis. It holds while the device "
+            "Only the iron in this plane is known, since the device turned about one axis. It holds while "
+            "the device "
             "turns about that axis, as a level vehicle does."
         )
     if judgement.gains:
         sentences.append(
-            f"The field {'in the plane ' if d == 2 else ''}is {size:.1f} µT; iron of the vehicle that turns with the "
+            f"The field {'in the plane ' if d == 2 else ''}is {size:.1f} µT; iron of the vehicle that "
+            "turns with the "
             "device is what this removes, and currents that change are not."
         )
     return MagnetometerCalibration(

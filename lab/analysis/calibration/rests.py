@@ -1,4 +1,4 @@
-"""Rests: where an IMU stands still in a log, in which attitude, and how it turns from one rest to the next."""
+"""Rests: where an IMU stands still in a log, in which attitude, and how it turns between."""
 
 from __future__ import annotations
 
@@ -134,7 +134,8 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     edges = start + LIMITS.block * np.arange(count + 1)
     if count < LIMITS.shortest / LIMITS.block:
         raise MissionError(
-            f"gyros and accelerometers were recorded together for {max(stop - start, 0.0):.1f} s; accepted are rests of "
+            f"gyros and accelerometers were recorded together for {max(stop - start, 0.0):.1f} s; "
+            "accepted are rests of "
             f"{LIMITS.shortest:g} s or more in several attitudes, with turns between them"
         )
     rate, force = _blocks(gyro, edges), _blocks(accelerometer, edges)
@@ -143,7 +144,8 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     if not pieces:
         moved = np.degrees(np.nanmedian(np.linalg.norm(rate.spread, axis=1)))
         raise MissionError(
-            f"the device never stands still for {LIMITS.shortest:g} s: within {LIMITS.block:g} s its rates spread by "
+            f"the device never stands still for {LIMITS.shortest:g} s: within {LIMITS.block:g} s its "
+            "rates spread by "
             f"{moved:.2g} °/s; accepted is a log with rests on something solid, in several attitudes"
         )
     _check_gravity(force.mean, pieces)
@@ -168,11 +170,13 @@ def _usable(triad: str, samples: Samples) -> Samples:
     time, values = samples
     known = np.isfinite(time) & np.isfinite(values).all(axis=1)
     time, values = time[known], values[known]
-    fresh = np.append(True, np.diff(np.maximum.accumulate(time)) > 0)[: time.size]
+    fresh: Flags = np.append(True, np.diff(np.maximum.accumulate(time)) > 0)[: time.size]
     fresh[1:] &= (np.diff(values, axis=0) != 0).any(axis=1)
     time, values = time[fresh], values[fresh]
     if time.size < LIMITS.fewest:
-        raise MissionError(f"{counted(time.size, 'sample')} of the {triad}s; accepted is a log with rests and turns")
+        raise MissionError(
+            f"{counted(time.size, 'sample')} of the {triad}s; accepted is a log with rests and turns"
+        )
     return Samples(time, values)
 
 
@@ -193,7 +197,7 @@ def _blocks(samples: Samples, edges: FloatArray) -> _Blocks:
 
 def _still(rate: _Blocks, force: _Blocks) -> Flags:
     """Return the blocks in which nothing moves."""
-    calm = np.isfinite(rate.spread).all(axis=1) & np.isfinite(force.spread).all(axis=1)
+    calm: Flags = np.asarray(np.isfinite(rate.spread + force.spread).all(axis=1))
     for blocks, floor, most in (
         (rate, LIMITS.rate_floor, LIMITS.rate_spread),
         (force, LIMITS.force_floor, LIMITS.force_spread),
@@ -206,7 +210,8 @@ def _still(rate: _Blocks, force: _Blocks) -> Flags:
         return calm
     usual = np.median(rate.mean[calm], axis=0)
     with np.errstate(invalid="ignore"):
-        return np.asarray(calm & (np.linalg.norm(rate.mean - usual, axis=1) < LIMITS.rate))
+        near = np.linalg.norm(rate.mean - usual, axis=1) < LIMITS.rate
+    return np.asarray(calm & near, dtype=np.bool_)
 
 
 def _pieces(still: Flags) -> list[tuple[int, int]]:
@@ -214,7 +219,9 @@ def _pieces(still: Flags) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate(([0], still.astype(np.int64), [0]))))
     fewest = round(LIMITS.shortest / LIMITS.block)
     return [
-        (first + 1, last - 1) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= fewest
+        (first + 1, last - 1)
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+        if last - first >= fewest
     ]
 
 
@@ -237,7 +244,9 @@ def _check_gravity(force: FloatArray, pieces: list[tuple[int, int]]) -> None:
 
 def _sigma(means: FloatArray, pieces: list[tuple[int, int]]) -> FloatArray:
     """Return σ (n, 3) of the mean of each rest, by the scatter of its blocks, common to all rests."""
-    squares = sum(((means[slice(*piece)] - means[slice(*piece)].mean(axis=0)) ** 2).sum(axis=0) for piece in pieces)
+    squares = sum(
+        ((means[slice(*piece)] - means[slice(*piece)].mean(axis=0)) ** 2).sum(axis=0) for piece in pieces
+    )
     degrees = sum(last - first - 1 for first, last in pieces)
     of_block = np.sqrt(squares / degrees)
     size = np.array([last - first for first, last in pieces])

@@ -24,7 +24,7 @@ class Term(NamedTuple):
     Attributes
     ----------
     group, name, axis : str
-        The sensor, such as ``"gyro"``; what it is, such as ``"misalignment"``; and its axis, such as ``"xy"``, the
+        The sensor, such as ``"gyro"``; what it is, such as ``"misalignment"``; its axis, such as ``"xy"``, the
         part of y that x measures.
     value, sigma : float
         Its value and σ, in the unit; of a term that is not known, what the data leave of it.
@@ -92,12 +92,13 @@ class Judgement:
     def __str__(self) -> str:
         if self.count < FEWEST_JUDGED:
             return (
-                f"The calibration of the {self.group} is refused: the log leaves {self.count} values of the {self.measure} "
-                f"to judge it by; accepted are at least {FEWEST_JUDGED}."
+                f"The calibration of the {self.group} is refused: the log leaves {self.count} values to "
+                "judge it "
+                f"by ({self.measure}); accepted are at least {FEWEST_JUDGED}."
             )
         rests = (
-            f"{self.measure} in withheld data: {self.before:.3g} {self.unit} before, {self.after:.3g} {self.unit} "
-            f"after; {self.count} values, p {self.p_value:.1g}"
+            f"{self.measure} in withheld data: {self.before:.3g} {self.unit} before, "
+            f"{self.after:.3g} {self.unit} after; {self.count} values, p {self.p_value:.1g}"
         )
         if self.gains:
             return f"The calibration of the {self.group} gains ({rests})."
@@ -120,5 +121,5 @@ def judge(group: str, measure: str, unit: str, before: FloatArray, after: FloatA
         return Judgement(group, measure, unit, np.nan, np.nan, before.size, 1.0)
     gained = np.abs(before) - np.abs(after)
     p_value = float(stats.wilcoxon(gained, alternative="greater").pvalue) if gained.any() else 1.0
-    sizes = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
-    return Judgement(group, measure, unit, *sizes, before.size, p_value)
+    sizes = [float(np.sqrt(np.mean(values**2))) for values in (before, after)]
+    return Judgement(group, measure, unit, sizes[0], sizes[1], before.size, p_value)

@@ -1,4 +1,4 @@
-"""Calibration: the constant errors of a device that are removed from its samples, and the file that keeps them.
+"""Calibration: the constant errors of a device that are removed from its samples, and their file.
 
 The file is a TOML with a table for each sensor. All is in the axes of the device, as it sends or stores them:
 
@@ -37,9 +37,11 @@ from lab.motion.frames.rotation import C_nb_from_euler
 SCALES = {"accelerometer": 1.0, "gyro": float(np.radians(1.0)), "magnetometer": 1.0}
 """SI units (µT for fields) of one unit of the file."""
 MOST_BIAS = {"accelerometer": 20.0, "gyro": 50.0, "magnetometer": 1000.0}
-"""Largest biases that are accepted, in the units of the file: any more is no constant error but a wrong unit."""
+"""Largest biases that are accepted, in the units of the file: any more is a wrong unit."""
+MOST_NUMBER = 1e6
+"""Bound of all numbers of the file: none is ever near it, and not a number is not below it."""
 MOST_SHAPE = 0.9
-"""Largest difference of an entry of a matrix from that of the unit matrix: soft iron of half the field makes 0.5."""
+"""Largest difference of an entry of a matrix from the unit matrix: soft iron of half the field makes 0.5."""
 LEAST_DETERMINANT = 0.05
 """Least determinant of a matrix: below, it nearly loses an axis."""
 MOST_MOUNTING = 45.0
@@ -63,7 +65,9 @@ class Linear:
     bias: FloatArray
     matrix: FloatArray
 
-    def removed(self, values: FloatArray, C: FloatArray | None = None, dt: FloatArray | None = None) -> FloatArray:
+    def removed(
+        self, values: FloatArray, C: FloatArray | None = None, dt: FloatArray | None = None
+    ) -> FloatArray:
         """Return values without these errors.
 
         Parameters
@@ -113,7 +117,7 @@ class Calibration:
         return {name: one for name, one in found.items() if one is not None}
 
     @property
-    def C(self) -> FloatArray:
+    def turn(self) -> FloatArray:
         """Matrix (3, 3) that resolves vectors of the axes in the vehicle."""
         return np.asarray(C_nb_from_euler(self.mounting))
 
@@ -128,7 +132,7 @@ class Calibration:
 
     def with_other(self, other: Calibration) -> Calibration:
         """Return this with what another one knows in its place."""
-        own = {name: one for name, one in other.linear.items()}
+        own: dict[str, Any] = dict(other.linear)
         mounting = other.mounting if other.mounting.any() else self.mounting
         sources = [one for one in (self.source, other.source) if one]
         return replace(self, **own, mounting=mounting, source=", ".join(dict.fromkeys(sources)))
@@ -151,13 +155,13 @@ class Calibration:
             dtheta = self.gyro.removed(dtheta, C, dt)
         if self.accelerometer is not None:
             dvelocity = self.accelerometer.removed(dvelocity, C, dt)
-        dtheta, dvelocity = dtheta @ self.C.T, dvelocity @ self.C.T
+        dtheta, dvelocity = dtheta @ self.turn.T, dvelocity @ self.turn.T
         dtheta[begins], dvelocity[begins] = 0.0, 0.0
         if auxiliary.magnetometer is not None:
             measured = auxiliary.magnetometer.field
             if self.magnetometer is not None:
                 measured = self.magnetometer.removed(measured, C)
-            magnetometer = replace(auxiliary.magnetometer, field=measured @ self.C.T)
+            magnetometer = replace(auxiliary.magnetometer, field=measured @ self.turn.T)
             auxiliary = replace(auxiliary, magnetometer=magnetometer)
         said = f"A calibration was applied (of {self.source or 'an unnamed log'}): {self.words}."
         return replace(
@@ -177,7 +181,9 @@ class Calibration:
                 "matrix": [[_rounded(number) for number in row] for row in one.matrix],
             }
         if self.mounting.any():
-            values["mounting"] = {"roll_pitch_yaw": [_rounded(number) for number in np.degrees(self.mounting)]}
+            values["mounting"] = {
+                "roll_pitch_yaw": [_rounded(number) for number in np.degrees(self.mounting)]
+            }
         return toml_text(values)
 
     def write(self, path: str | os.PathLike[str]) -> None:
@@ -208,18 +214,23 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         mounting = np.radians(_numbers(path, "mounting.roll_pitch_yaw", table["roll_pitch_yaw"], (3,)))
         if (np.abs(mounting) > np.radians(MOST_MOUNTING)).any():
             raise MissionError(
-                f"{path}: mounting.roll_pitch_yaw is beyond {MOST_MOUNTING:g}°; accepted are small angles, and axes "
+                f"{path}: mounting.roll_pitch_yaw is beyond {MOST_MOUNTING:g}°; accepted are small "
+                "angles, and axes "
                 "of the log for the others"
             )
     found = Calibration(source=str(values.get("source", "")), **linear, mounting=mounting)
     if found.is_empty:
-        raise MissionError(f"{path}: has no calibration; accepted are tables {', '.join(SCALES)} and mounting")
+        raise MissionError(
+            f"{path}: has no calibration; accepted are tables {', '.join(SCALES)} and mounting"
+        )
     return found
 
 
 def _table(path: Path, name: str, table: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
     if not isinstance(table, Mapping) or set(table) != set(keys):
-        raise MissionError(f"{path}: {name} is not as accepted: a table with {' and '.join(keys)}, and nothing else")
+        raise MissionError(
+            f"{path}: {name} is not as accepted: a table with {' and '.join(keys)}, and nothing else"
+        )
     return table
 
 
@@ -231,23 +242,29 @@ def _linear(path: Path, name: str, table: Any) -> Linear:
         raise MissionError(f"{path}: {name}.bias is beyond {MOST_BIAS[name]:g}; accepted are smaller ones")
     if (np.abs(matrix - np.eye(3)) > MOST_SHAPE).any() or np.linalg.det(matrix) < LEAST_DETERMINANT:
         raise MissionError(
-            f"{path}: {name}.matrix is too far from the unit matrix; accepted are entries within {MOST_SHAPE:g} of it"
+            f"{path}: {name}.matrix is too far from the unit matrix; accepted are entries within "
+            f"{MOST_SHAPE:g} of it"
         )
     return Linear(bias * SCALES[name], matrix)
 
 
 def _numbers(path: Path, name: str, given: Any, shape: tuple[int, ...]) -> FloatArray:
     """Return finite numbers of a shape."""
-    flat = given if len(shape) == 1 else [one for row in given for one in row] if _is_rows(given) else None
+    flat: Any = (
+        given if len(shape) == 1 else [one for row in given for one in row] if _is_rows(given) else None
+    )
     right = isinstance(flat, list) and len(flat) == int(np.prod(shape))
     if not right or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in flat):
         count = " by ".join(map(str, shape))
         raise MissionError(f"{path}: {name} = {str(given)[:80]}; accepted are {count} numbers")
-    numbers = np.array(flat, dtype=np.float64).reshape(shape)
-    if not np.isfinite(numbers).all():
-        raise MissionError(f"{path}: {name} has a number that is not finite; accepted are finite numbers")
-    return numbers
+    if not all(abs(one) < MOST_NUMBER for one in flat):
+        raise MissionError(f"{path}: {name} has a number beyond {MOST_NUMBER:g}; accepted are smaller ones")
+    return np.array(flat, dtype=np.float64).reshape(shape)
 
 
 def _is_rows(given: Any) -> bool:
-    return isinstance(given, list) and len(given) == 3 and all(isinstance(one, list) and len(one) == 3 for one in given)
+    return (
+        isinstance(given, list)
+        and len(given) == 3
+        and all(isinstance(one, list) and len(one) == 3 for one in given)
+    )
