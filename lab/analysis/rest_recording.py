@@ -314,7 +314,8 @@ def _with_gravity(forces: Sequence[Triad]) -> tuple[tuple[Triad, str] | None, st
     """Return the first accelerometer with gravity in it and its unit; or why there is none."""
     why = ""
     for triad in forces:
-        size = float(np.linalg.norm(np.nanmean(triad.values, axis=0)))
+        # Not the mean vector: in a log of several attitudes that has another size.
+        size = float(np.nanmedian(np.linalg.norm(triad.values, axis=1)))
         sizes = {
             unit: size * UNITS["acceleration"][unit]
             for unit in ((triad.unit,) if triad.unit else _FORCE_UNITS)

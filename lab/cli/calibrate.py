@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, Force, check_out, experiment
+from lab.cli.options import (
+    AsJson,
+    Assignments,
+    Columns,
+    Config,
+    Force,
+    Units,
+    check_out,
+    corrections,
+    experiment,
+)
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -61,6 +71,8 @@ def imu(
             show_default="of the fixes",
         ),
     ] = None,
+    units: Units = None,
+    columns: Columns = None,
     out: Out = None,
     card: Annotated[
         Path | None,
@@ -81,7 +93,7 @@ def imu(
     check_out(out, True, ".toml", "a calibration", "--out")
     check_out(card, force, ".toml", "a card", "--card")
     with working(str(logs[0])):
-        found = calibrate_imu(logs, latitude)
+        found = calibrate_imu(logs, latitude, corrections(units, columns))
         if card is not None:
             try:
                 _write(card, card_of(found, card.stem).to_toml())
@@ -91,13 +103,20 @@ def imu(
 
 
 @calibrate.command("magnetometer", epilog=EXAMPLES)
-def magnetometer(logs: Logs, out: Out = None, force: Force = False, as_json: AsJson = False) -> None:
+def magnetometer(
+    logs: Logs,
+    units: Units = None,
+    columns: Columns = None,
+    out: Out = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
     """Find hard and soft iron from a log in which the device turns in all directions, or once round."""
     from lab.experiment.calibration import calibrate_magnetometer  # noqa: PLC0415 - help does not need it
 
     check_out(out, True, ".toml", "a calibration", "--out")
     with working(str(logs[0])):
-        found = calibrate_magnetometer(logs)
+        found = calibrate_magnetometer(logs, corrections(units, columns))
     _answer(found, out, force, as_json)
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +17,14 @@ from lab.analysis.calibration.terms import Term
 from lab.analysis.rest_recording import imu_samples
 from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
+from lab.data.files.unit_names import UNITS
 from lab.data.formats import log_reader_of
 from lab.data.log.auxiliary_data import Magnetometer
 from lab.data.log.calibration import Calibration
+from lab.data.sheets.sensor_csv import sheets_of
+from lab.data.sheets.sheet_imu import triads
+from lab.data.streams.capture import holds_samples
+from lab.data.streams.recorded_log import has_reader, recorded_samples
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_result import LogResult
 from lab.missions import LogMission, missions
@@ -35,13 +39,15 @@ from lab.sensors.suite import TRIADS
 Found = ImuCalibration | MagnetometerCalibration | MountingCalibration
 Source = str | Path | Sequence[str | Path]
 _AXES = "xyz"
-_AS_FILED = ("x", "y", "z")
-_UNITS = {"bias": {"gyro": "°/s", "accelerometer": "mg"}, "scale factor": "%", "misalignment": "°"}
+_MICROTESLA = 1e6
+"""Microteslas in a tesla: streams are in T."""
 _MILLI_G = 1e3 / 9.80665
 """mg in one m/s²."""
 
 
-def calibrate_imu(source: Source, latitude: float | None = None) -> ImuCalibration:
+def calibrate_imu(
+    source: Source, latitude: float | None = None, units: Mapping[str, str] | None = None
+) -> ImuCalibration:
     """Return bias, scale factor and misalignment of an IMU from a log of rests in many attitudes.
 
     Parameters
@@ -51,6 +57,8 @@ def calibrate_imu(source: Source, latitude: float | None = None) -> ImuCalibrati
         sensor log.
     latitude
         Latitude of the place [°], for gravity; None takes that of the log's fixes, if it has any.
+    units
+        For tables with named columns, corrections by column: a unit, or a quantity with its unit.
 
     Raises
     ------
@@ -65,7 +73,7 @@ def calibrate_imu(source: Source, latitude: float | None = None) -> ImuCalibrati
         if latitude is None and log.log.gnss.time.size:
             latitude = math.degrees(float(np.median(log.log.gnss.position[:, 0])))
     else:
-        read, _ = imu_samples(_paths(source), {})
+        read, _ = imu_samples(_paths(source), units or {})
         found = {triad: Samples(*one) for triad, one in read.items()}
     missing = [triad for triad in TRIADS if triad not in found]
     if missing:
@@ -77,7 +85,7 @@ def calibrate_imu(source: Source, latitude: float | None = None) -> ImuCalibrati
         raise MissionError(f"{name}: {error}") from error
 
 
-def calibrate_magnetometer(source: Source) -> MagnetometerCalibration:
+def calibrate_magnetometer(source: Source, units: Mapping[str, str] | None = None) -> MagnetometerCalibration:
     """Return hard and soft iron of a magnetometer from a log with turns.
 
     Parameters
@@ -91,7 +99,7 @@ def calibrate_magnetometer(source: Source) -> MagnetometerCalibration:
     MissionError
         If the log cannot be read, has no magnetometer, or turned too little.
     """
-    name, found = _name(source), _field(source)
+    name, found = _name(source), _field(source, units or {})
     if found is None:
         raise MissionError(f"{name}: has no magnetometer; accepted is a log that has one")
     try:
@@ -215,7 +223,7 @@ def _log_mission(source: Source) -> LogMission | None:
     return found
 
 
-def _field(source: Source) -> Magnetometer | None:
+def _field(source: Source, units: Mapping[str, str]) -> Magnetometer | None:
     """Return the fields of a log in the axes of the device."""
     log = _log_mission(source)
     if log is not None:
@@ -223,6 +231,20 @@ def _field(source: Source) -> Magnetometer | None:
             log.files.of_device().read_field() if log.files.has_own_names else log.log.auxiliary.magnetometer
         )
     files = _paths(source)
-    reader = log_reader_of(files[0])
-    axes = () if reader.read_logs is None else _AS_FILED
-    return replace(read_log(files, axes=axes)).auxiliary.magnetometer
+    if len(files) == 1 and holds_samples(files[0]) and not has_reader(files[0]):
+        rows = recorded_samples(files[0]).imu
+        measured = np.isfinite(rows["magnetic"]).all(axis=1) & rows["magnetic"].any(axis=1)
+        return Magnetometer(rows["time"], rows["magnetic"] * _MICROTESLA) if measured.any() else None
+    reader = log_reader_of(files[0], units)
+    if reader.read_logs is None:
+        return read_log(files).auxiliary.magnetometer
+    found = triads(sheets_of(files, units), "field")
+    if not found:
+        return None
+    if not found[0].unit:
+        columns = ", ".join(one.text for one in found[0].headings)
+        raise MissionError(
+            f"{files[0]}: the columns {columns} do not name their unit; accepted is --unit "
+            f"{found[0].headings[0].text}=µT, for each of them"
+        )
+    return Magnetometer(found[0].clock.time, found[0].values * UNITS["magnetic field"][found[0].unit])

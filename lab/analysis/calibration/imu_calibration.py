@@ -45,7 +45,7 @@ FOLDS = 12
 UNDEFINED = 2.0
 """Degrees of freedom up to which Student's distribution has no σ."""
 AXES = "xyz"
-ACCELEROMETER, GYRO_BIAS, GYRO = "accelerometer", "gyro bias", "gyro"
+ACCELEROMETER, GYRO = "accelerometer", "gyro"
 """The groups that are judged."""
 AFTER_TURNS = (
     "The gyros carry gravity from rest to rest: scale factors and misalignments of the gyros need turns."

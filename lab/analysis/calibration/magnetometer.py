@@ -36,12 +36,12 @@ class FieldLimits:
     """Fewest fields: nine numbers and their σ are sought."""
     shortest: float = 10.0
     """Shortest log [s]: a turn by hand about one axis takes some seconds."""
-    depth: float = 0.25
-    """Least spread of the fields, in the largest: 0.5 of half a sphere, 0.27 of a cap of 60°."""
+    depth: float = 0.12
+    """Least spread of the fields along each direction, in their size, for a sphere: a cap of 60° has 0.14."""
     arc: float = np.radians(270.0)
     """Least arc in its plane that an ellipse needs [rad]: of half an ellipse, centre and shape are alike."""
-    flat: float = 0.1
-    """Least spread along the second axis, in the largest, of fields in a plane: below, they lie on a line."""
+    flat: float = 0.4
+    """Least spread of the fields along each direction, in their size, for an ellipse: 270° have 0.6."""
     sector: float = np.radians(20.0)
     """Sector of the plane that must hold a field to count [rad]."""
     hard: float = 0.05
@@ -212,6 +212,12 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
         found = _tried(model, fields)
         if _shows(found):
             tried.append(found)
+    if models and not tried:
+        raise MissionError(
+            f"the fields of the magnetometer scatter too much: {covered}, but hard iron would have a σ of "
+            f"{_uncertainty(models[0], fields):.0f} % of the field; accepted are {100 * LIMITS.hard:g} %: "
+            "motors, currents or iron nearby change it"
+        )
     if not tried:
         raise MissionError(
             f"the magnetometer turned too little: {covered}; accepted is a log in which it turns in all "
@@ -226,6 +232,12 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     return _result(best, judgement, covered, source)
 
 
+def _uncertainty(model: _Model, fields: FloatArray) -> float:
+    """Return the largest σ of hard iron, as a part of the field [%]."""
+    found = _tried(model, fields)
+    return float(100 * np.sqrt(np.diagonal(found.covariance)[: model.d].max()) / abs(found.p[-1]))
+
+
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -234,18 +246,21 @@ def _models(fields: FloatArray) -> tuple[list[_Model], str]:
     """Return the models that the fields cover, the poorer first, and what they cover in words."""
     middle = fields.mean(axis=0)
     _, spread, axes = np.linalg.svd(fields - middle, full_matrices=False)
-    if spread[2] > LIMITS.depth * spread[0]:
+    spread /= np.sqrt(len(fields))
+    if spread[2] > LIMITS.depth * _Model(SPHERE, np.eye(3), False).fit(fields)[-1]:
         return [
             _Model(SPHERE, np.eye(3), False),
             _Model(ELLIPSOID, np.eye(3), True),
         ], "the fields cover all directions"
     seen = (fields - middle) @ axes[:2].T
     normal = ", ".join(f"{one:+.2f}" for one in axes[2]).replace("-", "−")
-    around = _Model(PLANE, axes[:2].T, False).fit(fields)[:2] - middle @ axes[:2].T
+    circle = _Model(PLANE, axes[:2].T, False).fit(fields)
+    around = circle[:2] - middle @ axes[:2].T
     angles = np.arctan2(*(seen - around).T[::-1])
     sectors = np.unique(np.floor(angles / LIMITS.sector)).size * LIMITS.sector
-    if spread[1] < LIMITS.flat * spread[0] or sectors < LIMITS.arc:
-        return [], f"the fields cover {min(np.degrees(sectors), 360):.0f}° of a circle"
+    if spread[1] < LIMITS.flat * circle[-1] or sectors < LIMITS.arc:
+        turned = min(np.degrees(sectors), spread[0] / circle[-1] * np.degrees(np.sqrt(12)), 360)
+        return [], f"the fields cover some {turned:.0f}° of a circle"
     covered = f"the fields lie near a plane, perpendicular to x, y, z = {normal}"
     return [_Model(PLANE, axes[:2].T, False), _Model(PLANE, axes[:2].T, True)], covered
 

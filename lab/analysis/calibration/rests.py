@@ -142,6 +142,12 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     still = _still(rate, force)
     pieces = [piece for piece in _pieces(still) if _holds(force.mean[slice(*piece)])][: LIMITS.most]
     if not pieces:
+        if not np.isfinite(rate.spread + force.spread).any():
+            often = gyro.time.size / (gyro.time[-1] - gyro.time[0])
+            raise MissionError(
+                f"the samples come {often:.3g} times a second; accepted are at least "
+                f"{LIMITS.fewest / LIMITS.block:g}"
+            )
         moved = np.degrees(np.nanmedian(np.linalg.norm(rate.spread, axis=1)))
         raise MissionError(
             f"the device never stands still for {LIMITS.shortest:g} s: within {LIMITS.block:g} s its "

@@ -24,8 +24,8 @@ class Term(NamedTuple):
     Attributes
     ----------
     group, name, axis : str
-        The sensor, such as ``"gyro"``; what it is, such as ``"misalignment"``; its axis, such as ``"xy"``, the
-        part of y that x measures.
+        The sensor, such as ``"gyro"``; what it is, such as ``"misalignment"``; its axis, such as ``"xy"``,
+        the part of y that x measures.
     value, sigma : float
         Its value and σ, in the unit; of a term that is not known, what the data leave of it.
     unit : str
