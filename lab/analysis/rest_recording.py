@@ -199,9 +199,7 @@ def of_samples(samples: Mapping[str, Samples], remarks: Sequence[str] = ()) -> R
     return RestRecords(records, [*said, *more])
 
 
-def imu_samples(
-    files: Sequence[Path], units: Mapping[str, str]
-) -> tuple[dict[str, Samples], list[str]]:
+def imu_samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
     """Return the samples of each triad in files, in the axes of the files, at rest or not; and remarks.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from lab.analysis.calibration.imu_fit import (
     SHAPE_A,
     TERMS,
     Fit,
+    Problem,
     carry,
     matrices,
     solve,
@@ -46,9 +47,12 @@ UNDEFINED = 2.0
 """Degrees of freedom up to which Student's distribution has no σ."""
 AXES = "xyz"
 ACCELEROMETER, GYRO = "accelerometer", "gyro"
-"""The groups that are judged."""
-AFTER_TURNS = (
-    "The gyros carry gravity from rest to rest: scale factors and misalignments of the gyros need turns."
+"""The sensors."""
+GYRO_BIAS, GYRO_MATRIX = "gyro bias", "gyro scale factors and misalignments"
+"""The groups that are judged besides all of the accelerometers."""
+CONVENTION = (
+    "The axes of the device are those about which the accelerometers are skewed evenly (xy is yx); "
+    "rests and turns do not show how they stand in the vehicle, which is the mounting."
 )
 
 
@@ -83,7 +87,7 @@ class ImuCalibration:
 def _group(term: Term) -> str:
     if term.group == ACCELEROMETER:
         return ACCELEROMETER
-    return GYRO_BIAS if term.name == "bias" else GYRO
+    return GYRO_BIAS if term.name == "bias" else GYRO_MATRIX
 
 
 def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCalibration:
@@ -113,7 +117,6 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
             "between them"
         )
     size = STANDARD_GRAVITY if gravity is None else gravity
-    rests = replace(rests, turns=tuple(turn for turn in rests.turns))
     fit, problem = solve(rests, size)
     known = _known(fit)
     folds = [
@@ -125,11 +128,13 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     gaining = {one.group for one in judgements if one.gains}
     stated = np.where(known, fit.terms, 0.0)
     K_a, K_g = matrices(stated)
-    gyro = Linear(stated[BIAS_G], K_g if GYRO in gaining else np.eye(3)) if GYRO_BIAS in gaining else None
+    gyro = (
+        Linear(stated[BIAS_G], K_g if GYRO_MATRIX in gaining else np.eye(3)) if GYRO_BIAS in gaining else None
+    )
     calibration = Calibration(
         source=source,
         accelerometer=Linear(stated[BIAS_A], K_a) if ACCELEROMETER in gaining else None,
-        gyro=gyro if gyro is not None else (Linear(np.zeros(3), K_g) if GYRO in gaining else None),
+        gyro=gyro if gyro is not None else (Linear(np.zeros(3), K_g) if GYRO_MATRIX in gaining else None),
     )
     sentences = [
         f"The log has {counted(rests.count, 'rest')} in {counted(count, 'attitude')} and "
@@ -138,6 +143,8 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
         *map(str, judgements),
         *_unknown(terms, rests),
     ]
+    if ACCELEROMETER in gaining:
+        sentences.append(CONVENTION)
     if gravity is None and ACCELEROMETER in gaining:
         sentences.append(
             f"Gravity is taken as {size:.4f} ± {GRAVITY_SIGMA:g} m/s², since the place is unknown: it is "
@@ -230,7 +237,7 @@ def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
 
 
 def _judged(
-    rests: Rests, gravity: float, problem: object, folds: list[NDArray[np.int64]], known: Flags
+    rests: Rests, gravity: float, problem: Problem, folds: list[NDArray[np.int64]], known: Flags
 ) -> tuple[Judgement, ...]:
     """Return what each withheld part says, by the terms that the other parts give."""
     sizes: tuple[list[FloatArray], list[FloatArray]] = ([], [])
@@ -238,7 +245,7 @@ def _judged(
     angles: tuple[list[FloatArray], list[FloatArray]] = ([], [])
     none = np.zeros(TERMS)
     for withheld in folds:
-        fit, _ = solve_linear(problem.without(withheld))  # type: ignore[attr-defined]
+        fit, _ = solve_linear(problem.without(withheld))
         terms = np.where(known, fit.terms, 0.0)
         for before, one in ((0, none), (1, terms)):
             force = _corrected(rests.force[withheld], one)
@@ -257,7 +264,7 @@ def _judged(
     rows = (
         (ACCELEROMETER, "specific force at rest minus gravity", "m/s²", sizes, 1.0),
         (GYRO_BIAS, "rate at rest", "°/s", rates, math.degrees(1.0)),
-        (GYRO, "angle between the carried and the measured vertical", "°", angles, 1.0),
+        (GYRO_MATRIX, "angle between the carried and the measured vertical", "°", angles, 1.0),
     )
     return tuple(
         judge(group, measure, unit, scale * np.concatenate(values[0]), scale * np.concatenate(values[1]))

@@ -48,6 +48,12 @@ class FieldLimits:
     """σ of hard iron, in the field, from which it counts as unknown: 3° of heading."""
     soft: float = 0.05
     """σ of an entry of the soft iron from which it counts as unknown: 3° of heading too."""
+    weakest: float = 5.0
+    """Smallest size of a field [µT]: level, 5 µT is that in the north of Canada; in all, 22 µT is the smallest."""
+    strongest: float = 80.0
+    """Largest size of a field [µT]: that of the Earth is up to 67 µT, and sensors err by some percent."""
+    round: float = 0.15
+    """Largest scatter about the surface, in the size of the field: with more, it is no surface."""
     folds: int = 12
     """Parts of the log that are withheld in turn."""
     no_worse: float = 1.0
@@ -174,6 +180,7 @@ class _Found(NamedTuple):
     p: FloatArray
     covariance: FloatArray
     degrees: float
+    residual: FloatArray
     before: FloatArray
     after: FloatArray
 
@@ -214,9 +221,7 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
             tried.append(found)
     if models and not tried:
         raise MissionError(
-            f"the fields of the magnetometer scatter too much: {covered}, but hard iron would have a σ of "
-            f"{_uncertainty(models[0], fields):.0f} % of the field; accepted are {100 * LIMITS.hard:g} %: "
-            "motors, currents or iron nearby change it"
+            f"the fields show no {models[0].name}: {covered}, but {_lacking(models[0], fields)}"
         )
     if not tried:
         raise MissionError(
@@ -232,10 +237,20 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     return _result(best, judgement, covered, source)
 
 
-def _uncertainty(model: _Model, fields: FloatArray) -> float:
-    """Return the largest σ of hard iron, as a part of the field [%]."""
+def _lacking(model: _Model, fields: FloatArray) -> str:
+    """Return what a model is like that the fields do not show, and what is accepted."""
     found = _tried(model, fields)
-    return float(100 * np.sqrt(np.diagonal(found.covariance)[: model.d].max()) / abs(found.p[-1]))
+    size = abs(float(found.p[-1]))
+    hard = float(np.sqrt(np.diagonal(found.covariance)[: model.d].max()))
+    scatter = _rms(model.residual(found.p, fields))
+    return (
+        f"the best one has a size of {size:.3g} µT, a scatter of {scatter:.2g} µT and a centre with a σ of "
+        f"{hard:.2g} µT; accepted are sizes of the Earth's field, {LIMITS.weakest:g} to "
+        f"{LIMITS.strongest:g} µT, a "
+        f"scatter of {100 * LIMITS.round:g} % and a σ of {100 * LIMITS.hard:g} % of it. Motors, currents "
+        "and iron "
+        "nearby change the field, and a device that does not turn shows its noise alone"
+    )
 
 
 def _rms(values: FloatArray) -> float:
@@ -280,7 +295,7 @@ def _tried(model: _Model, fields: FloatArray) -> _Found:
         usual = float(np.mean(np.linalg.norm(others @ model.basis, axis=1)))
         before.append(_rms(sizes - usual))
         after.append(_rms(model.residual(model.fit(others), fields[part])))
-    return _Found(model, p, covariance, degrees, np.array(before), np.array(after))
+    return _Found(model, p, covariance, degrees, residual, np.array(before), np.array(after))
 
 
 def _correlated(residual: FloatArray) -> float:
@@ -301,7 +316,9 @@ def _shows(found: _Found) -> bool:
     d = found.model.d
     inverse = np.linalg.inv(T) if np.linalg.det(T) > 0 else np.full((d, d), np.inf)
     return bool(
-        (sigma[:d] < LIMITS.hard * size).all()
+        LIMITS.weakest < size < LIMITS.strongest
+        and _rms(found.residual) < LIMITS.round * size
+        and (sigma[:d] < LIMITS.hard * size).all()
         and (sigma[d:-1] < LIMITS.soft).all()
         and (np.abs(inverse - np.eye(d)) < MOST_SHAPE).all()
         and np.isfinite(centre).all()

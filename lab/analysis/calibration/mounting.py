@@ -52,6 +52,10 @@ class MountingLimits:
     """Shortest time of driving [s]: each half of it must give angles, and five outages that judge them."""
     turned: float = math.radians(180.0)
     """Least sum of the turns [rad]: on a straight road, the heading of the IMU does not show."""
+    apart: float = 5.0
+    """Time between two courses whose difference may be a turn [s]."""
+    turn: float = math.radians(5.0)
+    """Least difference of them [rad]: velocities of 0.2 m/s and 5 m/s make 3°."""
     known: float = math.radians(0.3)
     """Largest σ of an angle that is stated [rad]: with more, wheels do not gain."""
     largest: float = math.radians(20.0)
@@ -234,8 +238,9 @@ def check_drive(log: SensorLog) -> None:
             f"{LIMITS.shortest:g} s, half of which judge the angles of the other half"
         )
     course = np.unwrap(np.arctan2(log.gnss.velocity_n[:, 1], log.gnss.velocity_n[:, 0])[speed > LIMITS.speed])
-    every = max(round(1.0 / max(float(np.median(np.diff(log.gnss.time))), 1e-3)), 1)
-    turned = float(np.abs(np.diff(course[::every])).sum())
+    every = max(round(LIMITS.apart / max(float(np.median(np.diff(log.gnss.time))), 1e-3)), 1)
+    turns = np.abs(np.diff(course[::every]))
+    turned = float(turns[turns > LIMITS.turn].sum())
     if turned < LIMITS.turned:
         raise MissionError(
             f"{log.name}: turns by {math.degrees(turned):.0f}° in all; accepted are drives that turn by "
