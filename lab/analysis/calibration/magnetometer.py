@@ -49,7 +49,7 @@ class FieldLimits:
     soft: float = 0.05
     """σ of an entry of the soft iron from which it counts as unknown: 3° of heading too."""
     weakest: float = 5.0
-    """Smallest size of a field [µT]: level, 5 µT is that in the north of Canada; in all, 22 µT is the smallest."""
+    """Smallest size of a field [µT]: level, it has 5 µT in the north of Canada; in all, 22 µT."""
     strongest: float = 80.0
     """Largest size of a field [µT]: that of the Earth is up to 67 µT, and sensors err by some percent."""
     round: float = 0.15
