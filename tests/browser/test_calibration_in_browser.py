@@ -1,4 +1,4 @@
-"""The page Calibration in a browser: a dropped log of rests is calibrated; one that moved is refused in words."""
+"""The page Calibration in a browser: a log of rests is calibrated; one that moved is refused in words."""
 
 from __future__ import annotations
 
