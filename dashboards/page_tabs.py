@@ -14,6 +14,7 @@ from panel.custom import JSComponent
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page
 from dashboards.pages.budget import Budget
+from dashboards.pages.calibrate import Calibrate
 from dashboards.pages.compare import Compare
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.flight import FlightPlots
@@ -35,7 +36,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Flight": (FlightPlots, GroundTrack, View3D),
     "Errors": (Errors, Covariance),
     "Filter": (Consistency, Innovations, SensorErrors, Budget, Microscope, OtherFilters),
-    "Sensors": (SensorCards, Allan),
+    "Sensors": (SensorCards, Allan, Calibrate),
     "Compare": (Compare,),
     "Live": (Live,),
 }

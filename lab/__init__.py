@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from lab.analysis import allan, budget
     from lab.base.parameters.setting_error import SettingError
     from lab.classroom.exercises.exercise import check
+    from lab.experiment.calibration import calibrate_imu, calibrate_magnetometer, calibrate_mounting
     from lab.experiment.ensembles.comparison import compare
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.ensembles.seeds import run_ensemble
@@ -74,6 +75,9 @@ __all__ = [
     "__version__",
     "allan",
     "budget",
+    "calibrate_imu",
+    "calibrate_magnetometer",
+    "calibrate_mounting",
     "card",
     "cards",
     "check",
@@ -105,6 +109,9 @@ _HOMES = {
     "SettingError": "lab.base.parameters.setting_error",
     "Sweep": "lab.experiment.sweep",
     "Trajectory": "lab.motion.truth.trajectory",
+    "calibrate_imu": "lab.experiment.calibration",
+    "calibrate_magnetometer": "lab.experiment.calibration",
+    "calibrate_mounting": "lab.experiment.calibration",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
     "check": "lab.classroom.exercises.exercise",

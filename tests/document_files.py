@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from calibration_logs import bench, errors, fields, write_bench
+from calibration_logs import drive as askew_drive
 from copter_logs import copter
 from document_code import ROOT, blocks
 from estimator_logs import ekf3, px4
@@ -19,6 +22,7 @@ from writers import WRITERS
 from xplane_simulator import montreal
 
 from dashboards.command_line import app
+from lab.data.log.calibration import Calibration, Linear
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.streams.axis_map import AxisMap
 from lab.live.simulated.simulated_flight import SimulatedFlight
@@ -41,6 +45,30 @@ def drive(path: Path) -> None:
     for table in (imu, gnss, reference):
         table[:, 0] -= EPOCH
     write(path, Tables(imu[::4], gnss, reference))
+
+
+def of_bench(path: Path) -> None:
+    """Write a log of an IMU that rests in many attitudes, with turns between them."""
+    rng = np.random.default_rng(1)
+    write_bench(path, *bench(rng, errors(rng)))
+
+
+def of_car(path: Path) -> None:
+    """Write the log of a drive whose IMU is mounted askew."""
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        askew_drive(Path(folder), 3, -0.4, 0.5)
+        (Path(folder) / "log").rename(path)
+
+
+def calibration() -> Calibration:
+    """Return constant errors of a sensor."""
+    return Calibration(source="bench.csv", gyro=Linear(np.array([0.01, -0.01, 0.0]), np.eye(3)))
+
+
+def of_compass(path: Path) -> None:
+    """Write the fields of a magnetometer that turns in all directions."""
+    time, values = fields(np.random.default_rng(1), np.eye(3), np.array([20.0, -10.0, 5.0]))
+    write_csv(path, ("t_s", "mx_uT", "my_uT", "mz_uT"), np.column_stack((time, values)))
 
 
 def logged(path: Path) -> None:
@@ -152,9 +180,13 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "my_logger.toml": lambda path: written(path, toml_of("docs/profiles.md", 0)),
     "my_drive": drive,
     "drive": drive,
+    "my_car": of_car,
     "my_copter": lambda path: write(path, copter()),
     "imu.csv": at_rest,
     "still.csv": at_rest,
+    "bench.csv": of_bench,
+    "compass.csv": of_compass,
+    "sensor.toml": lambda path: calibration().write(path),
     "fixes.ubx": lambda path: written(path, WRITERS["u-blox UBX"](montreal(120))),
     "settings.toml": lambda path: written(path, toml_of("docs/settings.md", 0)),
     "eight.toml": lambda path: written(path, toml_of("docs/flying.md", 0)),

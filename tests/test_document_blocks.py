@@ -20,6 +20,7 @@ from document_files import make_files
 from lab.classroom.homework.homework_file import make_homework
 from lab.classroom.lessons.lesson_file import lesson_of
 from lab.data.files.profile import read_profile
+from lab.data.log.calibration import Calibration, read_calibration
 from lab.experiment.experiment import Experiment
 from lab.flying.flight_plan import read_plan
 from lab.missions import mission
@@ -50,7 +51,7 @@ SHOWN = {
 }
 """Blocks of other languages, and what they are."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
-MARKERS = {"browser", "benchmark"}
+MARKERS = {"browser", "benchmark", "proof"}
 
 
 def with_blocks(language: str) -> list[Path]:
@@ -128,6 +129,11 @@ def read_own_profile(text: str, tables: dict[str, Any], folder: Path) -> None:
     assert read_profile(folder / "mine.toml").name == tables["name"]
 
 
+def read_own_calibration(text: str, tables: dict[str, Any], folder: Path) -> Calibration:
+    (folder / "sensor.toml").write_text(text, "utf-8")
+    return read_calibration(folder / "sensor.toml")
+
+
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "hidden": read_own_homework,
     "step": lambda text, tables, folder: lesson_of("mine", tables),
@@ -136,6 +142,7 @@ LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "sensors": lambda text, tables, folder: Experiment.from_toml(text),
     "Mine": read_card,
     "needs": read_own_profile,
+    "gyro": read_own_calibration,
 }
 """By a key at the top of a block: what reads it. The first that is found counts."""
 

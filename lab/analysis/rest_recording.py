@@ -168,7 +168,7 @@ def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None
     files = [Path(paths)] if isinstance(paths, Path | str) else [Path(path) for path in paths]
     where = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     try:
-        return of_samples(*_samples(files, units or {}))
+        return of_samples(*imu_samples(files, units or {}))
     except MissionError as error:
         text = str(error)
         raise MissionError(text if str(files[0]) in text else f"{where}: {text}") from error
@@ -199,8 +199,19 @@ def of_samples(samples: Mapping[str, Samples], remarks: Sequence[str] = ()) -> R
     return RestRecords(records, [*said, *more])
 
 
-def _samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
-    """Return the samples of each triad in files, and remarks."""
+def imu_samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
+    """Return the samples of each triad in files, in the axes of the files, at rest or not; and remarks.
+
+    Parameters
+    ----------
+    files, units
+        As of `read_log`.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read, or has no IMU.
+    """
     try:
         reader = log_reader_of(files[0], units)
     except MissionError:
@@ -301,7 +312,8 @@ def _with_gravity(forces: Sequence[Triad]) -> tuple[tuple[Triad, str] | None, st
     """Return the first accelerometer with gravity in it and its unit; or why there is none."""
     why = ""
     for triad in forces:
-        size = float(np.linalg.norm(np.nanmean(triad.values, axis=0)))
+        # Not the mean vector: in a log of several attitudes that has another size.
+        size = float(np.nanmedian(np.linalg.norm(triad.values, axis=1)))
         sizes = {
             unit: size * UNITS["acceleration"][unit]
             for unit in ((triad.unit,) if triad.unit else _FORCE_UNITS)

@@ -58,6 +58,10 @@ COMMANDS |= {
         "lab.cli.receiver:receiver",
         "Find the errors of a receiver's fixes, white and slow, beside its claims, and what a gate rejects.",
     ),
+    "calibrate": (
+        "lab.cli.calibrate:calibrate",
+        "Find constant errors of an IMU, a magnetometer or a mounting from a log, judged on withheld data.",
+    ),
     "judge": (
         "lab.cli.judge:judge",
         "Judge the filter of an autopilot's log, or of a csv of innovations.",

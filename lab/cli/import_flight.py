@@ -33,6 +33,7 @@ Examples:
   ins-lab import flight.ulg --as log
   ins-lab import Accelerometer.csv Gyroscope.csv Location.csv --as log --vehicle car
   ins-lab import xsens_capture.bin --as log --axes x,-y,-z
+  ins-lab import drive.csv --as log --axes y,x,-z --calibration sensor.toml
 The format is detected from the content. --set takes curve, positions, time_stamps, longest_gap,
 smoothing, smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude,
 start_height and rate; the message about a refused value lists the accepted ones."""
@@ -93,6 +94,15 @@ def import_flight(
             show_default=False,
         ),
     ] = "",
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            "--calibration",
+            metavar="FILE.toml",
+            help="With --as log: constant errors of the device to remove, from ins-lab calibrate.",
+            show_default=False,
+        ),
+    ] = None,
     card: Annotated[
         str | None,
         typer.Option(
@@ -124,12 +134,13 @@ def import_flight(
     given = corrections(units, columns)
     if kind is Kind.LOG:
         chosen = [axis.strip() for axis in axes.split(",")] if axes else []
-        given = _add_log(files, name, title, preview, as_json, given, chosen, vehicle)
+        given = _add_log(files, name, title, preview, as_json, given, chosen, vehicle, calibration)
         _save_profile(save_profile, files, given)
         return
-    if axes or vehicle:
+    if axes or vehicle or calibration:
         raise CommandError(
-            "--axes and --vehicle are of logs: they need --as log (--set vehicle=... for flights)"
+            "--axes, --vehicle and --calibration are of logs: they need --as log (--set vehicle=... for "
+            "flights)"
         )
     settings = ImportSettings()
     settings.set_texts(assignments or [])
@@ -158,6 +169,7 @@ def _add_log(
     units: dict[str, str],
     axes: Sequence[str],
     named_vehicle: str,
+    calibration: Path | None = None,
 ) -> dict[str, str]:
     """Add the IMU and GPS data of a file as a sensor log; return what was said of columns."""
     from lab.data.log.log_section import piece  # noqa: PLC0415 - beside what it goes with
@@ -171,6 +183,10 @@ def _add_log(
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
         log, units = _answered(files, units, lambda said: _log_in(files, said, axes, named_vehicle))
+        if calibration is not None:
+            from lab.missions.flight_import import calibrated  # noqa: PLC0415 - rarely needed
+
+            log = calibrated(log, files, calibration, axes)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name

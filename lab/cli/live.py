@@ -83,6 +83,15 @@ Columns = Annotated[
 SourceAddress = Annotated[
     str, typer.Argument(metavar="SOURCE", help="The source, such as tcp:127.0.0.1:5555.", show_default=False)
 ]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration",
+        metavar="FILE.toml",
+        help="Constant errors of the device to remove, from ins-lab calibrate.",
+        show_default=False,
+    ),
+]
 Seconds = Annotated[
     float | None,
     typer.Option("--seconds", metavar="S", help="How long.", show_default="until Ctrl-C, or its end"),
@@ -126,11 +135,12 @@ def watch(
     seconds: Seconds = None,
     units: Units = None,
     columns: Columns = None,
+    calibration: CalibrationFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what a source sends: a line a second; with --json one object a line."""
     _check_seconds(seconds)
-    with _opened(source, units, columns) as (opened, go_on):
+    with _opened(source, units, columns, _calibrated(calibration)) as (opened, go_on):
         if not as_json:
             print(
                 "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
@@ -223,6 +233,7 @@ def navigate(
     config: Config = None,
     card: Card = None,
     assignments: Assignments = None,
+    calibration: CalibrationFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Navigate with a source as it comes: a line a second; with --json one object a line.
@@ -234,7 +245,7 @@ def navigate(
 
     _check_seconds(seconds)
     chosen = experiment(_ANY, config, card, assignments, None)
-    with _opened(source, units, columns) as (opened, go_on):
+    with _opened(source, units, columns, _calibrated(calibration)) as (opened, go_on):
         try:
             station = Station(opened, chosen.sensors, chosen.navigator, source)
         except SettingError as error:
@@ -353,6 +364,16 @@ def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
         yield
     finally:
         sender.close()
+
+
+def _calibrated(calibration: Path | None) -> Callable[[Source], None]:
+    """Return what gives a source the calibration of a file, if there is one."""
+    if calibration is None:
+        return lambda source: None
+    from lab.data.log.calibration import read_calibration  # noqa: PLC0415 - rarely needed
+
+    known = read_calibration(calibration)
+    return lambda source: setattr(source, "calibration", known)
 
 
 @contextmanager

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.files.mission_error import MissionError, QuestionError
+from lab.data.checks.imu_axes import axes_matrix
 from lab.data.clock.two_clocks import clock_rate
 from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
 from lab.data.log.auxiliary_data import Comparison
+from lab.data.log.calibration import read_calibration
 from lab.data.log.log_section import piece
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport, report
@@ -227,6 +229,44 @@ def read_log(
     log = read_log_of(reader, files[0])
     own = own_solution(reader, files[0], log.epoch)
     return _with_clock_rate(replace(log, auxiliary=replace(log.auxiliary, comparisons=own)))
+
+
+def calibrated(
+    log: SensorLog, files: Sequence[Path], calibration: Path, axes: Sequence[str] = ()
+) -> SensorLog:
+    """Return a log that was read from files without the constant errors of its device.
+
+    Parameters
+    ----------
+    log
+        The log.
+    files
+        Its files.
+    calibration
+        The file of the calibration, in the axes of the device.
+    axes
+        The axes of the device that point forward, right and down; empty if the format of the files states
+        them.
+
+    Raises
+    ------
+    MissionError
+        If the calibration cannot be read, or nothing states the axes of the device.
+    """
+    known = read_calibration(calibration)
+    if axes:
+        return known.applied(log, axes_matrix(axes))
+    try:
+        states_axes = log_reader_of(_files(files)[0]).read_logs is None
+    except MissionError:
+        states_axes = False
+    if not states_axes:
+        raise MissionError(
+            f"{calibration}: is in the axes of the device; accepted beside it are the axes that point "
+            "forward, right and "
+            "down, such as --axes x,y,z"
+        )
+    return known.applied(log)
 
 
 def _with_clock_rate(log: SensorLog) -> SensorLog:

@@ -14,8 +14,10 @@ from lab.base.files.description_toml import read_toml
 from lab.base.files.file_content import check_file
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
+from lab.data.checks.imu_axes import axes_matrix
 from lab.data.files.log_toml import DESCRIPTION_FILE, KEYS
 from lab.data.files.sensor_log_csv import LogFiles, log_files
+from lab.data.log.calibration import read_calibration
 from lab.data.log.sensor_log import SensorLog
 from lab.missions.mission import Mission
 from lab.motion.recordings.recording import Recording
@@ -135,7 +137,15 @@ def _read(files: LogFiles) -> SensorLog:
         lever_arm=files.lever_arm,
         latency=files.latency,
     )
-    others = [path.name for path in files.paths if path not in (files.imu, files.gnss)]
+    if files.calibration is not None:
+        if not files.axes_stated:
+            raise MissionError(
+                f"{files.path}: calibration is in the axes of the IMU; accepted is axes = [...] beside "
+                "it, which says "
+                "which of them point forward, right and down"
+            )
+        log = read_calibration(files.calibration).applied(log, axes_matrix(files.axes))
+    others = [path.name for path in files.paths if path not in (files.imu, files.gnss, files.calibration)]
     if not others:
         return log
     remark = f"Not read beside files with other headings than the lab's: {', '.join(others)}."

@@ -40,6 +40,7 @@ WORDS = {
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
     "Microscope": ("x⁺ = K y",),
+    "Calibration": ("Constant errors of sensors",),
     "Other filters": ("What a filter that is not ours says of itself",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }

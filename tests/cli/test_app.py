@@ -37,6 +37,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "budget",
         "numbers",
         "receiver",
+        "calibrate",
         "live",
         "lesson",
         "homework",
@@ -63,7 +64,7 @@ def test_the_version_is_the_one_installed() -> None:
             [
                 "no command 'sail'",
                 "missions, run, report, compare, ensemble, sweep, outage, budget, identify, numbers",
-                "receiver, judge, fly",
+                "receiver, calibrate, judge, fly",
                 "cards",
                 "allan",
                 "serve",

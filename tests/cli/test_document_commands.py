@@ -29,6 +29,7 @@ WRITES = {
     "outage": {"--out"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
+    "calibrate imu": {"--out", "--card"},
     "receiver": {"--settings"},
     "homework make": {"--out"},
     "homework hand-in": {"--out"},

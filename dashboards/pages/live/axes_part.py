@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,10 @@ from dashboards.pages.live.field_part import FieldPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
+from dashboards.upload import Upload
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.toml_file import MAX_BYTES
+from lab.data.log.calibration import read_calibration
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.source_status import STREAMING
 from lab.live.bench.axis_check import (
@@ -32,8 +37,8 @@ from lab.views.axis_picture import axis_picture
 PLACED = 5e-4
 """σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""
 OTHERS_AXES = (
-    "In a class, only the person who opened a source and the teacher may set its axes. You may still check "
-    "them."
+    "In a class, only the person who opened a source and the teacher may set its axes and its calibration. "
+    "You may still check them."
 )
 """Said to others who watch."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
@@ -84,6 +89,10 @@ class AxesPart(PartOfWatched):
         )
         self._anew = pmui.Button(label="Start over", icon="restart_alt", **_SMALL)
         self._anew.on_click(lambda _event: self._forget())
+        self._calibration = Upload(
+            self._calibrate, self._notice.say, most=1, largest=MAX_BYTES, label="Calibration file",
+            accept=".toml", **_SMALL,
+        )  # fmt: skip
         self._field = FieldPart()
         self.view = pn.Column(
             pn.pane.HTML(_INTRODUCTION, margin=(4, 10), sizing_mode="stretch_width"),
@@ -92,7 +101,7 @@ class AxesPart(PartOfWatched):
                 pn.Column(*rows, margin=0, **_share(380)),
                 pn.Column(
                     self._words,
-                    pn.Row(self._use, self._anew, margin=0, stylesheets=[WRAP]),
+                    pn.Row(self._use, self._anew, self._calibration, margin=0, stylesheets=[WRAP]),
                     self._rights,
                     self._picture,
                     margin=0,
@@ -122,7 +131,8 @@ class AxesPart(PartOfWatched):
         self._field.tell()
 
     def close(self) -> None:
-        """Deliver no further results."""
+        """Deliver no further results, and delete the file."""
+        self._calibration.delete()
         self._field.close()
 
     def tell_rights(self) -> None:
@@ -131,6 +141,7 @@ class AxesPart(PartOfWatched):
         may = watched is None or watched.may_change
         self._rights.visible = not may
         self._use.disabled = self._found is None or watched is None or not may
+        self._calibration.disabled = watched is None or not may
 
     def _row(self, name: str) -> pn.Row:
         button = pmui.Button(label="Capture", **_SMALL, **sized(100))
@@ -209,6 +220,24 @@ class AxesPart(PartOfWatched):
         axes: AxisMap = self._found.axes
         station.source.axes = axes
         self._notice.say(f"The axes of this source are {axes} now, for all who watch it.", "success")
+
+    def _calibrate(self, files: list[Path]) -> None:
+        """Give the source the calibration of a file, for all who watch it."""
+        watched, station = self._watched, self._station
+        if watched is None or station is None:
+            return
+        if not watched.may_change:  # the button is disabled, a message may come all the same
+            self._notice.say(OTHERS_AXES)
+            return
+        try:
+            known = read_calibration(files[0])
+        except MissionError as error:
+            self._notice.say(str(error).replace(f"{files[0].parent}/", ""))
+            return
+        station.source.calibration = known
+        self._notice.say(
+            f"The calibration of this source is now, for all who watch it: {known.words}.", "success"
+        )
 
 
 def _outcome(seen: AxisObservation) -> str:

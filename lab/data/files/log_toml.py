@@ -16,7 +16,7 @@ from lab.data.log.vehicle import VEHICLES
 DESCRIPTION_FILE = "log.toml"
 """Name of the TOML file in the folder of a log."""
 
-_FILES = ("imu", "gnss", "reference", "magnetometer", *(aid.name for aid in SERIES), "heading")
+_FILES = ("imu", "gnss", "reference", "magnetometer", *(aid.name for aid in SERIES), "heading", "calibration")
 _TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",

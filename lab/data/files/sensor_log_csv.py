@@ -31,6 +31,7 @@ outages refer to as well. Heights are above the ellipsoid, or all above the same
     forward_assumed = false       # true: which one points forward is only assumed (docs/logs.md)
     check_sensors = true          # false: readings of other sensors that contradict GPS or gyros are kept
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
+    calibration = "cal.toml"      # left out: none; a file of ins-lab calibrate, in the axes of the IMU
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
     latency_s = 0                 # by how much the stamps of the fixes are late
     declination_deg = 11.5        # of the magnetic field, east; left out: of the World Magnetic Model
@@ -87,6 +88,7 @@ from lab.data.log.auxiliary_data import (
     Reference,
     Series,
 )
+from lab.data.log.calibration import read_calibration
 from lab.data.log.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repaired
 from lab.motion.frames.rotation import C_nb_from_euler
 
@@ -138,6 +140,8 @@ class LogFiles:
         Whether it is only assumed which axis points forward.
     check_sensors : bool
         Whether readings of sensors besides IMU and GPS that contradict these are refused.
+    calibration : Path or None
+        The file with the constant errors of the device, which are removed.
     """
 
     path: Path
@@ -161,6 +165,7 @@ class LogFiles:
     axes_stated: bool = False
     forward_assumed: bool = False
     check_sensors: bool = True
+    calibration: Path | None = None
 
     @property
     def has_own_names(self) -> bool:
@@ -187,6 +192,7 @@ class LogFiles:
             self.magnetometer,
             *self.series.values(),
             self.heading,
+            self.calibration,
             *(path for _, path in self.comparisons),
         )
         return [path for path in named if path is not None]
@@ -247,6 +253,34 @@ class LogFiles:
             check_auxiliary(log, {**self.series, "heading": self.heading or self.gnss})
         return log
 
+    def of_device(self) -> LogFiles:
+        """Return the same files in the axes of the device: neither turned nor calibrated."""
+        return replace(self, axes=("x", "y", "z"), mounting=(0.0, 0.0, 0.0), calibration=None)
+
+    def read_imu(self) -> tuple[FloatArray, FloatArray]:
+        """Return times (n,) [s] and samples (n, 6) of the IMU: rates [rad/s], specific forces [m/s²].
+
+        Raises
+        ------
+        MissionError
+            As of `read`.
+        """
+        time, samples, increments = self._read_imu([])
+        if increments:
+            dt = np.diff(time)
+            time, samples = time[1:][dt > 0], samples[1:][dt > 0] / dt[dt > 0, None]
+        return time, samples
+
+    def read_field(self) -> Magnetometer | None:
+        """Return the readings of the magnetometer; None if there is none.
+
+        Raises
+        ------
+        MissionError
+            As of `read`.
+        """
+        return None if self.magnetometer is None else self._read_field(self.magnetometer, [])
+
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
         cells = (TIME, *(replace(column, may_be_empty=True) for column in IMU[1:]))
         table, _ = _read(self.imu, cells, repairs, _MAX_EMPTY_IMU)
@@ -268,8 +302,15 @@ class LogFiles:
                 gyro = np.radians(gyro)
             if "fx_g" in table:
                 force = force * STANDARD_GRAVITY
+        time = table["t_s"]
+        if self.calibration is not None:
+            known = read_calibration(self.calibration)
+            dt = np.diff(time, prepend=2 * time[0] - time[1]) if present else None
+            gyro = gyro if known.gyro is None else known.gyro.removed(gyro, dt=dt)
+            force = force if known.accelerometer is None else known.accelerometer.removed(force, dt=dt)
+            repairs.append(f"A calibration was applied ({self.calibration.name}): {known.words}.")
         C = self._axes()
-        return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
+        return time, np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
     def _read_gnss(self, repairs: list[str]) -> tuple[GnssLog, Headings | None]:
         place = tuple(replace(column, may_be_empty=True) for column in POSITION)
@@ -294,13 +335,14 @@ class LogFiles:
     def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
         table, _ = _read(path, (TIME, *FIELD), repairs)
         time, field = _known(path, table["t_s"], np.stack([table[column.name] for column in FIELD], axis=-1))
+        known = None if self.calibration is None else read_calibration(self.calibration).magnetometer
+        field = field if known is None else known.removed(field)
         return Magnetometer(time, field @ self._axes().T, float(np.radians(self.declination)))
 
     def _axes(self) -> FloatArray:
         """Return the matrix that takes vectors in the axes of the IMU to b."""
-        return np.asarray(
-            C_nb_from_euler(np.radians(self.mounting)) @ axes_matrix(self.axes, f"{self.path}: ")
-        )
+        C = C_nb_from_euler(np.radians(self.mounting)) @ axes_matrix(self.axes, f"{self.path}: ")
+        return np.asarray(C if self.calibration is None else read_calibration(self.calibration).turn @ C)
 
 
 def log_files(path: str | os.PathLike[str]) -> LogFiles:
@@ -335,7 +377,12 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         (name, file_in_same_folder(described, "comparisons", file))
         for name, file in values.get("comparisons", {}).items()
     )
-    wanted = [imu, gnss, *(file for _, file in comparisons)]
+    calibration = (
+        file_in_same_folder(described, "calibration", values["calibration"])
+        if "calibration" in values
+        else None
+    )
+    wanted = [imu, gnss, *(file for _, file in comparisons), *((calibration,) if calibration else ())]
     wanted += [file for key, file in others.items() if key in values]
     for file in wanted:
         if not file.is_file():
@@ -366,6 +413,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         axes_stated="axes" in values,
         forward_assumed=values.get("forward_assumed", False),
         check_sensors=values.get("check_sensors", True),
+        calibration=calibration,
     )
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lab.data.clock.clock_watch import ClockWatch
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.reading_times import NO_READINGS, ReadingTimes
+from lab.data.log.calibration import Calibration
 from lab.data.protocols.column_map import UNITS_OF, Column, ColumnMap, ColumnMapError, spelled
 from lab.data.protocols.decoder import Decoder, Statistics
 from lab.data.protocols.samples import Samples
@@ -121,6 +122,15 @@ class Reception:
     @axes.setter
     def axes(self, axes: AxisMap) -> None:
         self._rows.axes = axes
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The constant errors of the device that are removed; may be replaced at any time."""
+        return self._rows.calibration
+
+    @calibration.setter
+    def calibration(self, calibration: Calibration | None) -> None:
+        self._rows.calibration = calibration
 
     @property
     def protocol(self) -> str:

@@ -247,7 +247,7 @@ def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[s
     MissionError
         If IMU and receiver have recorded too little together, or the log is implausible.
     """
-    if not Path(path).is_file() or _has_reader(Path(path)) or not holds_samples(path):
+    if not Path(path).is_file() or has_reader(Path(path)) or not holds_samples(path):
         return None
     if axes:
         log = log_of_recording(path, vehicle=vehicle, axes=",".join(axes))
@@ -258,7 +258,7 @@ def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[s
     return log
 
 
-def _has_reader(path: Path) -> bool:
+def has_reader(path: Path) -> bool:
     """Return whether a reader reads logs of a file's format."""
     try:
         return log_reader_of(path).read_log is not None

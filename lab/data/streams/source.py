@@ -12,6 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from lab.data.log.calibration import Calibration
 from lab.data.protocols.decoder import DecoderError
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.raw_recording import (
@@ -186,6 +187,18 @@ class Source:
             self._happened(f"The axes are {axes} now.")
             if self._writer is not None:
                 self._report({NEW_AXES: str(axes)}, self._arrival)
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The constant errors that are removed from what comes then; raw recordings keep the bytes."""
+        return self._reception.calibration
+
+    @calibration.setter
+    def calibration(self, calibration: Calibration | None) -> None:
+        with self._lock:
+            self._reception.calibration = calibration
+            words = "none" if calibration is None else calibration.words
+            self._happened(f"The calibration is now: {words}.")
 
     @property
     def rescaled(self) -> int:

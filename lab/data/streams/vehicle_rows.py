@@ -7,17 +7,20 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.counted import counted
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.faults import increasing
 from lab.data.clock.limits import LIMITS
 from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
+from lab.data.log.calibration import Calibration
 from lab.data.protocols.samples import NAMED, NO_FIX, UNMEASURED
 from lab.data.streams.axis_map import AxisMap
 
 Rows = NDArray[np.void]
 
+_MICROTESLA = 1e6
+"""Microteslas in a tesla: calibrations are in µT, streams in T."""
 NO_IMU, NO_FIXES = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
 """No samples, no fixes."""
 
@@ -29,12 +32,15 @@ class VehicleRows:
     ----------
     axes : AxisMap
         The axis map; may be replaced at any time.
+    calibration : Calibration or None
+        The constant errors of the device, which are removed; may be replaced at any time.
     triads_apart : bool
         Whether the device sends rates and forces one by one: a rate then gets the last force.
     """
 
     def __init__(self, axes: AxisMap) -> None:
         self.axes = axes
+        self.calibration: Calibration | None = None
         self.triads_apart = False
         self._force: FloatArray | None = None  # the last, of a device that sends the triads one by one
         self._gap = True
@@ -76,12 +82,34 @@ class VehicleRows:
         self._latest = float(times[-1])
         made = np.empty(len(rows), TIMED_IMU)
         made["time"], made["arrival"], made["gap"] = times, arrival, gap
-        made["rate"] = self.axes.mapped(rows["rate"])
-        made["force"] = self.axes.mapped(rows["force"], force=True)
-        made["magnetic"] = self.axes.mapped(rows["magnetic"])
+        known = self.calibration
+        seen = rows if known is None else _calibrated(rows, known, self.axes)
+        made["rate"] = self.axes.mapped(seen["rate"])
+        made["force"] = self.axes.mapped(seen["force"], force=True)
+        made["magnetic"] = self.axes.mapped(seen["magnetic"])
+        if known is not None:
+            for name in ("rate", "force", "magnetic"):
+                made[name] = made[name] @ known.turn.T
         for name in ("temperature", "pressure", "clipped", "end"):
             made[name] = rows[name]
         return made
+
+
+def _calibrated(rows: Rows, known: Calibration, axes: AxisMap) -> Rows:
+    """Return a copy of rows without the errors of a calibration, in the axes of the device."""
+    rows = rows.copy()
+    if known.gyro is not None:
+        rows["rate"] = known.gyro.removed(rows["rate"])
+    if known.accelerometer is not None:
+        sign = -1.0 if axes.inverted_force else 1.0
+        rows["force"] = sign * known.accelerometer.removed(sign * rows["force"])
+    if known.magnetometer is not None:
+        measured: Flags = np.asarray(
+            rows["magnetic"].any(axis=1)
+        )  # zero in all axes says that there is no reading
+        removed = known.magnetometer.removed(rows["magnetic"] * _MICROTESLA) / _MICROTESLA
+        rows["magnetic"] = np.where(measured[:, None], removed, rows["magnetic"])
+    return rows
 
 
 class FixRows:

@@ -15,11 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.calibration.imu_calibration import GRAVITY_SIGMA
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.imu_axes import signed
 from lab.data.streams.axis_map import AXES, AxisMap
-from lab.live.bench.six_positions import GRAVITY_SIGMA, AccelerometerErrors, accelerometer_errors
+from lab.live.bench.six_positions import AccelerometerErrors, accelerometer_errors
 from lab.live.bench.static_interval import AxisCheckError, StaticInterval, static_interval, turned
 
 Axis = tuple[int, int, int]

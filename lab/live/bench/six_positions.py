@@ -8,14 +8,13 @@ D. H. Titterton, J. L. Weston, *Strapdown Inertial Navigation Technology*, 2nd e
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from lab.analysis.calibration.imu_calibration import GRAVITY_SIGMA
 from lab.base.arrays import FloatArray
 
-GRAVITY_SIGMA: Final = 0.015
-"""σ of gravity where the place is unknown [m/s²]: at sea level it is 9.780 to 9.832 m/s², evenly spread."""
 _STEPS = 8
 """Newton steps: with 10 % of scale factor, the fifth changes nothing."""
 _SMALLEST = 1e-6

@@ -1,0 +1,199 @@
+"""``ins-lab calibrate``: constant errors of an IMU, a magnetometer or a mounting, judged on withheld data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, Commands, print_json, working
+from lab.cli.options import (
+    AsJson,
+    Assignments,
+    Columns,
+    Config,
+    Force,
+    Units,
+    check_out,
+    corrections,
+    experiment,
+)
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.experiment.calibration import Found
+
+EXAMPLES = """\b
+Examples:
+  ins-lab calibrate imu bench.csv --out sensor.toml
+  ins-lab calibrate magnetometer rover.bin --out sensor.toml --force
+  ins-lab calibrate mounting my_drive --out sensor.toml --force
+  ins-lab import drive.csv --as log --axes y,x,-z --calibration sensor.toml
+  ins-lab live navigate serial:/dev/ttyUSB0 --calibration sensor.toml
+A file that is there already keeps what it knows of the other sensors."""
+
+calibrate = typer.Typer(
+    name="calibrate",
+    cls=Commands,
+    help="Find constant errors of an IMU, a magnetometer or a mounting from a log, judged on withheld data.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG...", help="File of a log, or a mission that is one.", show_default=False),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="FILE.toml",
+        help="Write what gains, for --calibration of import and live, and for log.toml.",
+        show_default=False,
+    ),
+]
+
+
+@calibrate.command("imu", epilog=EXAMPLES)
+def imu(
+    logs: Logs,
+    latitude: Annotated[
+        float | None,
+        typer.Option(
+            "--latitude",
+            min=-90,
+            max=90,
+            metavar="DEG",
+            help="Of the place, for gravity.",
+            show_default="of the fixes",
+        ),
+    ] = None,
+    units: Units = None,
+    columns: Columns = None,
+    out: Out = None,
+    card: Annotated[
+        Path | None,
+        typer.Option(
+            "--card", metavar="CARD.toml", help="Write a sensor card with these errors.", show_default=False
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find bias, scale factor and misalignment of both triads from rests in many attitudes and turns between.
+
+    Put the IMU down in the six faces of a box, each of them twice or more, and in some attitudes between, for
+    three seconds each.
+    """
+    from lab.experiment.calibration import calibrate_imu, card_of  # noqa: PLC0415 - help does not need it
+
+    check_out(out, True, ".toml", "a calibration", "--out")
+    check_out(card, force, ".toml", "a card", "--card")
+    with working(str(logs[0])):
+        found = calibrate_imu(logs, latitude, corrections(units, columns))
+        if card is not None:
+            try:
+                _write(card, card_of(found, card.stem).to_toml())
+            except ValueError as error:
+                raise CommandError(f"--card {card}: {error}") from error
+    _answer(found, out, force, as_json)
+
+
+@calibrate.command("magnetometer", epilog=EXAMPLES)
+def magnetometer(
+    logs: Logs,
+    units: Units = None,
+    columns: Columns = None,
+    out: Out = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find hard and soft iron from a log in which the device turns in all directions, or once round."""
+    from lab.experiment.calibration import calibrate_magnetometer  # noqa: PLC0415 - help does not need it
+
+    check_out(out, True, ".toml", "a calibration", "--out")
+    with working(str(logs[0])):
+        found = calibrate_magnetometer(logs, corrections(units, columns))
+    _answer(found, out, force, as_json)
+
+
+@calibrate.command("mounting", epilog=EXAMPLES)
+def mounting(
+    mission: Annotated[
+        str, typer.Argument(metavar="MISSION", help="Sensor log of a drive on wheels.", show_default=False)
+    ],
+    config: Config = None,
+    assignments: Assignments = None,
+    out: Out = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the small angles of the IMU in a vehicle on wheels, so that wheels help instead of harm."""
+    from lab.experiment.calibration import calibrate_mounting  # noqa: PLC0415 - help does not need it
+
+    check_out(out, True, ".toml", "a calibration", "--out")
+    chosen = experiment(mission, config, None, assignments, None)
+    with working(mission) as progress:
+        found = calibrate_mounting(chosen, progress)
+    _answer(found, out, force, as_json)
+
+
+def _answer(found: Found, out: Path | None, force: bool, as_json: bool) -> None:
+    """Write the file, if one is asked for, and print what was found."""
+    from lab.data.log.calibration import read_calibration  # noqa: PLC0415 - beside what it goes with
+    from lab.experiment.calibration import written  # noqa: PLC0415 - beside what it goes with
+
+    if as_json:
+        print_json(_facts(found))
+    else:
+        rows = [
+            (
+                term.group,
+                term.name,
+                term.axis,
+                f"{term.value:+.4g}",
+                f"{term.sigma:.2g}",
+                term.unit,
+                _interval(term),
+            )
+            for term in found.stated
+        ]
+        head = ("group", "term", "axis", "value", "σ", "unit", "95 % interval")
+        parts = [table(head, rows, right={3, 4})] if rows else ["No number is stated."]
+        parts.append("\n".join(f"- {sentence}" for sentence in found.sentences))
+        print("\n\n".join(parts))
+    if out is None:
+        return
+    if out.exists() and not force:
+        raise CommandError(
+            f"--out {out}: exists already; --force renews what this calibration knows and keeps the other "
+            "sensors"
+        )
+    whole = written(found, out, read_calibration(out) if out.exists() else None)
+    if not as_json:
+        print(f"\n{out}: {whole.words}")
+
+
+def _write(path: Path, text: str) -> None:
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+
+    with atomic_file(path) as file:
+        file.write(text.encode())
+
+
+def _interval(term: Any) -> str:
+    low, high = term.interval
+    return f"{low:+.4g} to {high:+.4g}"
+
+
+def _facts(found: Found) -> dict[str, Any]:
+    return {
+        "terms": [
+            {**term._asdict(), "low": term.interval[0], "high": term.interval[1]} for term in found.stated
+        ],
+        "judgements": [{**vars(one), "gains": one.gains} for one in found.judgements],
+        "sentences": list(found.sentences),
+    }

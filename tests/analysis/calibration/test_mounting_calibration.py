@@ -1,0 +1,105 @@
+"""Mounting of simulated drives: small angles with their σ, and drives that do not show them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lab
+from lab.base.files.mission_error import MissionError
+from lab.missions import mission
+from tests.calibration_logs import drive
+
+
+def calibrated(folder: Path, seed: int, pitch: float, yaw: float, **of_road: float | bool):
+    """Return the experiment of a drive, and its calibration."""
+    folder.mkdir(exist_ok=True)
+    log = drive(folder, seed, pitch, yaw, **of_road)
+    return log, lab.calibrate_mounting(log)
+
+
+def test_small_angles_are_found_and_wheels_help_with_them(tmp_path: Path) -> None:
+    log, found = calibrated(tmp_path, 3, -0.4, 0.5)
+    pitch, yaw, place = found.terms
+    assert abs(pitch.value + 0.4) < 4 * pitch.sigma
+    assert abs(yaw.value - 0.5) < 4 * yaw.sigma
+    assert max(pitch.sigma, yaw.sigma) < 0.1
+    assert abs(place.value) < 4 * place.sigma  # simulated where the IMU is
+    assert found.judgements[0].gains
+    none, wheels, turned = found.errors
+    assert turned < wheels
+    assert turned < none
+    # Applied to the log, nothing is left to be found.
+    path = tmp_path / "log" / "cal.toml"
+    found.calibration.write(path)
+    with (tmp_path / "log" / "log.toml").open("a") as file:
+        file.write('calibration = "cal.toml"\n')
+    again = lab.calibrate_mounting(log)
+    assert again.calibration.is_empty
+    assert max(abs(term.value) for term in again.terms[:2]) < 0.1
+    heading = log.run().errors.attitude.isel(angle=2).values  # against the true attitude of the vehicle
+    assert abs(np.mean(heading[len(heading) // 2 :])) < 0.3
+
+
+def test_a_fifth_of_a_degree_is_found(tmp_path: Path) -> None:
+    _, found = calibrated(tmp_path, 4, 0.2, 0.2, seconds=900.0)
+    pitch, yaw, _ = found.terms
+    assert abs(pitch.value - 0.2) < 3 * pitch.sigma
+    assert abs(yaw.value - 0.2) < 3 * yaw.sigma
+    assert yaw.sigma < 0.06
+    assert not found.calibration.is_empty
+
+
+@pytest.mark.proof
+def test_sigma_of_the_angles_is_true_over_drives(tmp_path: Path) -> None:
+    off = []
+    for seed in range(40):
+        angles = np.random.default_rng(seed).normal(scale=0.5, size=2)
+        _, found = calibrated(tmp_path / str(seed), seed + 1, *angles)
+        off.append(
+            [(term.value - true) / term.sigma for term, true in zip(found.terms, angles, strict=False)]
+        )
+    rms = np.sqrt(np.mean(np.square(off), axis=0))
+    print(f"estimate/σ has rms {rms[0]:.2f} (pitch), {rms[1]:.2f} (yaw)")
+    assert (rms > 0.7).all()
+    assert (rms < 1.2).all()
+
+
+def test_a_straight_mounting_gains_nothing(tmp_path: Path) -> None:
+    refused = []
+    for seed in (1, 2, 3):
+        _, found = calibrated(tmp_path / str(seed), seed, 0.0, 0.0)
+        refused.append(found.calibration.is_empty)
+        if refused[-1]:
+            assert found.stated == ()
+    assert sum(refused) >= 2
+
+
+def test_a_vehicle_that_slips_gets_no_angles_that_harm(tmp_path: Path) -> None:
+    _, found = calibrated(tmp_path, 1, 0.0, 0.0, slip=15.0)
+    none, _, turned = found.errors
+    assert found.calibration.is_empty or turned <= 1.05 * none
+
+
+@pytest.mark.parametrize(
+    ("of_road", "words"),
+    [({"seconds": 30.0}, "at least 120 s"), ({"straight": True}, "turns by 0°")],
+)
+def test_short_and_straight_drives_are_refused(
+    tmp_path: Path, of_road: dict[str, float | bool], words: str
+) -> None:
+    log = drive(tmp_path, 1, 0.3, 0.3, **of_road)
+    with pytest.raises(MissionError, match=words):
+        lab.calibrate_mounting(log)
+
+
+def test_other_vehicles_and_simulated_missions_are_refused(tmp_path: Path) -> None:
+    log = drive(tmp_path, 1, 0.0, 0.0, seconds=30.0)
+    (tmp_path / "log" / "log.toml").write_text('vehicle = "copter"\n')
+    assert mission(log.mission).log.auxiliary.vehicle == "copter"
+    with pytest.raises(MissionError, match="is of a copter, which slips"):
+        lab.calibrate_mounting(log)
+    with pytest.raises(MissionError, match="is a simulated mission"):
+        lab.calibrate_mounting("montreal")
