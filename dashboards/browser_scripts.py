@@ -97,6 +97,12 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 """Prints a page as large as it is: a browser paints no plot anew for paper, but makes the page smaller."""
 
 
+READY = """
+window.insLabReady = true;
+window.dispatchEvent(new Event("ins-lab-ready"));
+"""
+"""Says that the server hears of changes from now on; see ``history_bar.js``."""
+
 COVER = """
 const models = [...Bokeh.documents[0].all_models];
 const stage = models.find((one) => one.name === "page stage");
@@ -152,5 +158,5 @@ The server answers in the order in which it is asked.
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT))
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT + READY))
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

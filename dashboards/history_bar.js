@@ -50,6 +50,11 @@ function keep() {
   }
 }
 
+function bring() {
+  if (typeof before?.kept !== "string") return
+  model.brought = JSON.stringify({kept: before.kept, is_same: before.search === window.insLabOpened})
+}
+
 const url = (search) => window.location.pathname + search + window.location.hash
 
 // The server hears several wishes at once, or one after the other, in their order.
@@ -210,9 +215,9 @@ export function render(props) {
   if (seen === 0) {
     if (window.location.search === window.insLabOpened) put(0, window.location.search)
     else window.location.reload()  // a person went on while the page was made
-    if (typeof before?.kept === "string") {
-      model.brought = JSON.stringify({kept: before.kept, is_same: before.search === window.insLabOpened})
-    }
+    // Before the document is ready, the server hears of no change.
+    if (window.insLabReady) bring()
+    else window.addEventListener("ins-lab-ready", bring, {once: true})
   }
   show()
   return row

@@ -155,7 +155,7 @@ def serve(
     ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
-    print("INS Lab is starting …", flush=True)
+    print("ins-lab: starting …", file=sys.stderr, flush=True)
     _check_folder("--lessons", lessons, "lessons as .toml files")
     _check_folder("--homework", homework, "the keys of homework as .key files")
     _check_processes(processes)
