@@ -160,7 +160,7 @@ def serve_part(
     from dashboards.ensembles import use_cluster  # noqa: PLC0415
     from dashboards.forwarded import believe  # noqa: PLC0415
     from dashboards.handover import OFTEN  # noqa: PLC0415
-    from dashboards.headers import SecurityHeaders  # noqa: PLC0415
+    from dashboards.headers import OneRequest, SecurityHeaders  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
     from dashboards.origins import is_loopback  # noqa: PLC0415
     from dashboards.process_place import is_first, is_one_of_several  # noqa: PLC0415
@@ -197,13 +197,13 @@ def serve_part(
         start=False,
         title="INS Lab",
         verbose=False,
-        transforms=[SecurityHeaders],
+        transforms=[SecurityHeaders, *([OneRequest] if is_one_of_several() else ())],
         extra_patterns=[(rf"/{PATH}", TeachHandler), (rf"/{ending.PATH}", ending.HealthHandler)],
         secret_key=key or secrets.token_bytes(32),
         sign_sessions=True,
         websocket_max_message_size=MAX_MESSAGE,
         check_unused_sessions_milliseconds=CHECK,
-        http_server_kwargs={"max_body_size": MAX_BODY, "no_keep_alive": is_one_of_several()},
+        http_server_kwargs={"max_body_size": MAX_BODY},
         **_admission(laboratory, start.secrets.cookie),
         **listening,
     )
