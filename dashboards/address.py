@@ -18,8 +18,10 @@ from bokeh.events import DocumentReady
 from panel.custom import JSComponent
 
 from dashboards.classroom import shelf
+from dashboards.ending import before_the_end
 from dashboards.held_links import HeldLinks
 from dashboards.history import History, State
+from dashboards.kept import Keeping, brought_back
 from dashboards.notes import Notes, query_of_notes
 from dashboards.query import (
     HOMEWORK,
@@ -78,12 +80,15 @@ class Shown(NamedTuple):
         Returns the open step of a lesson; None without one.
     restore : callable
         Makes the page show a state of its history, with an experiment that has its settings.
+    keeping : Keeping
+        Ways to what the browser stores besides the address.
     """
 
     tabs: Collection[str]
     view: Callable[[], View]
     place: Callable[[], Place | None]
     restore: Callable[[State, Experiment], None]
+    keeping: Keeping
 
 
 class HistoryBar(JSComponent):
@@ -91,11 +96,13 @@ class HistoryBar(JSComponent):
 
     shown: dict[str, Any] = param.Dict(
         {"pushed": [], "position": 0, "search": "", "oldest": 0, "undone": "", "redone": ""}
-        | {"undos": 0, "beyond": 0, "count": 0},
+        | {"undos": 0, "beyond": 0, "count": 0, "moves": False},
         doc="Number and query of new entries, number and query of the present one, number of the oldest one, "
         "names of what undo and redo change, how many undos were asked for, for how many of them this page "
-        "has nothing, and a count.",
+        "has nothing, a count, and whether the page is then loaded again.",
     )
+    kept: str = param.String("", doc="What the browser stores besides the address.")
+    brought: str = param.String("", doc="What it had stored, and whether the address is that of then.")
     asked: list[Any] = param.List([], doc="The last wishes: the number of each, what, and a number with it.")
     question: int = param.Integer(0, doc="Number of the last question whether all before it has been heard.")
     answered: int = param.Integer(0, doc="The last question that was answered.")
@@ -156,12 +163,14 @@ class Address:
         self.search = str(self._location.search) if self._location is not None else ""
         self.bar = HistoryBar(margin=(6, 0), width=76, height=36)
         self.bar.hear(self._act)
+        self.bar.param.watch(self._take_brought, "brought")
         self.held = HeldLinks(session, document)
         self.notes = Notes(session)
-        self._history = History(self._state())
+        self._history = History(self.state())
         self._undos = self._beyond = 0  # undos asked for, and those of them that lead past the first state
         self._waits = False  # for the next update
-        self._walking = False
+        self._moves = False  # to another process of the server
+        self._walking = self._has_brought = False
         self._of_a_class: Glide | None = None
         self._updates: deque[float] = deque(maxlen=AT_ONCE)
         """When the last updates were [s]."""
@@ -172,6 +181,7 @@ class Address:
         session.param.watch(lambda _event: self.update(), watched)
         # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self.update())
+        before_the_end(document, self._write)
 
     @property
     def query(self) -> str:
@@ -218,7 +228,7 @@ class Address:
 
     def begin(self) -> None:
         """Begin the history with what the page shows."""
-        self._history = History(self._state())
+        self._history = History(self.state())
         self.update()
 
     @contextmanager
@@ -236,6 +246,16 @@ class Address:
         self._history.amend(self._history.present._replace(tab=tab, place=place))
         self.update()
 
+    def move(self) -> None:
+        """Have the browser load the page again: its address belongs to another process of the server."""
+        self._moves = True
+        self.update()
+
+    def bring_back(self, state: State) -> None:
+        """Show a state that the page had before it was loaded again; it is no change."""
+        self._restore(state)
+        self.update()
+
     def update(self) -> None:
         """Write what the page shows into the address, soon."""
         if not self._waits:
@@ -244,15 +264,26 @@ class Address:
             due = SOON if len(of_late) < AT_ONCE else PERIOD
             self._document.add_timeout_callback(self._write, due)
 
-    def _state(self) -> State:
+    def state(self, hidden: str = "") -> State:
+        """Return what the page shows; what is hidden may be named, as `Experiment.hidden` does."""
         experiment = self._session.experiment
         notes = query_of_notes(self._session.notes, experiment.mission)
-        return State(query(experiment), experiment.hidden, self._shown.view().tab, self._shown.place(), notes)
+        hidden = hidden or experiment.hidden
+        return State(query(experiment), hidden, self._shown.view().tab, self._shown.place(), notes)
 
     def _record(self, called: str, glide: Glide | None) -> None:
         """Note a change of settings in the history."""
         if not self._walking:
-            self._history.record(self._state(), called, glide or self._of_a_class)
+            self._history.record(self.state(), called, glide or self._of_a_class)
+
+    def _take_brought(self, event: param.parameterized.Event) -> None:
+        """Take what the browser had stored, once."""
+        if self._has_brought:
+            return
+        self._has_brought = True
+        kept, is_same = brought_back(event.new)
+        self._shown.keeping.take(kept, is_same)
+        self.update()
 
     def _act(self, what: str, position: int) -> None:
         """Do what a person asked for; an entry of the browser's history is named by its number."""
@@ -281,7 +312,7 @@ class Address:
             self._walking = False
         if not gone:
             self.notes.bring(state.notes)
-        self._history.amend(self._state())
+        self._history.amend(self.state())
         if gone:
             self._session.problem = f"The mission {mission!r} is not there any more. All else is restored."
 
@@ -298,6 +329,7 @@ class Address:
         history = self._history
         history.sigmas = self._session.shows_sigmas
         self.search = self._search(history.present)
+        self.bar.kept = self._shown.keeping.parts().text
         self.bar.shown = {
             "pushed": [[number, self._search(made)] for number, made in history.take_new()],
             "position": history.position,
@@ -308,6 +340,7 @@ class Address:
             "undos": self._undos,
             "beyond": self._beyond,
             "count": self.bar.shown["count"] + 1,
+            "moves": self._moves,
         }
 
     def _search(self, state: State) -> str:

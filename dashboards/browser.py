@@ -17,6 +17,7 @@ from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
 from tornado.websocket import WebSocketHandler
 
+from dashboards.forwarded import computer, is_encrypted
 from dashboards.origins import is_loopback
 from dashboards.upstream.server import TransformedPages, page_socket
 from lab.live.owner import Visitor
@@ -35,7 +36,7 @@ class BrowserCookie(OutputTransform):
     def __init__(self, request: HTTPServerRequest) -> None:
         self._name = _name(getattr(request.connection, "stream", None))
         self._has_one = _cookie(request, self._name) != ""
-        self._is_secure = request.protocol == "https"
+        self._is_secure = is_encrypted(request)
 
     def transform_first_chunk(
         self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
@@ -110,7 +111,7 @@ def known_by(socket: WebSocketHandler, alone: str) -> _Known:
     if is_of_server(request):
         counted = ""
     else:
-        counted = f"browser {cookie}" if cookie else f"computer {request.remote_ip}"
+        counted = f"browser {cookie}" if cookie else f"computer {computer(request)}"
     return _Known(f"browser {cookie}" if cookie else alone, counted)
 
 

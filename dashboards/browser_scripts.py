@@ -15,6 +15,39 @@ PAPER = 1040
 
 LOST = """
 const id = "ins-lab-lost-connection";
+const TRIES = "ins-lab-tries";
+const [FIRST, LONGEST, OFTEN] = [1000, 60000, 120000];
+const restarts = window.insLabClosed === 1012;
+
+// A page that is lost again soon after it came back waits longer. Those of a class do not ask all at once.
+const tries = () => {
+  try {
+    const [count, last] = JSON.parse(window.sessionStorage.getItem(TRIES)) ?? [0, 0];
+    return Date.now() - last < OFTEN ? count : 0;
+  } catch {
+    return 0;
+  }
+};
+const pause = (count) => Math.min(FIRST * 2 ** count, LONGEST) * (0.5 + Math.random());
+const come_back = async (count) => {
+  for (let asked = 0; ; asked += 1) {
+    await new Promise((done) => setTimeout(done, pause(Math.min(count + Math.max(asked - 20, 0), 6))));
+    try {
+      const health = new URL("health" + window.location.search, document.baseURI);
+      const answer = await fetch(health, {cache: "no-store", redirect: "manual"});
+      if (answer.status < 500) break;
+    } catch {
+      // nobody answers yet
+    }
+  }
+  try {
+    window.sessionStorage.setItem(TRIES, JSON.stringify([count + 1, Date.now()]));
+  } catch {
+    // a browser that stores nothing does not count
+  }
+  window.location.reload();
+};
+
 if (document.getElementById(id) === null) {
   const box = document.createElement("div");
   box.id = id;
@@ -25,8 +58,9 @@ if (document.getElementById(id) === null) {
     background: "#b3261e", color: "#ffffff", font: "16px/1.4 Roboto, Arial, sans-serif",
   });
   box.append(
-    "The connection to the server is lost, and this page no longer reacts. Reload it when the server is "
-    + "there again: the settings in its address are kept. Solved steps of lessons are not.");
+    (restarts ? "The server restarts. " : "The connection to the server is lost. ")
+    + "This page comes back by itself once the server answers, with its settings, its tab and "
+    + "the solved steps of lessons.");
   const button = document.createElement("button");
   button.append("Reload");
   Object.assign(button.style, {
@@ -38,11 +72,13 @@ if (document.getElementById(id) === null) {
   document.body.append(box);
   box.popover = "manual";
   box.showPopover?.();
+  come_back(tries());
 }
 """
-"""Shows a line above all else, the open settings of a phone too.
+"""Shows a line above all else, the open settings of a phone too; loads the page again once a server answers.
 
-A server discards a page without a connection, so only a new one reacts.
+A server discards a page without a connection, so only a new one reacts. A server without the address
+``health``, as that of ``panel serve``, answers that there is none.
 """
 
 PRINT = f"""
@@ -60,6 +96,12 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 """
 """Prints a page as large as it is: a browser paints no plot anew for paper, but makes the page smaller."""
 
+
+READY = """
+window.insLabReady = true;
+window.dispatchEvent(new Event("ins-lab-ready"));
+"""
+"""Says that the server hears of changes from now on; see ``history_bar.js``."""
 
 COVER = """
 const models = [...Bokeh.documents[0].all_models];
@@ -116,5 +158,5 @@ The server answers in the order in which it is asked.
 
 def add_browser_scripts(document: Document) -> None:
     """Add the scripts to the document of a page."""
-    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT))
+    document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + COVER + STALE + PRINT + READY))
     document.js_on_event(ConnectionLost, CustomJS(code=LOST))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from http import HTTPStatus
 
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
@@ -39,6 +40,21 @@ class SecurityHeaders(OutputTransform):
                 chunk = _SCRIPT.sub(f'<script nonce="{number}"'.encode(), chunk)
                 if "Content-Length" in headers:
                     headers["Content-Length"] = str(len(chunk))
+        return status_code, headers, chunk
+
+
+class OneRequest(OutputTransform):
+    """Has browsers and proxies send the next request over another connection, which may go to another process."""
+
+    def __init__(self, request: HTTPServerRequest) -> None:
+        pass
+
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        """Announce the end of the connection, unless it becomes a websocket."""
+        if status_code != HTTPStatus.SWITCHING_PROTOCOLS:
+            headers["Connection"] = "close"
         return status_code, headers, chunk
 
 

@@ -13,6 +13,7 @@ const UNDO = "M12.5 8c-2.65 0-5.05.99-6.9 2.6L2 7v9h9l-3.62-3.62c1.39-1.16 3.16-
 const REDO = "M18.4 10.6C16.55 8.99 14.15 8 11.5 8c-4.65 0-8.58 3.03-9.96 7.22L3.9 16c1.05-3.19 4.05-5.5 7.6-5.5 1.95 0"
   + " 3.73.72 5.12 1.88L13 16h9V7l-3.6 3.6z"
 
+const KEPT_UNDER = `ins-lab-kept ${window.location.pathname}`  // in the storage of this tab of the browser
 const WAIT = 5000  // longest time that a busy browser takes to go to another entry [ms]
 const KEPT = 32  // most wishes that wait for the server
 
@@ -29,6 +30,30 @@ let beyond = 0  // how many of these the browser still has to do
 let timer = 0
 let waiting = []  // entries to add
 let model = null
+
+// What the server wants kept for a page that comes back; a browser may refuse to store anything.
+const before = (() => {
+  try {
+    return JSON.parse(window.sessionStorage.getItem(KEPT_UNDER))
+  } catch {
+    return null
+  }
+})()
+
+function keep() {
+  if (model === null || !model.kept) return
+  const text = JSON.stringify({search: window.location.search, kept: model.kept})
+  try {
+    window.sessionStorage.setItem(KEPT_UNDER, text)
+  } catch {
+    // a page that comes back has its address only
+  }
+}
+
+function bring() {
+  if (typeof before?.kept !== "string") return
+  model.brought = JSON.stringify({kept: before.kept, is_same: before.search === window.insLabOpened})
+}
 
 const url = (search) => window.location.pathname + search + window.location.hash
 
@@ -53,6 +78,8 @@ function follow() {
   const {position, search} = model.shown
   if (position === here) {
     put(position, search)
+    keep()
+    if (model.shown.moves) window.location.reload()
   } else {
     goal = position
     timer = setTimeout(arrive, WAIT)
@@ -165,16 +192,16 @@ function name(button, word, change, keys) {
 
 export function render(props) {
   model = props.model
-  const before = made(undo, UNDO)
-  const after = made(redo, REDO)
+  const back = made(undo, UNDO)
+  const forth = made(redo, REDO)
   const row = document.createElement("div")
-  row.append(before, after)
+  row.append(back, forth)
 
   const show = () => {
     const {position, pushed, undone, redone, count} = model.shown
     const leads_back = position === 0 && !undone && older
-    name(before, "Undo", leads_back ? "the last change before the reload" : undone, "Ctrl+Z")
-    name(after, "Redo", redone, "Ctrl+Shift+Z")
+    name(back, "Undo", leads_back ? "the last change before the reload" : undone, "Ctrl+Z")
+    name(forth, "Redo", redone, "Ctrl+Shift+Z")
     if (count === seen) return
     seen = count
     waiting.push(...pushed)
@@ -184,9 +211,13 @@ export function render(props) {
     if (beyond > 0 || leaves) leave()
   }
   model.on("shown", show)
+  model.on("kept", keep)
   if (seen === 0) {
     if (window.location.search === window.insLabOpened) put(0, window.location.search)
     else window.location.reload()  // a person went on while the page was made
+    // Before the document is ready, the server hears of no change.
+    if (window.insLabReady) bring()
+    else window.addEventListener("ins-lab-ready", bring, {once: true})
   }
   show()
   return row

@@ -124,7 +124,7 @@ class Openings(Handler):
 
     def later(self, document: Document, step: Callable[[], None]) -> None:
         """Run a step of a page in its turn, as a callback of its document."""
-        self._ask(partial(_step, document, step))
+        self._ask(partial(step_of, document, step))
 
     def let_go(self, page: object, document: Document, wait: float = AGAIN) -> None:
         """Free the objects of an ended page, once no page waits to be opened."""
@@ -224,7 +224,7 @@ def _alive(some: Iterable[ref[Any]]) -> list[Any]:
     return [one for known in some if (one := known()) is not None]
 
 
-def _step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:
+def step_of(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:
     """Schedule a step of a document; return a future that completes when the step is done or has failed."""
     taken: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 

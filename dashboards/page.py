@@ -21,6 +21,7 @@ from dashboards.browser_scripts import add_browser_scripts
 from dashboards.exchange import Files
 from dashboards.history import State
 from dashboards.holding import Holding
+from dashboards.kept import Keeping, Kept
 from dashboards.notice import Notice
 from dashboards.openings import Openings
 from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
@@ -30,6 +31,7 @@ from dashboards.pages.consistency import Consistency
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
+from dashboards.process_place import STREAMS, is_first
 from dashboards.progress import ProgressText
 from dashboards.query import VARIANCE, View, query, with_settings_of
 from dashboards.seen_names import as_seen
@@ -112,7 +114,15 @@ class SimulatorPage:
         self._sheet = Aside(Missions, mission_button(), SHEET, self._turn_aside)
         self._dock = Aside(Lessons, lessons_button(), DOCK, self._turn_aside)
         self._address = Address(
-            self.session, document, Shown(tuple(_BY_TITLE), self._shown_view, self._place, self._restore)
+            self.session,
+            document,
+            Shown(
+                tuple(_BY_TITLE),
+                self._shown_view,
+                self._place,
+                self._restore,
+                Keeping(self._kept, self._take_back),
+            ),
         )
         self._middle = pn.Row(
             self._stage, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
@@ -155,6 +165,7 @@ class SimulatorPage:
         self.session.acted = self._acted
         self.session.visitor = self._visitor
         self.session.solved = self._class.solved
+        self.session.keep = self._address.update
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self.session.param.watch(lambda _event: self._show_held(), "held")
@@ -229,6 +240,29 @@ class SimulatorPage:
         beside = is_open[0] if is_open else self._waiting_beside
         noise = "" if self.session.shows_sigmas else VARIANCE
         return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside, noise)
+
+    def _kept(self) -> Kept:
+        """Return what the browser stores of the page besides its address."""
+        kept = self._class.kept()
+        lessons = self._pages.get(Lessons)
+        return lessons.kept(kept) if isinstance(lessons, Lessons) else kept
+
+    def _take_back(self, kept: Kept, is_same: bool) -> None:
+        """Show what the browser had stored; the open step belongs to the address of then."""
+        self._class.take_back(kept)
+        if kept.solved or kept.typed or (kept.place and is_same):
+            lessons = self._made(Lessons)
+            assert isinstance(lessons, Lessons)
+            lessons.take_back(kept)
+            if kept.place and is_same and not self._class.follows:
+                self._take_place_back(lessons, kept)
+
+    def _take_place_back(self, lessons: Lessons, kept: Kept) -> None:
+        was_open = self._dock.is_open or self._address.view.beside == Lessons.title
+        state = self._address.state(hidden=lessons.fault_of(kept) if kept.hides else "")
+        self._address.bring_back(state._replace(place=kept.place))
+        if not was_open:
+            self._dock.close()
 
     def _show_of_class(self, moment: Moment) -> None:
         """Show what another page of the class shows."""
@@ -390,6 +424,10 @@ class SimulatorPage:
 
     def _turn(self) -> None:
         """Show the page of a tab that was opened, by a person or for a class."""
+        if self._tabs.kind.title == STREAMS and not is_first():
+            self._address.moved()
+            self._address.move()
+            return
         with together(self._document):  # what a page sends as it appears must not overtake the page
             self._show_if_begun()
         self._address.moved()

@@ -12,6 +12,8 @@ from urllib.parse import urlsplit
 from bokeh.server.auth_provider import AuthProvider
 from tornado.web import RequestHandler
 
+from dashboards.forwarded import is_encrypted
+
 COOKIE = "ins_lab_visitor"
 """Name of the cookie, before the port: browsers give the cookies of a host to all its ports."""
 DAYS = 7
@@ -116,7 +118,7 @@ class PasswordHandler(RequestHandler):
             self.set_status(403)
             self._ask("The password is wrong.")
             return
-        secure = self.request.protocol == "https"
+        secure = is_encrypted(self.request)
         self.set_signed_cookie(
             provider.cookie, "visitor", expires_days=DAYS, httponly=True, samesite="Lax", secure=secure
         )

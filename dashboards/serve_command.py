@@ -6,10 +6,12 @@ import errno
 import os
 import socket
 import sys
+import webbrowser
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,6 +28,8 @@ Examples:
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
+  ins-lab serve --address 0.0.0.0 --processes 4
+  ins-lab serve --origin lab.example.org --proxy 127.0.0.1
   ins-lab serve --scheduler tcp://192.168.1.5:8786
 Only this computer reaches the page, unless you name another address. Visitors may
 then run missions and change settings; --visitors edit lets them change missions too.
@@ -35,6 +39,9 @@ MAX_PASSWORD = 1024
 """Longest password [bytes]."""
 LEAST_PASSWORD = 8
 """Shortest password [characters]: at eight guesses a second, eight random letters last 800 years."""
+
+MOST_PROCESSES = 64
+"""Most processes of a server: each takes 0.3 GB before the first page opens."""
 
 _NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
 
@@ -65,6 +72,25 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    proxy: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--proxy",
+            metavar="ADDRESS",
+            help="Address or network of a proxy whose X-Forwarded headers are believed; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    processes: Annotated[
+        int,
+        typer.Option(
+            "--processes",
+            min=1,
+            max=MOST_PROCESSES,
+            metavar="N",
+            help="Processes that share the visitors; classes and streams live in the first.",
+        ),
+    ] = 1,
     visitors: Annotated[
         Visitors | None,
         typer.Option(
@@ -129,33 +155,86 @@ def serve(
     ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
+    print("ins-lab: starting …", file=sys.stderr, flush=True)
     _check_folder("--lessons", lessons, "lessons as .toml files")
     _check_folder("--homework", homework, "the keys of homework as .key files")
+    _check_processes(processes)
+    _check_proxies(proxy or ())
     algorithms(own)  # a failure to load is reported now, not to visitors
     password = None if password_file is None else read_password(password_file)
     _check_origins(address, port, origin or ())
     _allow_devices(devices or ())
+    show = not no_browser and _has_screen()
+    what: dict[str, Any] = {
+        "port": port,
+        "address": address,
+        "algorithms": own or (),
+        "origins": origin or (),
+        "proxies": proxy or (),
+        "visitors": None if visitors is None else visitors.value,
+        "password": password,
+        "lessons": lessons,
+        "homework": homework,
+        "teacher": teacher,
+        "warm": warm,
+    }
+    if processes > 1:
+        _check_port(address, port)
+        phones = _phones(address, phone_port) if phone else None
+        _serve_processes(what, processes, show, devices or (), phones, scheduler)
+        return
     with cluster_of(scheduler) as client:
         # Last, so that another server on the port does not hide what is wrong with the other options.
         _check_port(address, port)
         if phone:
-            _take_phones(address, phone_port)
+            from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
+
+            take_phones(*_phones(address, phone_port))
         from dashboards import server  # noqa: PLC0415 - takes a second
 
-        server.serve(
-            port=port,
-            address=address,
-            show=not no_browser and _has_screen(),
-            algorithms=own or (),
-            origins=origin or (),
-            visitors=None if visitors is None else visitors.value,
-            password=password,
-            lessons=lessons,
-            homework=homework,
-            teacher=teacher,
-            warm=warm,
-            client=client,
-        )
+        server.serve(show=show, client=client, **what)
+
+
+def _serve_processes(
+    what: dict[str, Any],
+    processes: int,
+    show: bool,
+    devices: Sequence[str],
+    phones: tuple[str, int] | None,
+    scheduler: str | None,
+) -> None:
+    """Serve in several processes; the first compiles the filter ahead for all."""
+    from dashboards.front import serve_processes  # noqa: PLC0415 - only needed here
+    from dashboards.server import Laboratory, begin, greeting_of  # noqa: PLC0415
+    from dashboards.worker import Part  # noqa: PLC0415
+
+    first = Laboratory(**what)
+    others = replace(first, warm=False)
+    start = begin(first)
+    parts = [
+        Part(number, others if number else first, start, devices, phones, scheduler)
+        for number in range(processes)
+    ]
+
+    def opened() -> None:
+        if show:
+            webbrowser.open(f"http://localhost:{first.port}/")
+
+    serve_processes(parts, greeting_of(first, start.token), opened)
+
+
+def _check_processes(processes: int) -> None:
+    if processes > 1 and not hasattr(socket, "send_fds"):
+        raise CommandError(f"--processes {processes}: this system cannot share a port; accepted is 1")
+
+
+def _check_proxies(proxies: Sequence[str]) -> None:
+    from dashboards.forwarded import networks  # noqa: PLC0415 - takes a moment
+
+    try:
+        networks(proxies)
+    except ValueError as error:
+        raise CommandError(f"--proxy: {error}; accepted are such as 127.0.0.1 and 172.16.0.0/12") from error
 
 
 def _check_origins(address: str, port: int, origins: Sequence[str]) -> None:
@@ -172,13 +251,12 @@ def _check_folder(option: str, folder: Path | None, files: str) -> None:
         raise CommandError(f"{option} {folder}: is not a folder; accepted is one with {files}")
 
 
-def _take_phones(address: str, port: int) -> None:
-    """Let visitors invite phones. None reaches a loopback address: then all addresses are listened on."""
-    from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
+def _phones(address: str, port: int) -> tuple[str, int]:
+    """Return where phones are taken. None reaches a loopback address: then all addresses are listened on."""
     from lab.live.phone.invitation import is_loopback  # noqa: PLC0415 - takes a second
 
-    take_phones("0.0.0.0" if is_loopback(address) else address, port)
     print(f"ins-lab: phones: choose the source “A phone” on the page Live; port {port}", file=sys.stderr)
+    return ("0.0.0.0" if is_loopback(address) else address), port
 
 
 def _allow_devices(sources: Sequence[str]) -> None:

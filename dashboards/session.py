@@ -98,6 +98,8 @@ class Session(param.Parameterized):
         slider of which it is a part, or None.
     visitor
         Returns whose page it is.
+    keep
+        Called when what the browser stores of the page besides its address has changed.
     solved
         Called with a lesson, as origin and name, and the number from 0 of a step that is solved now.
     """
@@ -125,6 +127,7 @@ class Session(param.Parameterized):
         self.acted: Callable[[], None] = lambda: None
         self.record: Callable[[str, Glide | None], None] = lambda _called, _glide: None
         self.visitor: Callable[[], Visitor] = Visitor
+        self.keep: Callable[[], None] = lambda: None
         self.solved: Callable[[tuple[str, str], int], None] = lambda _lesson, _step: None
         self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False

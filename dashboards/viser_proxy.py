@@ -31,6 +31,7 @@ from websockets.typing import Subprotocol
 
 from dashboards.headers import policy, sockets
 from dashboards.origins import is_from_accepted
+from dashboards.process_place import number
 from dashboards.upstream.server import serving_application, viser_connection, viser_sockets
 
 VIEWS = "ins_lab_3d_views"
@@ -74,7 +75,8 @@ class ServedScene:
 
     def __init__(self, document: Document) -> None:
         self._views = registered_views(web_application(document))
-        self._token = secrets.token_urlsafe(24)
+        # The number is that of this process, to which `dashboards.front` sends the frame.
+        self._token = f"{number()}.{secrets.token_urlsafe(24)}"
         self.address = f"viser/{self._token}/"
         self.server, self._views[self._token] = guarded_server()
 

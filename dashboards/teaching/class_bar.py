@@ -7,6 +7,7 @@ from typing import Any
 
 import panel as pn
 
+from dashboards.kept import Kept
 from dashboards.teaching.class_link import code_of
 from dashboards.teaching.class_register import CLASSES, is_code
 from dashboards.teaching.desk import Desk
@@ -85,6 +86,20 @@ class ClassBar:
         """Report that a step of a lesson is solved."""
         if self._bar is not None:
             self._bar.solved(lesson, step)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the page shows what its teacher shows."""
+        return isinstance(self._bar, StudentBar) and self._bar.follows
+
+    def kept(self) -> Kept:
+        """Return what the browser of a student stores."""
+        return self._bar.kept() if isinstance(self._bar, StudentBar) else Kept()
+
+    def take_back(self, kept: Kept) -> None:
+        """Take what the browser of a student had stored."""
+        if isinstance(self._bar, StudentBar):
+            self._bar.take_back(kept)
 
     def close(self) -> None:
         """Leave the class."""

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from dashboards.teaching.moment import Moment
 from dashboards.teaching.school_class import ClassError, SchoolClass
 
 LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
@@ -48,6 +49,24 @@ class ClassRegister:
                 code = _code()
             made = self._classes[code] = SchoolClass(code, self._clock)
         return made
+
+    def open_again(self, code: str, age: float, moment: Moment | None) -> None:
+        """Open a class that a server before this one had, with what its teacher showed.
+
+        Parameters
+        ----------
+        code
+            Its code.
+        age
+            Time since it was opened [s].
+        moment
+            What its teacher showed; None for nothing.
+        """
+        made = SchoolClass(code.lower(), self._clock, age)
+        made.moment = moment
+        with self._lock:
+            if len(self._classes) < MOST:
+                self._classes.setdefault(made.code, made)
 
     def find(self, code: str) -> SchoolClass | None:
         """Return the class of a code, in large or small letters; None if there is none, or not any more."""

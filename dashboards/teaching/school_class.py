@@ -110,6 +110,8 @@ class SchoolClass:
         Its code, which is in the link for students.
     clock
         Gives the time, monotonic [s].
+    age
+        Time since it was opened, on the server before this one too [s].
 
     Attributes
     ----------
@@ -121,7 +123,7 @@ class SchoolClass:
         Whether it has ended.
     """
 
-    def __init__(self, code: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, code: str, clock: Callable[[], float] = time.monotonic, age: float = 0.0) -> None:
         self.code = code
         self.moment: Moment | None = None
         self.closed = False
@@ -131,7 +133,13 @@ class SchoolClass:
         self._leader: Seat | None = None
         self._untold: dict[Seat, None] = {}
         self._telling: asyncio.Task[None] | None = None
-        self._begun = self._led = clock()
+        self._led = clock()
+        self._begun = self._led - age
+
+    @property
+    def age(self) -> float:
+        """Time since it was opened [s]."""
+        return self._clock() - self._begun
 
     @property
     def is_led(self) -> bool:

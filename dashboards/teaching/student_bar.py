@@ -17,8 +17,9 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.history import change_in_words
+from dashboards.kept import Kept, Own
 from dashboards.pages.missions.entry_fields import WRAP
-from dashboards.query import query
+from dashboards.query import experiment_of_query, query
 from dashboards.sending import soon, together
 from dashboards.style import TOOLTIP
 from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
@@ -178,6 +179,21 @@ class StudentBar:
         if self._class is not None:
             self._seat.solve(lesson, step)
             self._class.changed()
+
+    def kept(self) -> Kept:
+        """Return the typed name and the own settings, which the browser stores."""
+        own = self._own
+        settings = None if own is None else Own(query(own.experiment), own.page, own.time)
+        return Kept(name=self._seat.name, own=settings)
+
+    def take_back(self, kept: Kept) -> None:
+        """Take the name and the own settings that the browser had stored."""
+        if kept.name:
+            self._name.value = kept.name
+        if kept.own is not None and self._own is None:
+            experiment, _ = experiment_of_query(kept.own.settings)
+            self._own = Moment(experiment, kept.own.page, kept.own.time)
+        self._lay_out()
 
     def close(self) -> None:
         """Give up the seat, and refer to the class no longer."""

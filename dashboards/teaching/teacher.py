@@ -2,7 +2,8 @@
 
 The link holds a random token. It is exchanged for a cookie at once, because the address bar of a teacher is
 projected. The right is that of a teacher and nothing else: a password is still asked for, and missions may be
-changed only if `--visitors edit` says so. The token is valid until the server ends.
+changed only if `--visitors edit` says so. The token is valid until the server ends, and on the server that is
+started in its place within some minutes (`dashboards.handover`).
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tornado.web import RequestHandler
+
+from dashboards.forwarded import is_encrypted
 
 COOKIE = "ins_lab_teacher"
 """Name of the cookie, before the port: browsers give the cookies of a host to all its ports."""
@@ -20,7 +23,7 @@ PATH = "teach"
 """Path of the link, after that of the page."""
 NOT_VALID = (
     "This is not a valid link for a teacher. The command “ins-lab serve --teacher” prints one each time the "
-    "server starts; a link from before is not valid any more."
+    "server starts; a link from long before is not valid any more."
 )
 _LONGEST = 200
 """Longest text that is compared with the token [characters]; a token has 43."""
@@ -36,9 +39,14 @@ _PAGE = f"""<!DOCTYPE html>
 """
 
 _digest: list[bytes] = []
-"""Hash of the token of this process; empty where nobody teaches."""
+"""Hashes of the tokens of this server, the newest first; empty where nobody teaches."""
 _port: list[int] = []
 """Port of the server of this process; empty where nobody teaches."""
+
+
+def new_token() -> str:
+    """Return a random token."""
+    return secrets.token_urlsafe(32)
 
 
 def admit_teachers(port: int) -> str:
@@ -49,9 +57,14 @@ def admit_teachers(port: int) -> str:
     port
         Port of the server.
     """
-    token = secrets.token_urlsafe(32)
-    _digest[:], _port[:] = [_hash(token)], [port]
+    token = new_token()
+    admit_holders(port, [_hash(token)])
     return token
+
+
+def admit_holders(port: int, digests: Sequence[bytes]) -> None:
+    """Let those teach who hold a token with one of some hashes, on the server of a port."""
+    _digest[:], _port[:] = digests, [port]
 
 
 def admit_no_teacher() -> None:
@@ -63,7 +76,7 @@ def admit_no_teacher() -> None:
 def is_token(text: str) -> bool:
     """Return whether a text is the token, in a time that does not depend on how similar it is."""
     given = _hash(text[:_LONGEST])
-    return bool(_digest) and hmac.compare_digest(given, _digest[0])
+    return any(hmac.compare_digest(given, one) for one in _digest)
 
 
 def is_teacher(cookies: Mapping[str, str]) -> bool:
@@ -87,7 +100,7 @@ class TeachHandler(RequestHandler):
             self.set_status(403)
             self.write(_PAGE)
             return
-        secure = self.request.protocol == "https"
+        secure = is_encrypted(self.request)
         self.set_cookie(cookie_name(), token, httponly=True, samesite="Lax", secure=secure)
         self.redirect("./")
 

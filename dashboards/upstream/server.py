@@ -20,12 +20,14 @@ from bokeh.protocol.message import Message
 from bokeh.protocol.receiver import Receiver
 from bokeh.server.callbacks import SessionCallback
 from bokeh.server.contexts import ApplicationContext
+from bokeh.server.server import Server
 from bokeh.settings import settings
 from bokeh.util import callback_manager
 from panel.io.server import DocHandler
 from panel.links import Callback
 from panel.reactive import Syncable
 from panel.viewable import Viewable
+from tornado.httpserver import HTTPServer
 from tornado.web import Application, OutputTransform
 from tornado.websocket import WebSocketHandler
 from viser.infra import WebsockClientConnection, WebsockServer
@@ -284,3 +286,24 @@ def viser_sockets(server: viser.ViserServer) -> WebsockServer:
 def viser_connection(sockets: WebsockServer, client: WebsockClientConnection) -> ServerConnection:
     """Return the websocket of a browser that is connected to a viser server."""
     return sockets._live_connections[client.client_id]
+
+
+async def end_socket(document: Document, code: int, reason: str) -> None:
+    """Close the websocket of a page once all that was sent before is on its way.
+
+    Parameters
+    ----------
+    document
+        Document of the page.
+    code, reason
+        What the browser is told: a code of RFC 6455, and at most 123 bytes.
+    """
+    socket = page_socket(document)
+    if socket is not None:
+        with await socket.write_lock.acquire():  # type: ignore[attr-defined]  # of Bokeh's handler
+            socket.close(code, reason)
+
+
+def web_server(server: Server) -> HTTPServer:
+    """Return the web server of a server of Bokeh, which takes connections."""
+    return server._http

@@ -12,6 +12,14 @@
     return found.value ?? found.get;
   };
 
+  // Bokeh does not say with which code a server closed the connection (browser_scripts.py).
+  const {ClientConnection} = Bokeh.require("client/connection");
+  const on_close = original(ClientConnection, "_on_close");
+  ClientConnection.prototype._on_close = function(event, reject) {
+    window.insLabClosed = event.code;
+    on_close.call(this, event, reject);
+  };
+
   // A page begins with the theme of the reader's system unless its address names one, and without the settings where
   // they would take the room of the plots. Once it is made, another theme takes seconds, and letters are dark on dark.
   const connection = Bokeh.require("client/connection");

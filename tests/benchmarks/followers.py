@@ -95,11 +95,11 @@ class Page(Visitor):
         super().close()
 
 
-class Teacher(Page):
-    """The page of the teacher."""
+class Acting(Page):
+    """A page whose models are known, so that they can be clicked and set."""
 
-    def __init__(self, address: str, token: str) -> None:
-        super().__init__(address, FLIGHT, f"{COOKIE}_{urlsplit(address).port}={token}")
+    def __init__(self, address: str, query: str = "", cookie: str = "") -> None:
+        super().__init__(address, query, cookie)
         self._contents: list[Any] = []
 
     def note(self, texts: list[str]) -> None:
@@ -107,21 +107,12 @@ class Teacher(Page):
         super().note(texts)
         self._contents += [json.loads(text) for text in texts]
 
-    async def start(self) -> str:
-        """Start a class, and return its code."""
-        button = next(model for model in self._models() if _data(model).get("label") == "Start a class")
+    async def click(self, label: str) -> None:
+        """Click a button."""
+        button = next(model for model in self._models() if _data(model).get("label") == label)
         values = [["model", {"id": button["id"]}], ["node", "click"], ["data", {"type": "map"}]]
         click = {"type": "event", "name": "dom_event", "values": {"type": "map", "entries": values}}
         await self._report({"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": click})
-        await self.until(lambda page: CODE.search(page._seen) is not None)
-        found = CODE.search(self._seen)
-        assert found is not None
-        return found[1]
-
-    async def look_at(self, seconds: float) -> None:
-        """Move the time cursor."""
-        cursor = next(model for model in self._models() if _values(model).get("name") == "time cursor")
-        await self._set(cursor, "location", seconds)
 
     async def turn_to(self, title: str) -> None:
         """Open a tab."""
@@ -150,6 +141,27 @@ class Teacher(Page):
                 waiting.extend(found.values())
             elif isinstance(found, list):
                 waiting.extend(found)
+
+
+class Teacher(Acting):
+    """The page of the teacher."""
+
+    def __init__(self, address: str, token: str, port: int = 0) -> None:
+        cookie = f"{COOKIE}_{port or urlsplit(address).port}={token}"
+        super().__init__(address, FLIGHT, cookie)
+
+    async def start(self) -> str:
+        """Start a class, and return its code."""
+        await self.click("Start a class")
+        await self.until(lambda page: CODE.search(page._seen) is not None)
+        found = CODE.search(self._seen)
+        assert found is not None
+        return found[1]
+
+    async def look_at(self, seconds: float) -> None:
+        """Move the time cursor."""
+        cursor = next(model for model in self._models() if _values(model).get("name") == "time cursor")
+        await self._set(cursor, "location", seconds)
 
 
 class Step(NamedTuple):

@@ -63,6 +63,7 @@ def test_the_page_opens_where_there_is_a_screen(
         expected
         | {
             "origins": (),
+            "proxies": (),
             "visitors": None,
             "password": None,
             "lessons": None,

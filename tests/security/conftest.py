@@ -178,9 +178,12 @@ def free_port() -> int:
 
 
 @contextmanager
-def serving(folder: Path, *flags: str, **environment: str) -> Iterator[Served]:
-    """Serve the laboratory with these flags; what it writes goes to a file of the folder."""
-    port, log = free_port(), folder / "server.log"
+def serving(folder: Path, *flags: str, port: int = 0, **environment: str) -> Iterator[Served]:
+    """Serve the laboratory with these flags; what it writes goes to a file of the folder.
+
+    The port is a free one unless it is named. What a server leaves for the next one is in the folder too.
+    """
+    port, log = port or free_port(), folder / "server.log"
     command = [
         sys.executable,
         "-m",
@@ -199,7 +202,7 @@ def serving(folder: Path, *flags: str, **environment: str) -> Iterator[Served]:
             cwd=ROOT,
             stdout=sink,
             stderr=sink,
-            env={**os.environ, "TMPDIR": str(folder), **environment},
+            env={**os.environ, "TMPDIR": str(folder), "XDG_DATA_HOME": str(folder), **environment},
         ) as process,
     ):
         try:

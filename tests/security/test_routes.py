@@ -36,6 +36,7 @@ ROUTES = {
     "/?": "PageDocument: asks for the password; makes a session, but not for a part of another site's page",
     "/static/(?!extensions/)(.*)": "StaticHandler: BokehJS, which is public; of its folder alone",
     "/teach": "TeachHandler: compares the token of teachers",
+    "/health": "HealthHandler: asks for nothing; says whether the server takes visitors, and no more",
     "/components/(.*)": "ComponentResourceHandler: asks for the password; files that loaded components list",
     "/login": "PasswordHandler: asks for the password; eight guesses a second",
     "/static/extensions/(.*)": "MultiRootStaticHandler: files of Panel, which are public; its folders alone",
@@ -63,7 +64,7 @@ if sys.argv[1] == "panel":
     main()
 else:
     serve = pn.serve
-    pn.serve = lambda pages, **how: show(serve(pages, **{**how, "port": 0, "start": False}))
+    pn.serve = lambda pages, **how: sys.exit(show(serve(pages, **{**how, "port": 0})))
     import dashboards
     dashboards.serve(password="open sesame", teacher=True, warm=False)
 """

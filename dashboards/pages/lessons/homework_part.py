@@ -13,6 +13,7 @@ from bokeh.document import Document
 
 from dashboards.classroom import shelf
 from dashboards.computing import LatestWins, Outcome, attempt
+from dashboards.kept import Typed
 from dashboards.notice import Notice
 from dashboards.pages.lessons.homework_view import Answers, Doings, HomeworkView
 from dashboards.pages.lessons.lesson_list import HEADING, ROW, SUMMARY, TITLE, WIDTH
@@ -58,7 +59,7 @@ class HomeworkPart:
         self._shelf = shelf()
         self._seen = self._shelf.version
         self.open: Homework | None = session.homework
-        self._view = HomeworkView(Doings(self._begin, self._take, self.close, self._hand_in))
+        self._view = HomeworkView(Doings(self._begin, self._take, self.close, self._hand_in, session.keep))
         self._reading: LatestWins[Path] = LatestWins(
             lambda path, _progress: attempt(lambda: read_homework(path)), self._deliver
         )
@@ -88,6 +89,19 @@ class HomeworkPart:
     def reminder(self) -> str:
         """Sentence for the other pages while a homework is open."""
         return "" if self.open is None else f"Homework “{self.open.title}”: it is among the Lessons."
+
+    @property
+    def typed(self) -> Typed | None:
+        """What is typed into a homework of the server; None without one."""
+        shared = self._session.homework
+        if shared is None or shared is not self.open:
+            return None
+        return Typed(shared.name, *self._view.typed)
+
+    def take_back(self, typed: Typed | None) -> None:
+        """Type again what was typed into the homework that is open."""
+        if typed is not None and self.open is not None and typed.homework == self.open.name:
+            self._view.type_again(Answers(*typed[1:]))
 
     def show_list(self) -> None:
         """Show the homework of the server."""

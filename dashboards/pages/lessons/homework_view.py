@@ -56,12 +56,15 @@ class Doings(NamedTuple):
         Begin with the settings of the homework; run it with the settings at the left; go back to the list.
     hand_in : callable
         Returns the content of the file for answers; None if it is refused.
+    changed : callable
+        Called when something is typed or chosen.
     """
 
     begin: Callable[[], None]
     take: Callable[[], None]
     close: Callable[[], None]
     hand_in: Callable[[Answers], bytes | None]
+    changed: Callable[[], None]
 
 
 class HomeworkView:
@@ -115,6 +118,22 @@ class HomeworkView:
             self._said,
             self._away(),
         ]
+        for entry in [one for one in (self._name, self._faults, *self._entries) if one is not None]:
+            entry.param.watch(lambda _event: self._doings.changed(), "value")
+
+    @property
+    def typed(self) -> Answers:
+        """What is typed and chosen."""
+        return self._answers()
+
+    def type_again(self, given: Answers) -> None:
+        """Type and choose what was typed and chosen before."""
+        self._name.value = given.name
+        if self._faults is not None:
+            self._faults.value = [one for one in given.faults if one in self._faults.options]
+        for entry, answer in zip(self._entries, given.answers, strict=False):
+            if answer and (not isinstance(entry, Choices) or answer in entry.options):
+                entry.value = answer
 
     def say(self, sentence: str, kind: str = "wrong") -> None:
         """Show a sentence in plain text below the button; an empty one shows nothing."""

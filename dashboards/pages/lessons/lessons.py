@@ -10,6 +10,7 @@ from bokeh.document import Document
 
 from dashboards.classroom import catalogue
 from dashboards.computing import LatestWins, Outcome, attempt
+from dashboards.kept import Kept
 from dashboards.pages.base import Page
 from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
@@ -17,6 +18,7 @@ from dashboards.pages.lessons.step_view import Actions, StepView
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from dashboards.teaching.school_class import MOST_STEPS
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.classroom.gallery.faults import FAULTS
@@ -139,6 +141,32 @@ class Lessons(Page):
         if homework is not None and homework.scenario.key == hidden:
             return HiddenExperiment(homework.scenario)
         return None
+
+    def kept(self, kept: Kept) -> Kept:
+        """Return what the browser stores, with the open step, the solved ones, and a homework."""
+        solved = {key: tuple(sorted(steps)) for key, steps in self._solved.items() if steps}
+        hides = self._lesson is not None and bool(self._session.experiment.hidden)
+        return kept._replace(place=self.place, hides=hides, solved=solved, typed=self._homework.typed)
+
+    def take_back(self, kept: Kept) -> None:
+        """Take the solved steps that the browser had stored, and what was typed into the homework."""
+        for key, steps in kept.solved.items():
+            lesson = self._catalogue.find(*key)
+            known = [] if lesson is None else [step for step in steps if step < len(lesson.steps)]
+            if known:
+                self._solved.setdefault(key, set()).update(known)
+            for step in known:
+                self._session.solved(key, step)
+        if kept.place is not None:
+            key, number = kept.place
+            self._begun |= {(key, step) for step in range(min(number + 1, MOST_STEPS))}
+        self._homework.take_back(kept.typed)
+        self._lay_out()
+
+    def fault_of(self, kept: Kept) -> str:
+        """Return the title of the fault that the kept lesson hides; empty without one."""
+        lesson = self._catalogue.find(*kept.place[0]) if kept.place is not None else None
+        return FAULTS[lesson.fault].title if lesson is not None and lesson.fault else ""
 
     def _refresh(self) -> None:
         """Show what has changed in the files."""
@@ -287,4 +315,5 @@ class Lessons(Page):
             self._done.add(self._number)
             self._session.solved(self._key, self._number)
             self._step.show_progress(self._lesson, self._number, self._done)
+            self._session.keep()
         self._step.say(outcome.result)
