@@ -1,4 +1,4 @@
-"""Hatch build: the readme of the wheel, which stands on the page of an index, where relative links lead nowhere."""
+"""Hatch build: the readme of the wheel for the page of an index, where relative links lead nowhere."""
 
 from __future__ import annotations
 
