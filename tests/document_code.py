@@ -20,7 +20,10 @@ DOCUMENTS = [
     *sorted((ROOT / "docs/theory").glob("*.md")),
     *sorted((ROOT / "docs/site").glob("*.md")),
 ]
-PROGRAMS = ("ins-lab", "make", "pip", "pytest", "python", "python3", "py", "jupyter", "panel", "dask", "docker")
+PROGRAMS = (
+    *("ins-lab", "make", "pip", "pytest", "python", "python3", "py"),
+    *("jupyter", "panel", "dask", "docker"),
+)
 """What a command line in the text begins with; beside a block of the shell, nothing else is run."""
 _PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b(?!=)|…")
 """What stands for a name that a reader chooses, as in ``ins-lab record NAME``."""

@@ -34,7 +34,10 @@ def test_the_version_is_the_same_everywhere() -> None:
     }.items():
         (stated, *_) = re.findall(pattern, text_of(name), re.M)
         assert stated == lab.__version__, name
-    assert set(re.findall(r"ins_lab-([\d.]+)-py3", text_of("docs/installing.md"))) == {lab.__version__}
+    named = re.findall(r"ins_lab-([\d.]+)-py3", text_of("docs/installing.md") + README)
+    named += re.findall(r"\*INS Lab\*, version ([\d.]+),", text_of("docs/site/index.md"))
+    assert len(named) > 3
+    assert set(named) == {lab.__version__}
 
 
 def test_the_recipe_for_conda_requires_what_the_wheel_requires() -> None:

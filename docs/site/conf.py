@@ -19,6 +19,7 @@ copyright = "The INS Lab developers"
 root_doc = "docs/site/index"
 include_patterns = [
     "README.md",
+    "CHANGELOG.md",
     "CONTRIBUTING.md",
     "missions/README.md",
     "notebooks/*.py",
