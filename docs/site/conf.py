@@ -21,6 +21,9 @@ include_patterns = [
     "README.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
+    "CODE_OF_CONDUCT.md",
+    "HOW_TO_RELEASE.md",
+    "SECURITY.md",
     "missions/README.md",
     "notebooks/*.py",
     "docs/*.md",
@@ -37,6 +40,7 @@ extensions = [
     "mathml",
     "percent",
     "settings_list",
+    "source_links",
     "themed_pictures",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext", ".py": "percent"}
