@@ -38,6 +38,7 @@ extensions = [
     "executed",
     "ledger",
     "mathml",
+    "page_titles",
     "percent",
     "settings_list",
     "source_links",

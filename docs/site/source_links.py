@@ -1,4 +1,4 @@
-"""Source links: a name such as ``lab.navigation.strapdown.step`` leads to its source, on a page of this site."""
+"""Source links: a name such as ``lab.navigation.strapdown.step`` leads to its source, a page of this site."""
 
 from __future__ import annotations
 
