@@ -22,7 +22,7 @@ def name_pages(app: Sphinx, doctree: nodes.document, here: str) -> None:
             name = posixpath.normpath(posixpath.join(posixpath.dirname(here), path.removesuffix(".html")))
             if name in app.env.titles:
                 link.clear()
-                link += nodes.inline("", app.env.titles[name].astext())
+                link.append(nodes.inline("", app.env.titles[name].astext()))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
