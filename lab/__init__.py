@@ -27,7 +27,9 @@ The language, the same everywhere:
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from lab.base.collection_pause import collection_pause
@@ -94,7 +96,7 @@ __all__ = [
     "run_ensemble",
 ]
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "Algorithm": "lab.navigation.algorithm",
@@ -133,6 +135,24 @@ _MODULES = {
 }
 
 
+def warn_of_foreign_files(folder: str) -> None:
+    """Warn if another package called ``lab`` has modules beside this file, where this package has none."""
+    try:
+        names = os.listdir(folder)  # noqa: PTH208 - pathlib loads slowly
+    except OSError:  # the package is imported from an archive
+        return
+    foreign = sorted(name for name in names if name.endswith(".py") and name != "__init__.py")
+    if foreign:
+        warnings.warn(
+            f"{folder} has modules of another package called lab: {', '.join(foreign)}. Each overwrites "
+            "files of the other, so the two cannot be in one environment. Uninstall both (python -m pip "
+            "uninstall lab ins-lab), and install ins-lab again, the other in an environment of its own.",
+            UserWarning,
+            stacklevel=2,
+        )
+
+
+warn_of_foreign_files(__path__[0])
 find_old_names()
 register_cards()
 if "IPython" in sys.modules:  # one that is not loaded does not run; loading it would take half a second

@@ -14,12 +14,16 @@ ROOT = Path(__file__).parent.parent
 DOCUMENTS = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
     ROOT / "missions/README.md",
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs/theory").glob("*.md")),
     *sorted((ROOT / "docs/site").glob("*.md")),
 ]
-PROGRAMS = ("ins-lab", "make", "pip", "pytest", "python", "python3", "py", "jupyter", "panel", "dask")
+PROGRAMS = (
+    *("ins-lab", "make", "pip", "pytest", "python", "python3", "py"),
+    *("jupyter", "panel", "dask", "docker"),
+)
 """What a command line in the text begins with; beside a block of the shell, nothing else is run."""
 _PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b(?!=)|…")
 """What stands for a name that a reader chooses, as in ``ins-lab record NAME``."""

@@ -170,6 +170,8 @@ def make_has_the_target(words: list[str]) -> None:
 
 
 def extras_exist(words: list[str]) -> None:
+    if "uninstall" in words:
+        return
     named = re.findall(r"\[([\w,]+)\]", " ".join(words))
     assert named
     assert {one for part in named for one in part.split(",")} <= set(EXTRAS)
@@ -197,6 +199,12 @@ def files_exist(words: list[str]) -> None:
         assert (ROOT / (f"notebooks/{copied.stem}.py" if of_a_copy else word)).is_file(), word
 
 
+def docker_files_exist(words: list[str]) -> None:
+    for option, value in itertools.pairwise(words):
+        if option == "--file":
+            assert (ROOT / value).is_file(), value
+
+
 def dask_has_the_options(words: list[str]) -> None:
     command = importlib.import_module(f"distributed.cli.dask_{words[1]}").main
     command.make_context(words[1], words[2:])
@@ -214,6 +222,7 @@ OTHER_PROGRAMS: dict[str, tuple[str, Callable[[list[str]], None]]] = {
         "serves until it is stopped; tests/experiment/test_cluster.py starts both",
         dask_has_the_options,
     ),
+    "docker": ("builds and serves images", docker_files_exist),
     "jupyter": ("serves until it is stopped; tests/test_notebooks.py runs the notebooks", lambda words: None),
 }
 """Programs that no test runs from a document: why not, and what is checked of their words."""

@@ -19,6 +19,7 @@ HARMLESS = {
     "register_cards",  # the displays of the package's own classes, in a notebook
     "register_completion",
     "_declare",  # to the compiler, what operators of a type of numbers do
+    "warn_of_foreign_files",  # of another package of this name
     "setflags",  # of an array of the module
     "vars().update",  # of a class: its parameters, made from a table
 }

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import lab
+import lab.run
 from lab.base.old_names import OLD_NAMES
 from lab.experiment.experiment import Experiment
 
@@ -72,4 +74,12 @@ def test_an_old_notebook_runs(path: Path) -> None:
 
 def test_a_result_answers_to_the_old_name_of_missing_reason() -> None:
     result = Experiment().run()
-    assert result.lacks("errors") == result.missing_reason("errors") == ""
+    with pytest.warns(DeprecationWarning, match="lacks is Result.missing_reason now"):
+        assert result.lacks("errors") == result.missing_reason("errors") == ""
+
+
+def test_the_error_of_a_result_is_found_where_it_was() -> None:
+    with pytest.warns(DeprecationWarning, match="lab.run.ResultError is lab.ResultError now"):
+        assert lab.run.ResultError is lab.ResultError
+    with pytest.raises(AttributeError, match="no_such"):
+        _ = lab.run.no_such

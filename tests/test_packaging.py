@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
 import zipfile
 from importlib.metadata import version
@@ -14,6 +16,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
+
+import lab
 
 ROOT = Path(__file__).parent.parent
 IMPORT_SECONDS = 1.5
@@ -48,7 +52,11 @@ def test_the_wheel_holds_every_module_and_nothing_beside(distributions: Path) ->
     }
     assert modules <= names
     assert "lab/py.typed" in names
-    assert {name.split("/")[0] for name in names} == {"lab", "dashboards", "ins_lab-0.1.0.dist-info"}
+    assert {name.split("/")[0] for name in names} == {
+        "lab",
+        "dashboards",
+        f"ins_lab-{lab.__version__}.dist-info",
+    }
 
 
 def test_the_wheel_holds_missions_notebooks_and_all_other_data(distributions: Path) -> None:
@@ -148,3 +156,64 @@ def test_whose_inside_is_used_is_bounded_by_what_was_tested(name: str) -> None:
     tested = Version(version(name))
     assert tested in bounds
     assert Version(f"{tested.major}.{tested.minor + 1}") not in bounds
+
+
+OTHER = {
+    "lab/__init__.py": '__version__ = "8.10"\n',
+    "lab/experiment.py": "",
+    "lab/tools.py": "",
+    "lab/data/run.py.template": "",
+}
+"""Some files of the package lab of PyPI, which has nothing to do with INS Lab."""
+
+
+@pytest.fixture
+def together(distributions: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """Return a folder with the wheel of INS Lab, and one with another package called lab."""
+    (wheel,) = distributions.glob("*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "ours", "zip")
+    for name, text in OTHER.items():
+        path = tmp_path / "other" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    return tmp_path / "ours", tmp_path / "other"
+
+
+def in_folder(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with the packages of a folder, and all that is installed but for this clone."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), sysconfig.get_path("purelib")])}
+    words = [sys.executable, "-S", "-c", script]
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+COMMAND = "import sys; sys.argv = ['ins-lab', 'missions']; from dashboards.command_line import main; main()"
+
+
+@pytest.mark.proof
+def test_another_lab_that_was_installed_before_is_noticed_and_all_works(together: tuple[Path, Path]) -> None:
+    ours, other = together
+    shutil.copytree(ours, other, dirs_exist_ok=True)
+    for script in ("import lab; lab.Experiment", COMMAND):
+        done = in_folder(other, script)
+        assert done.returncode == 0, done.stderr
+        for word in ("UserWarning", "another package called lab: experiment.py, tools.py", "pip uninstall"):
+            assert word in done.stderr
+    assert "montreal" in done.stdout
+    assert "UserWarning" not in in_folder(ours, COMMAND).stderr
+
+
+@pytest.mark.proof
+def test_another_lab_that_was_installed_after_is_noticed(together: tuple[Path, Path]) -> None:
+    ours, other = together
+    shutil.copytree(other, ours, dirs_exist_ok=True)
+    after = in_folder(ours, COMMAND)
+    for name in OTHER:  # it is uninstalled, with the files that it overwrote
+        (ours / name).unlink()
+    removed = in_folder(ours, COMMAND)
+    (ours / "lab").rename(ours / "elsewhere")  # from a clone, which stands behind all that is installed
+    shutil.copytree(other, ours, dirs_exist_ok=True)
+    for done in (after, removed, in_folder(ours, COMMAND)):
+        assert done.returncode == 1
+        assert done.stderr.startswith("ins-lab: the package lab (")
+        assert "pip uninstall lab ins-lab" in done.stderr
+        assert "Traceback" not in done.stderr

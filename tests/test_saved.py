@@ -1,4 +1,4 @@
-"""Saved: what version 0.1.0 wrote still opens: settings, a link, a mission with its recording, a result.
+"""Saved: what version 0.1.0 wrote still opens: settings, links, missions, recordings, results, homework.
 
 The files in `tests/saved` were written by that version, before its rooms were arranged anew.
 """
@@ -18,7 +18,10 @@ from flights import circle
 from dashboards.page import PAGES
 from dashboards.query import experiment_of_query, view_of_query
 from lab import Experiment, mission
+from lab.classroom.homework.grading import GRADED, files_of, grade
+from lab.classroom.homework.homework_file import read_homework, read_key
 from lab.classroom.lessons.lesson_file import read_lesson
+from lab.live import open as open_source
 
 SAVED = Path(__file__).with_name("saved")
 
@@ -98,3 +101,28 @@ def test_a_lesson_of_before_and_a_link_to_each_of_its_pages_open_what_took_their
         "Height": "Flight",
         "Summary": "Compare",
     }
+
+
+def test_a_recording_of_a_stream_is_played_again() -> None:
+    with open_source(f"replay:{SAVED / 'drive.inslab'}?speed=max") as source:
+        while not source.ended:
+            source.wait(source.end, 1.0)
+        found = source.since(None)
+    assert len(found.imu) > 100
+    steps = np.diff(found.imu["time"])
+    np.testing.assert_allclose(steps, np.median(steps), rtol=0.01)
+    force = np.linalg.norm(found.imu["force"], axis=1).mean()
+    assert force == pytest.approx(9.8, rel=0.02)  # an aeroplane before its take-off
+
+
+@pytest.mark.proof
+def test_a_homework_is_worked_with_and_its_hand_ins_are_graded(tmp_path: Path) -> None:
+    key = shutil.copy(SAVED / "receiver.key", tmp_path)
+    handed = tmp_path / "handed_in"
+    handed.mkdir()
+    shutil.copy(SAVED / "ada.handin", handed)
+    homework = read_homework(SAVED / "receiver.homework")
+    assert read_key(Path(key)).homework == homework
+    (row,) = grade(files_of(handed), read_key(Path(key)))
+    assert (row["file"], row["name"], row["status"]) == ("ada.handin", "Ada Lovelace", GRADED)
+    assert float(row["points"]) >= 2  # for the fault, which is the right one

@@ -19,7 +19,11 @@ copyright = "The INS Lab developers"
 root_doc = "docs/site/index"
 include_patterns = [
     "README.md",
+    "CHANGELOG.md",
     "CONTRIBUTING.md",
+    "CODE_OF_CONDUCT.md",
+    "HOW_TO_RELEASE.md",
+    "SECURITY.md",
     "missions/README.md",
     "notebooks/*.py",
     "docs/*.md",
@@ -34,8 +38,10 @@ extensions = [
     "executed",
     "ledger",
     "mathml",
+    "page_titles",
     "percent",
     "settings_list",
+    "source_links",
     "themed_pictures",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext", ".py": "percent"}

@@ -5,6 +5,7 @@ Analyses and datasets are functions of a `Run`. `lab.experiment.result` is its u
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -269,7 +270,8 @@ class Run(ABC):
         """
 
     def lacks(self, name: str) -> str:
-        """Return `missing_reason`; a notebook of an earlier version calls it so."""
+        """Return `missing_reason`, as version 0.1 called it; warns, and goes after 0.2."""
+        warnings.warn("Result.lacks is Result.missing_reason now", DeprecationWarning, stacklevel=2)
         return self.missing_reason(name)
 
     def known_truth(self, name: str) -> Truth:

@@ -134,6 +134,34 @@ def test_equations_and_notebooks_are_on_their_pages(site: Path, pages: dict[Path
 
 
 @pytest.mark.proof
+def test_names_below_equations_lead_to_their_source(site: Path, pages: dict[Path, Html]) -> None:
+    """That the place exists is tested with all links."""
+    for source in THEORY:
+        named = set(re.findall(r"^Function: `(lab\.[\w.]+)`", source.read_text("utf-8"), re.M))
+        assert named
+        links = {
+            link for link in pages[site / "docs/theory" / f"{source.stem}.html"].links if "/source/" in link
+        }
+        for name in named:
+            assert any(
+                link.partition("/source/")[2].replace(".html#", ".").replace("/", ".") == name
+                for link in links
+            )
+    text = pages[site / "source/lab/navigation/strapdown.html"].text
+    assert '<span id="step"></span>' in text
+    assert "Savage" in text
+
+
+@pytest.mark.proof
+def test_links_have_titles_and_not_paths(site: Path, pages: dict[Path, Html]) -> None:
+    assert ">Does the filter tell the truth?<" in pages[site / "README.html"].text
+    for file, page in pages.items():
+        article = page.text.partition("<article")[2].partition("</article>")[0]
+        shown = re.findall(r"<a [^>]*>((?:<[^>]+>)*)([^<]*)", article)
+        assert not [text for _, text in shown if re.fullmatch(r"[\w./-]+\.md", text)], file.name
+
+
+@pytest.mark.proof
 def test_the_search_knows_the_pages_without_a_server(site: Path) -> None:
     script = (site / "searchindex.js").read_text("utf-8")
     index = json.loads(script.removeprefix("Search.setIndex(").removesuffix(")"))
@@ -172,6 +200,9 @@ WIDTHS = (400, 1440)
 """A phone and a laptop [px]."""
 PAGES = (
     "README.html",
+    "docs/site/index.html",
+    "docs/installing.html",
+    "source/lab/navigation/strapdown.html",
     "docs/command-line.html",
     "docs/limits.html",
     "docs/theory/frames.html",
