@@ -50,4 +50,5 @@ def register_cards() -> None:
     register("result", "report", "lab.views.report:write_report")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
     register("experiment", "outage", "lab.experiment.ensembles.outages:outage")
+    register("experiment", "ensemble", "lab.experiment.ensembles.seeds:run_ensemble")
     register("experiment", "progress", "lab.views.notebook_display:shown")
