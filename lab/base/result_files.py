@@ -63,7 +63,7 @@ def write_netcdf(
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     named = datasets()
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in named.items()})
-    tree.attrs |= about
+    tree.attrs.update(about)
     if any(named):
         tree.attrs |= {"groups": ", ".join(filter(None, named)), "how_to_open": GROUPS}
     with temporary_folder(path.parent) as folder:

@@ -118,9 +118,7 @@ def _text(found: OutageTable, chosen: Experiment) -> str:
     return "\n\n".join(filter(None, (shown, found.tuning, *found.remarks, note)))
 
 
-def _write(
-    found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out: Path, force: bool
-) -> None:
+def _write(found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out: Path, force: bool) -> None:
     """Write the errors of all runs as netCDF; `CommandError` if they cannot be written."""
     from lab.base.result_files import write_netcdf  # noqa: PLC0415 - rarely needed
     from lab.run.provenance import OUTAGES, attributes_of, dataset_digest, facts_of  # noqa: PLC0415 - rarely needed

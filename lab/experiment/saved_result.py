@@ -32,7 +32,6 @@ from lab.navigation.algorithm import Algorithm
 from lab.run.provenance import (
     ENSEMBLE,
     LARGEST,
-    OUTAGES,
     RESULT,
     SWEEP,
     VERSIONS,
@@ -134,18 +133,20 @@ class SavedResult:
         """
         if self.sealed:
             raise ResultError(
-                f"{self.path}: is sealed ({self.sealed.partition(' ')[0]}), and its settings do not repeat it; "
-                "ins-lab grade FOLDER --key FILE.key repeats the runs of a homework"
+                f"{self.path}: is sealed ({self.sealed.partition(' ')[0]}), and its settings do not repeat "
+                "it; ins-lab grade FOLDER --key FILE.key repeats the runs of a homework"
             )
         own = self.facts.get("algorithm")
         if own and algorithm is None:
-            raise ResultError(f"{self.path}: was navigated by {own}, which no file contains: algorithm=... takes it")
+            raise ResultError(
+                f"{self.path}: was navigated by {own}, which no file contains: algorithm=... takes it"
+            )
         experiment = self.experiment
         there, expected = find_mission(experiment.mission).content_hash, self.facts.get("recording")
         if expected and there != expected:
             raise ResultError(
-                f"{self.path}: was made of another recording of {experiment.mission}: its SHA-256 is {expected}, "
-                f"and here {there}"
+                f"{self.path}: was made of another recording of {experiment.mission}: its SHA-256 is "
+                f"{expected}, and here {there}"
             )
         return self._again(experiment, progress, algorithm)
 
@@ -167,7 +168,8 @@ class SavedResult:
             )
         except (KeyError, TypeError, json.JSONDecodeError) as error:
             raise ResultError(
-                f"{self.path}: does not say what was run ({error}); files of version 0.1 do for single runs only"
+                f"{self.path}: does not say what was run ({error}); files of version 0.1 do so for single "
+                "runs only"
             ) from error
 
     def _given(self, accepted: tuple[str, ...]) -> dict[str, Any]:
@@ -207,14 +209,20 @@ class SavedResult:
             raise AttributeError(name)
         if name in self.datasets:
             return self.datasets[name]
-        raise AttributeError(f"{self.path} has no {name!r}; it has {', '.join(self.datasets) or 'no datasets'}")
+        raise AttributeError(
+            f"{self.path} has no {name!r}; it has {', '.join(self.datasets) or 'no datasets'}"
+        )
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.datasets]
 
     def __repr__(self) -> str:
         facts = self.facts
-        by = f", ins-lab {facts['versions'].get('ins-lab')}" if isinstance(facts.get("versions"), Mapping) else ""
+        by = (
+            f", ins-lab {facts['versions'].get('ins-lab')}"
+            if isinstance(facts.get("versions"), Mapping)
+            else ""
+        )
         seed = f", seed {facts['seed']}" if facts.get("seed") is not None else ""
         hides = ", sealed" if self.sealed else ""
         held = f"; {', '.join(self.datasets)}" if self.datasets else ""
@@ -325,11 +333,15 @@ def _of_netcdf(path: Path) -> SavedResult:
         datasets = {name: one.to_dataset() for name, one in tree.children.items()}
         if tree.data_vars:
             datasets[""] = tree.to_dataset()
-        attributes = {name: one.tolist() if hasattr(one, "tolist") else one for name, one in tree.attrs.items()}
+        attributes: dict[Any, Any] = {
+            name: one.tolist() if hasattr(one, "tolist") else one for name, one in tree.attrs.items()
+        }
     if "settings" not in attributes:
         raise ResultError(f"{path}: says nothing of what made it; accepted are files that ins-lab wrote")
-    tables = {name: parse_toml(str(attributes[name])) for name in ("versions", "settings") if name in attributes}
-    return SavedResult(path, attributes | tables, datasets)
+    tables = {
+        name: parse_toml(str(attributes[name])) for name in ("versions", "settings") if name in attributes
+    }
+    return SavedResult(path, {**attributes, **tables}, datasets)
 
 
 def _of_json(path: Path) -> SavedResult:

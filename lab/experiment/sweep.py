@@ -36,8 +36,8 @@ class Sweep(NotebookCard):
         errors along each flight, ten times a second as in an ensemble, ``sigma``, the root mean square of σ
         of the filter there, ``nees`` and ``nis``, averaged over the fixes, with their expected values
         ``nees_degrees`` and ``nis_degrees``, and ``horizontal_95``, which 95 % of the horizontal position
-        errors do not exceed.
-        What is unknown is NaN.
+        errors do not exceed. Each has its ``units``; those of `rms`, `max` and `sigma` are of several, and
+        `of` gives one quantity in its own. What is unknown is NaN.
     refused : tuple of str
         The reasons why runs have no values, each with the number of such runs; their values are NaN.
     missing : int
@@ -68,7 +68,7 @@ class Sweep(NotebookCard):
             (name,) = (one for one in data.coords if data[one].attrs.get("setting") == path)
             shown = data[name].values.reshape(-1).tolist()
             swept[path] = [value for value, as_shown in values if as_shown in shown]
-        last = {name: given.pop(name) for name in ("versions", "settings") if name in given}
+        last: dict[str, Any] = {name: given.pop(name) for name in ("versions", "settings") if name in given}
         return {
             **given,
             "made": made_now(),
@@ -93,6 +93,22 @@ class Sweep(NotebookCard):
             A value, a list of values or a slice for each named dimension.
         """
         return replace(self, dataset=self.dataset.sel(values))
+
+    def of(self, quantity: str) -> xr.Dataset:
+        """Return ``rms``, ``max`` and ``sigma`` of one quantity, such as ``"position east"``, in its unit.
+
+        Raises
+        ------
+        ValueError
+            If there is no such quantity.
+        """
+        known = self.dataset["quantity"].values.tolist()
+        if quantity not in known:
+            raise ValueError(f"of: there is no quantity {quantity!r}; accepted are {', '.join(known)}")
+        chosen = self.dataset[["rms", "max", "sigma"]].sel(quantity=quantity)
+        for values in chosen.data_vars.values():
+            values.attrs["units"] = str(chosen["unit"].values)
+        return chosen.drop_vars("unit")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sweep as plain data, as ``ins-lab sweep --json`` prints it: means over the seeds.
@@ -194,4 +210,4 @@ class Sweep(NotebookCard):
 
 def _titled(name: str, unit: str) -> str:
     """Return the title of a column."""
-    return f"{name} [{unit}]" if unit else name
+    return f"{name} [{unit}]" if unit not in {"", "1"} else name

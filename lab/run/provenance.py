@@ -90,7 +90,9 @@ def facts_of(experiment: ExperimentSettings, flight: Mission, schema: str, **fur
 def facts_of_run(run: Run) -> dict[str, Any]:
     """Return what made a run, with a digest of its solution."""
     digest = solution_digest(run.solution_arrays)
-    return facts_of(run.experiment, run.mission, RESULT, algorithm=run.algorithm or None, result_sha256=digest)
+    return facts_of(
+        run.experiment, run.mission, RESULT, algorithm=run.algorithm or None, result_sha256=digest
+    )
 
 
 def facts_of_mission(mission: Mission) -> dict[str, Any]:
@@ -133,7 +135,7 @@ def digest_of(arrays: Iterable[Any]) -> str:
         values = np.ascontiguousarray(one)
         if np.isnan(values).any():
             values = np.where(np.isnan(values), np.asarray(np.nan, values.dtype), values)
-        whole.update(memoryview(values).cast("B") if values.size else b"")
+        whole.update(values.data.cast("B") if values.size else b"")
     return whole.hexdigest()
 
 

@@ -44,6 +44,7 @@ def register_cards() -> None:
     register("sweep", "plot", "lab.views.sweep_plot:sweep_plot")
     register("sweep", "json", "lab.experiment.json_form:sweep_json")
     register("ensemble", "json", "lab.experiment.json_form:ensemble_json")
+    register("figure", "note", "lab.views.paper_figure:note")
     register("result", "view3d", "lab.views.scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
     register("result", "json", "lab.experiment.json_form:json_of")

@@ -87,7 +87,8 @@ def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) 
         '<meta name="viewport" content="width=device-width">'
         f"<title>{escape(mission)}: INS Lab</title><style>{_STYLE}</style>"
         f"{_bokeh()}</head><body>"
-        f'<h1>{escape(mission)}</h1><p class="quiet">{escape(shown)}.{algorithm} {escape(_versions(facts))}</p>'
+        f'<h1>{escape(mission)}</h1><p class="quiet">{escape(shown)}.{algorithm} '
+        f"{escape(_versions(facts))}</p>"
         f"{verdict_html(result.tried_verdict)}{f'<ul>{remarks}</ul>' if remarks else ''}"
         f"<h2>Settings that differ</h2>{settings_html(result.experiment, changed_only=True)}"
         f'{_notes(notes)}{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'

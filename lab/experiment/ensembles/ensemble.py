@@ -412,8 +412,8 @@ class Ensemble(NotebookCard):
                 "largest": (of_all, self.largest, {"long_name": "largest error", "units": units}),
                 "horizontal_95": (of_each, self.most, {"long_name": HORIZONTAL_95, "units": "m"}),
                 "outage_end": (of_all, self.at_outage_ends[:, 0], {"long_name": OUTAGE_END, "units": units}),
-                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": ""}),
-                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": ""}),
+                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": "1"}),
+                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": "1"}),
             },
             {"seed": seeds, "quantity": list(QUANTITIES), "unit": ("quantity", list(UNITS))},
         )

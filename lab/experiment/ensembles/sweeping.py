@@ -406,14 +406,15 @@ def dataset(
     }
     for at, name in enumerate(("nees", "nees_degrees", "nis", "nis_degrees"), 3 * WIDE):
         words = "expected value" if name.endswith("degrees") else "mean over the fixes"
-        about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": ""}
+        about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": "1"}
         variables[name] = ((*dims, "seed"), shaped[..., at], about)
     about = {"long_name": HORIZONTAL_95, "units": "m"}
     variables["horizontal_95"] = ((*dims, "seed"), shaped[..., -1], about)
     coords: dict[str, Any] = {one.dim: coordinate(experiment, one) for one in swept}
     # The seed of a run that hides something is in no file: its runs are numbered.
+    numbers = list(range(1, len(seeds) + 1)) if experiment.hidden else list(seeds)
     coords |= {
-        "seed": list(range(1, len(seeds) + 1)) if experiment.hidden else list(seeds),
+        "seed": ("seed", numbers, {"long_name": "seed of the run", "units": "1"}),
         "quantity": list(QUANTITIES),
         "unit": ("quantity", list(UNITS)),
     }

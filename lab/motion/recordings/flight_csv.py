@@ -90,8 +90,8 @@ def flight_duration(path: Path) -> float:
 def write_flight_csv(path: str | os.PathLike[str], recording: Recording, head: str = "") -> None:
     """Write a flight csv, compressed if the name ends with ``.gz``; the file appears whole or not at all.
 
-    The same recording and `head`, lines that begin with ``#``, give the same bytes. Precision: 1e-12° of position (0.1 µm), 0.1 µm of height,
-    10 nm/s of velocity, 1e-9° of attitude.
+    The same recording and `head`, lines that begin with ``#``, give the same bytes. Precision: 1e-12° of
+    position (0.1 µm), 0.1 µm of height, 10 nm/s of velocity, 1e-9° of attitude.
 
     Raises
     ------

@@ -48,7 +48,9 @@ def _origin(tracks: Tracks) -> str:
     """Return what made the file; Google Earth shows nothing of what is in a namespace of its own."""
     if not tracks.origin:
         return ""
-    return f'  <ExtendedData xmlns:lab="urn:ins-lab"><lab:origin>{tracks.origin}</lab:origin></ExtendedData>\n'
+    return (
+        f'  <ExtendedData xmlns:lab="urn:ins-lab"><lab:origin>{tracks.origin}</lab:origin></ExtendedData>\n'
+    )
 
 
 def _plain(text: str) -> str:

@@ -122,7 +122,9 @@ def tracks_of(source: Result | Mission) -> Tracks:
         return replace(_of_log(source), facts=facts)
     recording = source.recording
     track = _shown("Flight", recording.time - recording.time[0], recording.position)
-    return Tracks(source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None, facts)
+    return Tracks(
+        source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None, facts
+    )
 
 
 def recording_of(source: Result | Mission) -> Recording:

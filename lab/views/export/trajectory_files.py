@@ -165,7 +165,10 @@ def _reference(mission: LogMission) -> tuple[FloatArray, FloatArray, FloatArray,
 
 
 def tum(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
-    """Yield a TUM file with what made it in comments: time, metres east, north, up of the origin, and the quaternion of b, scalar last."""
+    """Yield a TUM file: time, metres east, north, up of the origin, and the quaternion of b, scalar last.
+
+    Comments say what made it.
+    """
     latitude, longitude = trajectory.origin[:2]
     north_east_down = ecef.axes(latitude, longitude)
     axes = np.column_stack((north_east_down[:, 1], north_east_down[:, 0], -north_east_down[:, 2]))
@@ -200,8 +203,9 @@ def pos(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
 
 
 def sbet(trajectory: Trajectory, _facts: Mapping[str, Any]) -> Iterator[bytes]:
-    """Yield an SBET file, which has no room for what made it; its wander angle is zero, so that x, y and z of velocities are north, east, down.
+    """Yield an SBET file; its wander angle is zero, so that x, y and z of velocities are north, east, down.
 
+    There is no room for what made it.
     Accelerations and rates are those over the Earth along the body's axes, of central differences.
     """
     time, records = trajectory.time, np.zeros(len(trajectory.time), SBET)
