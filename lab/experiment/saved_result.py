@@ -151,18 +151,18 @@ class SavedResult:
         return self._again(experiment, progress, algorithm)
 
     def _again(self, experiment: Experiment, progress: Progress | None, algorithm: Algorithm | None) -> Any:
-        kind, facts = self.facts.get("schema", RESULT), self.facts
+        kind = self.facts.get("schema", RESULT)
         try:
             if kind == RESULT:
                 return experiment.run(progress, algorithm=algorithm)
             if kind == ENSEMBLE:
-                ranges = facts.get("seeds") or [[experiment.seed, experiment.seed]]
+                ranges = self._seeds() or [[experiment.seed, experiment.seed]]
                 seeds = [seed for first, last in ranges for seed in range(first, last + 1)]
                 return find("experiment", "ensemble")(experiment, seeds, progress, algorithm=algorithm)
             if kind == SWEEP:
                 given = self._given(("swept", "fast", "fixed"))
                 swept = given.pop("swept")
-                return find("experiment", "sweep")(experiment, swept, facts["seeds"], progress, None, **given)
+                return find("experiment", "sweep")(experiment, swept, self._seeds(), progress, None, **given)
             return experiment.outage(
                 **self._given(("seconds", "cards", "seeds", "wish", "fast")), progress=progress
             )
@@ -171,6 +171,11 @@ class SavedResult:
                 f"{self.path}: does not say what was run ({error}); files of version 0.1 do so for single "
                 "runs only"
             ) from error
+
+    def _seeds(self) -> Any:
+        """Return the seeds of a sweep, or their ranges of an ensemble."""
+        seeds = self.facts["seeds"] if self.kind == "sweep" else self.facts.get("seeds")
+        return json.loads(seeds) if isinstance(seeds, str) else seeds
 
     def _given(self, accepted: tuple[str, ...]) -> dict[str, Any]:
         """Return what was given, by the names that are accepted."""

@@ -155,10 +155,14 @@ def block_of(facts: Mapping[str, Any], sign: str = "", *, short: bool = False) -
 
 
 def attributes_of(facts: Mapping[str, Any], title: str) -> dict[str, str | int]:
-    """Return facts as attributes of a netCDF file, those that are no text or number as TOML."""
+    """Return facts as attributes of a netCDF file: tables as TOML, lists, which may be nested, as JSON."""
     written = _writable(facts)
     others = {name: value for name, value in written.items() if isinstance(value, Mapping)}
-    plain = {name: value for name, value in written.items() if name not in others}
+    plain = {
+        name: json.dumps(value) if isinstance(value, list) else value
+        for name, value in written.items()
+        if name not in others
+    }
     return {"title": title, **plain, **{name: toml_text(value) for name, value in others.items()}}
 
 

@@ -193,7 +193,7 @@ def save(
     import matplotlib as mpl  # noqa: PLC0415 - takes 0.3 s to import, and the page does without
 
     with _LOCK, mpl.rc_context(STYLE), atomic_file(path) as file:
-        figure = _figure(panels, wide, tall, across)
+        figure = drawn_figure(panels, wide, tall, across)
         kind = path.suffix.lower().removeprefix(".")
         figure.savefig(file, format=kind, dpi=RASTER, metadata=_metadata(facts, kind))
 
@@ -247,8 +247,18 @@ def _columns(given: int | None, width: float, panels: int, own: int) -> int:
     return given
 
 
-def _figure(panels: Sequence[Any], width: float, height: float | None, across: int) -> Figure:
-    """Return the drawn figure."""
+def drawn_figure(panels: Sequence[Any], width: float, height: float | None, across: int) -> Figure:
+    """Return plots as a figure of matplotlib, which draws with `STYLE`.
+
+    Parameters
+    ----------
+    panels
+        The plots.
+    width, height
+        Its size [mm]; None for what the panels need.
+    across
+        Number of panels side by side.
+    """
     from matplotlib.figure import Figure  # noqa: PLC0415 - as above
     from matplotlib.layout_engine import ConstrainedLayoutEngine  # noqa: PLC0415 - as above
 
