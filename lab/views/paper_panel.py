@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
 import holoviews as hv
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
 
 FEW_DECADES = 60.0
 """Ratio of the ends of a logarithmic axis below which it has more numbers than its decades."""
-SIZE, SMALLEST, LETTER = 7.0, 5.5, 1.33
-"""Size of the words [pt], the smallest that a journal prints, and the width of a letter of that size with its
-part of the numbers beside a panel [mm]."""
+SIZE, SMALLEST, LETTER, NUMBERS = 7.0, 5.5, 1.3, 9.0
+"""Size of the words [pt], the smallest that a journal prints, the width of a letter of that size, and that of
+the numbers beside a panel [mm]."""
 COLOURS = ("#0b4f8a", "#d95f02", "#3f9e6e", "#7b4a9e", "#a6761d", "#4d4d4d")
 """Colours of curves on white paper; a print in grey shows the first one dark, and line styles all others."""
 SOLID = ("-", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (1, 2.5)), (0, (9, 2)))
@@ -120,8 +121,10 @@ class PaperPanel:
     def _dress(self, first: Any, options: Mapping[str, Any]) -> None:
         axes = self._axes
         titled = options.get("title", "")
-        size = SIZE * min(1.0, self._width / max(len(titled) * LETTER, 1.0))
-        axes.set_title(titled, loc="left", fontsize=max(size, SMALLEST))
+        room = max(self._width - NUMBERS, NUMBERS)
+        size = max(SIZE * min(1.0, room / max(len(titled) * LETTER, 1.0)), SMALLEST)
+        letters = int(room / (LETTER * size / SIZE))
+        axes.set_title(fill(titled, max(letters, 1)), loc="left", fontsize=size)
         dimensions = [labelled(one.label, one.unit or "") for one in first.dimensions()[:2]]
         axes.set_xlabel(options.get("xlabel", dimensions[0]))
         axes.set_ylabel(options.get("ylabel", "" if titled else dimensions[1]))
