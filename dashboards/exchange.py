@@ -26,6 +26,7 @@ from lab.base.progress import Progress
 from lab.base.result_files import csv_blocks, table
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.run.provenance import block_of
 from lab.views.export import gpx, kml, tracks_of
 
 WRITTEN = 0.7
@@ -162,7 +163,8 @@ def gpx_file(result: Result, _progress: Progress) -> bytes:
 def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, _progress: Progress) -> bytes:
     """Return some datasets of a result in a stretch of time [s], as one csv file.
 
-    Those with the time axis of the first known one are in it; the innovations, if none is known.
+    Those with the time axis of the first known one are in it; the innovations, if none is known. What made it
+    stands before them in comments.
     """
     known = [name for name in names if not result.missing_reason(name)] or ["innovations"]
     tables = {name: table(getattr(result, name)) for name in known}
@@ -174,7 +176,8 @@ def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, 
         for column, values in one.items()
     }
     inside = (first.index >= window[0]) & (first.index <= window[1])
-    return "".join(csv_blocks(first.assign(**together)[list(together)][inside])).encode()
+    head = block_of(result.facts, "# ", short=True)
+    return f"{head}{''.join(csv_blocks(first.assign(**together)[list(together)][inside]))}".encode()
 
 
 def zipped_csv(result: Result, progress: Progress) -> bytes:

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from lab.experiment.judged_log import judge
     from lab.experiment.receiver import receiver
     from lab.experiment.result import Result
+    from lab.experiment.saved_result import SavedResult, open_result
     from lab.experiment.sweep import Sweep
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
@@ -71,6 +72,7 @@ __all__ = [
     "Recording",
     "Result",
     "ResultError",
+    "SavedResult",
     "SettingError",
     "Sweep",
     "Trajectory",
@@ -90,6 +92,7 @@ __all__ = [
     "judge",
     "mission",
     "numbers",
+    "open_result",
     "plots",
     "receiver",
     "rotation",
@@ -108,6 +111,7 @@ _HOMES = {
     "Recording": "lab.missions",
     "Result": "lab.experiment.result",
     "ResultError": "lab.run.run",
+    "SavedResult": "lab.experiment.saved_result",
     "SettingError": "lab.base.parameters.setting_error",
     "Sweep": "lab.experiment.sweep",
     "Trajectory": "lab.motion.truth.trajectory",
@@ -123,6 +127,7 @@ _HOMES = {
     "judge": "lab.experiment.judged_log",
     "mission": "lab.missions",
     "numbers": "lab.experiment.imu_numbers",
+    "open_result": "lab.experiment.saved_result",
     "receiver": "lab.experiment.receiver",
     "run_ensemble": "lab.experiment.ensembles.seeds",
 }

@@ -22,17 +22,21 @@ if TYPE_CHECKING:
 
 BLOCK = 4096
 """Rows that are written to a csv file at a time."""
+GROUPS = (
+    'This file has its data in groups: xarray.open_dataset(path, group="NAME") opens one, '
+    "xarray.open_datatree(path) all, and lab.open_result(path) all with the settings."
+)
+"""What a reader of a netCDF file learns who sees no variables in it."""
 
 
 def write_netcdf(
     path: Path,
     datasets: Callable[[], Mapping[str, xr.Dataset]],
-    title: str,
-    settings: str,
+    about: Mapping[str, str | int],
     *,
     overwrite: bool,
 ) -> None:
-    """Write datasets as groups of one netCDF file; one without a name is the file's own.
+    """Write datasets as groups of one netCDF file, which says which; one without a name is the file's own.
 
     Parameters
     ----------
@@ -40,8 +44,8 @@ def write_netcdf(
         The file, in a folder that exists.
     datasets
         Returns the datasets by name; called only if the file can be written.
-    title, settings
-        Attributes of the file: name of the run, and all settings as TOML.
+    about
+        Attributes of the file.
     overwrite
         True replaces an existing file.
 
@@ -57,8 +61,11 @@ def write_netcdf(
     refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in datasets().items()})
-    tree.attrs |= {"title": title, "settings": settings}
+    named = datasets()
+    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in named.items()})
+    tree.attrs.update(about)
+    if any(named):
+        tree.attrs |= {"groups": ", ".join(filter(None, named)), "how_to_open": GROUPS}
     with temporary_folder(path.parent) as folder:
         whole = folder / path.name
         try:
@@ -96,7 +103,7 @@ def write_csv(
     overview
         Name and content of one more table.
     settings
-        All settings as TOML, written to the same folder.
+        All settings as TOML, with what made them in comments, written to the same folder.
     overwrite
         True replaces existing files.
     progress

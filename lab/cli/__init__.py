@@ -26,6 +26,10 @@ COMMANDS |= {
         "lab.cli.report:report",
         "Write a run as one HTML file: verdict, plots, tables, and what repeats it.",
     ),
+    "figure": (
+        "lab.cli.figure:figure",
+        "Write a plot of a run as a figure for print: PDF, SVG or PNG.",
+    ),
     "compare": (
         "lab.cli.compare:compare",
         "Compare error models on the same flights: errors, consistency, time, verdict.",

@@ -49,8 +49,13 @@ def grade(
         typer.Option("--memory", metavar="GB", min=1, help="Most memory of the run of one hand-in [GB]."),
     ] = 4,
 ) -> None:
-    """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
+    """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each.
+
+    An export of a run of the homework (netCDF, JSON, report, csv, path, figure) is run again, and compared
+    bit for bit.
+    """
     from lab.classroom.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
+    from lab.classroom.homework.exported_run import REPEATED  # noqa: PLC0415 - slow
     from lab.classroom.homework.grading import GRADED, columns, csv_text  # noqa: PLC0415 - slow
     from lab.classroom.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
 
@@ -58,12 +63,13 @@ def grade(
     keyed, files = _read(key, folder, out)
     try:
         with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
-            rows = rows_of(files, keyed, progress, examining)
+            rows = rows_of(files, keyed, progress, examining, examining.repeat)
     except StartError as error:
         raise CommandError(str(error)) from error
     _write(csv_text(columns(keyed.judge), rows), out)
-    done = sum(row["status"] == GRADED for row in rows)
-    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded", file=sys.stderr)
+    done, again = (sum(row["status"] == one for row in rows) for one in (GRADED, REPEATED))
+    words = f", {counted(again, 'export')} repeated to the last bit" if again else ""
+    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded{words}", file=sys.stderr)
 
 
 def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,6 +26,7 @@ from lab.cli.options import (
     experiment,
 )
 from lab.cli.terminal import table
+from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
     from lab.experiment.experiment import Experiment
@@ -101,7 +103,8 @@ def outage(
     else:
         print(_text(found, chosen))
     if out is not None:
-        _write(found, chosen, out, force)
+        given = {"cards": names, "seeds": seeds, "wish": wish, "fast": not exact}
+        _write(found, chosen, given, out, force)
     if pressed.is_set() or found.ended:
         print("ins-lab: stopped; the table is that of the runs that are done", file=sys.stderr)
         raise typer.Exit(STOPPED)
@@ -115,12 +118,21 @@ def _text(found: OutageTable, chosen: Experiment) -> str:
     return "\n\n".join(filter(None, (shown, found.tuning, *found.remarks, note)))
 
 
-def _write(found: OutageTable, chosen: Experiment, out: Path, force: bool) -> None:
+def _write(found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out: Path, force: bool) -> None:
     """Write the errors of all runs as netCDF; `CommandError` if they cannot be written."""
     from lab.base.result_files import write_netcdf  # noqa: PLC0415 - rarely needed
+    from lab.run.provenance import OUTAGES, attributes_of, dataset_digest, facts_of  # noqa: PLC0415 - rarely needed
 
-    title = f"Outages of {found.seconds:g} s, {chosen.mission}"
+    data = found.dataset
+    facts = facts_of(
+        chosen,
+        find_mission(chosen.mission),
+        OUTAGES,
+        given={"seconds": found.seconds, **given},
+        result_sha256=dataset_digest(data),
+    )
+    about = attributes_of(facts, f"Outages of {found.seconds:g} s, {chosen.mission}")
     try:
-        write_netcdf(out, lambda: {"outages": found.dataset}, title, chosen.to_toml(), overwrite=force)
+        write_netcdf(out, lambda: {"outages": data}, about, overwrite=force)
     except OSError as error:
         raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,9 +14,7 @@ import numpy as np
 from lab.analysis.consistency import chi_square_interval
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import is_changed
-from lab.base.parameters.toml_file import parse_toml
 from lab.base.plain_data import plain
-from lab.missions import LogMission, mission
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,16 +27,8 @@ if TYPE_CHECKING:
     from lab.experiment.sweep import Sweep
     from lab.run.experiment_settings import ExperimentSettings
 
-SCHEMA, VERSION = "ins-lab result", 1
-"""Name and number of the form of a result."""
-ENSEMBLE, ENSEMBLE_VERSION = "ins-lab ensemble", 1
-"""Name and number of the form of an ensemble."""
-SWEEP, SWEEP_VERSION = "ins-lab sweep", 1
-"""Name and number of the form of a sweep."""
 VECTORS = {"position": "position", "velocity": "velocity", "heading": "attitude heading"}
 """Errors of a point of a sweep, and the quantities of each; of a vector, the components together."""
-PACKAGES = ("ins-lab", "numpy", "scipy", "numba")
-"""Packages whose versions decide the figures of a run."""
 COLUMNS = {
     "95 %": "p95",
     "mean [σ]": "mean_sigma",
@@ -59,16 +48,9 @@ def json_of(result: Result, budget: bool, identification: Identification | None)
     experiment, log = result.experiment, result.recorded
     missing = {name: result.missing_reason(name) for name in ("summary", "coverage", "consistency", "budget")}
     found: dict[str, Any] = {
-        "schema": SCHEMA,
-        "schema_version": VERSION,
-        "mission": experiment.mission,
-        "recording": result.mission.content_hash,
-        "kind": "simulation" if log is None else "log",
+        **{"seed": None, "sealed": None, "algorithm": None},
+        **result.facts,
         "duration": float(result.time[-1]),
-        "seed": experiment.seed if log is None and not experiment.hidden else None,
-        "algorithm": result.algorithm or None,
-        "versions": {name: version(name) for name in PACKAGES},
-        "settings": experiment.shared(),
         "changed": changed_settings(experiment),
         "missing": {name: reason for name, reason in missing.items() if reason},
         "summary": None if missing["summary"] else _rows(result.summary),
@@ -89,23 +71,16 @@ def json_of(result: Result, budget: bool, identification: Identification | None)
 def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
     """Return an ensemble as plain data; see `Ensemble.to_dict`."""
     experiment = ensemble.experiment
-    flight, known = mission(experiment.mission), np.isfinite(ensemble.rms).any()
-    is_log = isinstance(flight, LogMission)
+    known = np.isfinite(ensemble.rms).any()
     remarks = ensemble.remark, experiment.sensors.card_remark(), *experiment.notes
     found: dict[str, Any] = {
-        "schema": ENSEMBLE,
-        "schema_version": ENSEMBLE_VERSION,
-        "mission": experiment.mission,
-        "recording": flight.content_hash,
+        **{"sealed": None, "algorithm": None, "seeds": None},
+        **ensemble.facts,
         "runs": len(ensemble.seeds),
-        "seeds": None if experiment.hidden or is_log else _ranges(ensemble.seeds),
         "diverged": [
             {"seed": None if experiment.hidden else seed, "reason": reason}
             for seed, reason in ensemble.diverged.items()
         ],
-        "algorithm": ensemble.algorithm or None,
-        "versions": {name: version(name) for name in PACKAGES},
-        "settings": experiment.shared(),
         "changed": changed_settings(experiment),
         "errors": _errors(ensemble) if known else None,
         "horizontal": {
@@ -136,17 +111,6 @@ def _errors(ensemble: Ensemble) -> list[Mapping[Any, Any]]:
     return _rows(table)
 
 
-def _ranges(seeds: Sequence[int]) -> list[list[int]]:
-    """Return the first and the last of each unbroken range of seeds."""
-    found: list[list[int]] = []
-    for seed in seeds:
-        if found and seed == found[-1][1] + 1:
-            found[-1][1] = seed
-        else:
-            found.append([seed, seed])
-    return found
-
-
 def sweep_json(sweep: Sweep) -> dict[str, Any]:
     """Return a sweep as plain data; see `Sweep.to_dict`."""
     data, dims = sweep.dataset, sweep.dims
@@ -160,12 +124,9 @@ def sweep_json(sweep: Sweep) -> dict[str, Any]:
         for dim in dims
     ]
     found: dict[str, Any] = {
-        "schema": SWEEP,
-        "schema_version": SWEEP_VERSION,
+        **{"sealed": None, "seeds": None},
+        **sweep.facts,
         "mission": sweep.mission,
-        "versions": {name: version(name) for name in PACKAGES},
-        "settings": parse_toml(data.attrs["settings"]),
-        "seeds": data["seed"].values,
         "swept": swept,
         "points": [
             _point(data.isel(dict(zip(dims, at, strict=True))), dims)

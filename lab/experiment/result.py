@@ -39,6 +39,7 @@ from lab.navigation.algorithm import Algorithm
 from lab.navigation.filters.error_models import ATT
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.memory import give_back
+from lab.run.provenance import attributes_of, block_of, facts_of_run, made_now
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -457,6 +458,15 @@ class Result(NotebookCard, Repeatable):
         return identify(self, self.verdict, progress)
 
     @property
+    def facts(self) -> dict[str, Any]:
+        """What makes this run again, as every export has it; see `lab.run.provenance`."""
+        return {**self._facts, "made": made_now()}
+
+    @cached_property
+    def _facts(self) -> dict[str, Any]:
+        return facts_of_run(self)
+
+    @property
     def plot(self) -> ResultPlots:
         """The plots of this result, such as ``result.plot.errors()``; Tab completes their names."""
         return ResultPlots(self)
@@ -490,7 +500,9 @@ class Result(NotebookCard, Repeatable):
         return {name: getattr(self, name) for name in names if not self.missing_reason(name)}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write all datasets as groups of one netCDF file, the settings in its attributes.
+        """Write all datasets as groups of one netCDF file, what made them in its attributes.
+
+        `lab.open_result` reads it, and runs its settings again.
 
         Raises
         ------
@@ -499,21 +511,24 @@ class Result(NotebookCard, Repeatable):
         FileNotFoundError
             If the folder does not exist.
         """
-        title = f"INS Lab: {self.mission.title}"
-        settings = self.experiment.to_toml()
-        result_files.write_netcdf(Path(path), self.datasets, title, settings, overwrite=overwrite)
+        about = attributes_of(self.facts, f"INS Lab: {self.mission.title}")
+        about["settings"] = self.experiment.to_toml()
+        result_files.write_netcdf(Path(path), self.datasets, about, overwrite=overwrite)
 
     def to_csv(
         self, folder: str | Path, *, overwrite: bool = False, progress: Progress | None = None
     ) -> None:
-        """Write each dataset as a csv file with units in the column names, and the settings as TOML.
+        """Write each dataset as a csv file with units in the column names, and ``settings.toml``.
+
+        That has all settings, and what made the files in comments. `lab.open_result` reads the folder.
 
         Raises
         ------
         FileExistsError
             If one of the files exists and `overwrite` is not given.
         """
-        settings = self.experiment.to_toml()
+        facts = {name: value for name, value in self.facts.items() if name != "settings"}
+        settings = f"{block_of(facts, '# ')}\n{self.experiment.to_toml()}"
         result_files.write_csv(
             Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite, progress=progress
         )

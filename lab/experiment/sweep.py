@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,6 +13,7 @@ from lab.base.files.atomic_file import atomic_file
 from lab.base.notebook_card import NotebookCard
 from lab.base.registry import find
 from lab.base.result_files import csv_blocks, refuse_existing, write_netcdf
+from lab.run.provenance import attributes_of, block_of, dataset_digest, made_now
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,12 +36,17 @@ class Sweep(NotebookCard):
         errors along each flight, ten times a second as in an ensemble, ``sigma``, the root mean square of σ
         of the filter there, ``nees`` and ``nis``, averaged over the fixes, with their expected values
         ``nees_degrees`` and ``nis_degrees``, and ``horizontal_95``, which 95 % of the horizontal position
-        errors do not exceed.
-        What is unknown is NaN.
+        errors do not exceed. Each has its ``units``; those of `rms`, `max` and `sigma` are of several, and
+        `of` gives one quantity in its own. What is unknown is NaN.
     refused : tuple of str
         The reasons why runs have no values, each with the number of such runs; their values are NaN.
     missing : int
         Number of runs that were not done, because the sweep was stopped; `refused` says so too.
+    made_of : mapping
+        What made the sweep: the facts of `lab.run.provenance`, and ``swept``, the given values of each
+        setting with those of the dataset.
+    options : mapping
+        Whether it was ``fast``, and the settings that were ``fixed``, whatever a swept card says.
     """
 
     CARD: ClassVar[str] = "sweep"
@@ -50,6 +56,27 @@ class Sweep(NotebookCard):
     dataset: xr.Dataset
     refused: tuple[str, ...] = ()
     missing: int = 0
+    made_of: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What makes this sweep again, or the selected part of it, as every export has it."""
+        given, data = dict(self.made_of), self.dataset
+        swept = {}
+        for path, values in given.pop("swept", {}).items():
+            (name,) = (one for one in data.coords if data[one].attrs.get("setting") == path)
+            shown = data[name].values.reshape(-1).tolist()
+            swept[path] = [value for value, as_shown in values if as_shown in shown]
+        last: dict[str, Any] = {name: given.pop(name) for name in ("versions", "settings") if name in given}
+        return {
+            **given,
+            "made": made_now(),
+            "given": {"swept": swept, **self.options},
+            **({} if "sealed" in given else {"seeds": data["seed"].values.reshape(-1).tolist()}),
+            "result_sha256": dataset_digest(data),
+            **last,
+        }
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -66,6 +93,22 @@ class Sweep(NotebookCard):
             A value, a list of values or a slice for each named dimension.
         """
         return replace(self, dataset=self.dataset.sel(values))
+
+    def of(self, quantity: str) -> xr.Dataset:
+        """Return ``rms``, ``max`` and ``sigma`` of one quantity, such as ``"position east"``, in its unit.
+
+        Raises
+        ------
+        ValueError
+            If there is no such quantity.
+        """
+        known = self.dataset["quantity"].values.tolist()
+        if quantity not in known:
+            raise ValueError(f"of: there is no quantity {quantity!r}; accepted are {', '.join(known)}")
+        chosen = self.dataset[["rms", "max", "sigma"]].sel(quantity=quantity)
+        for values in chosen.data_vars.values():
+            values.attrs["units"] = str(chosen["unit"].values)
+        return chosen.drop_vars("unit")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sweep as plain data, as ``ins-lab sweep --json`` prints it: means over the seeds.
@@ -93,13 +136,14 @@ class Sweep(NotebookCard):
         write_netcdf(
             Path(path),
             lambda: {"": self.dataset},
-            f"Sweep of {self.mission}",
-            self.dataset.attrs["settings"],
+            attributes_of(self.facts, f"Sweep of {self.mission}"),
             overwrite=overwrite,
         )
 
     def to_csv(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write a csv file with a row for each run and units in the column names; what is unknown is empty.
+
+        Lines that begin with ``#`` say what made it; pandas skips them with ``comment="#"``.
 
         Parameters
         ----------
@@ -115,6 +159,7 @@ class Sweep(NotebookCard):
         """
         refuse_existing([Path(path)], overwrite)
         with atomic_file(Path(path)) as file:
+            file.write(block_of(self.facts, "# ", short=True).encode())
             file.writelines(block.encode() for block in csv_blocks(self._table()))
 
     def _table(self) -> pd.DataFrame:
@@ -165,4 +210,4 @@ class Sweep(NotebookCard):
 
 def _titled(name: str, unit: str) -> str:
     """Return the title of a column."""
-    return f"{name} [{unit}]" if unit else name
+    return f"{name} [{unit}]" if unit not in {"", "1"} else name

@@ -58,6 +58,11 @@ class ExperimentSettings(Settings):
         return ""
 
     @property
+    def sealed(self) -> str:
+        """What files have in place of hidden settings and their seed; empty if nothing is hidden."""
+        return ""
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the experiment that every result of it remarks."""
         return ()

@@ -22,6 +22,7 @@ from lab.views import notebook_display
 from lab.views.autocorrelation import three_sigma
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.notebook_display import theme_hook
+from lab.views.paper_figure import Layout, Overlay, register_backend
 from lab.views.quantities import (
     AXIS_COLOURS,
     CONSISTENCY,
@@ -83,6 +84,7 @@ def _load_bokeh() -> None:
     As in Panel, the environment variable PANEL_INLINE=True puts the scripts into the page, for offline use.
     """
     hv.extension("bokeh", logo=False, inline=pn.config.inline)
+    register_backend()
 
 
 def fit_phones() -> None:
@@ -126,42 +128,43 @@ def follow_theme(*figures: figure) -> None:
         hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
 
 
-def errors(result: Result) -> hv.Layout:
+def errors(result: Result) -> Layout:
     """Return position, velocity and attitude errors with ±3σ, three in a row."""
     return _layout(result, ERRORS, wide=3)
 
 
-def covariance(result: Result) -> hv.Layout:
+def covariance(result: Result) -> Layout:
     """Return σ of all states over time, on logarithmic axes."""
     return _layout(result, with_scale(result, COVARIANCE, SCALE_COVARIANCE), wide=3)
 
 
-def sensor_errors(result: Result) -> hv.Layout:
+def sensor_errors(result: Result) -> Layout:
     """Return estimated errors of the sensors with ±3σ, the true ones, and the temperature if any."""
     plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS) + further_plots(result.blocks)
     return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), wide=3)
 
 
-def innovations(result: Result) -> hv.Layout:
+def innovations(result: Result) -> Layout:
     """Return position and velocity innovations with ±3σ, and below them their autocorrelation."""
     use_bokeh()
     plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
-    return hv.Layout(plots).cols(columns(3)).opts(shared_axes=True)
+    return _together(result, plots, wide=3)
 
 
-def consistency(result: Result) -> hv.Layout:
+def consistency(result: Result) -> Layout:
     """Return NEES and NIS with their 95 % intervals, and the innovations in their σ; NIS alone for a log."""
     known = [plot for plot in CONSISTENCY if plot.name != "nees" or not result.missing_reason("consistency")]
     return _layout(result, known, wide=2)
 
 
-def height(result: Result) -> hv.Layout:
+def height(result: Result) -> Layout:
     """Return height and vertical velocity (true, estimated, of the fixes), and the height error."""
-    return _layout(result, HEIGHT, wide=1).opts(hv.opts.Overlay(width=2 * WIDTH))
+    drawn: Layout = _layout(result, HEIGHT, wide=1).opts(hv.opts.Overlay(width=2 * WIDTH))
+    return drawn
 
 
-def ground_track(result: Result) -> hv.Overlay:
+def ground_track(result: Result) -> Overlay:
     """Return the true path, the estimated path and the fixes on a map in metres, with equal scales."""
     use_bokeh()
     track, gps = result.drawn_track, result.gps
@@ -184,7 +187,7 @@ def ground_track(result: Result) -> hv.Overlay:
                 color=colour, line_dash=dash, line_width=2, show_legend=True
             )
         )
-    return hv.Overlay(layers).opts(
+    drawn: Overlay = Overlay(layers, made_by=lambda: result.facts).opts(
         width=620,
         height=560,
         data_aspect=1,
@@ -197,12 +200,17 @@ def ground_track(result: Result) -> hv.Overlay:
         yformatter="%.0f",
         hooks=[theme_hook],
     )
+    return drawn
 
 
-def _layout(result: Result, plots: Sequence[TimePlot], wide: int) -> hv.Layout:
+def _layout(result: Result, plots: Sequence[TimePlot], wide: int) -> Layout:
     use_bokeh()
-    drawn = hv.Layout([_time_plot(result, plot) for plot in plots])
-    return drawn.cols(columns(wide)).opts(shared_axes=True)
+    return _together(result, [_time_plot(result, plot) for plot in plots], wide)
+
+
+def _together(result: Result, plots: Sequence[hv.Overlay], wide: int) -> Layout:
+    drawn: Layout = Layout(plots, made_by=lambda: result.facts).cols(columns(wide)).opts(shared_axes=True)
+    return drawn
 
 
 def _time() -> hv.Dimension:

@@ -7,12 +7,11 @@ TOML, and the versions that made it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bokeh.embed import components
 from bokeh.models.annotations import Title
@@ -21,7 +20,7 @@ from bokeh.resources import Resources
 
 from lab.base.files.atomic_file import atomic_file
 from lab.base.result_files import refuse_existing
-from lab.experiment.json_form import PACKAGES
+from lab.run.provenance import block_of
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
@@ -79,7 +78,8 @@ def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) 
         for title, group in groups.items()
         if group
     )
-    facts = ", ".join(part for part in (f"{result.time[-1]:.0f} s", result.realisation) if part)
+    facts = result.facts
+    shown = ", ".join(part for part in (f"{result.time[-1]:.0f} s", result.realisation) if part)
     algorithm = f" Navigated by {escape(result.algorithm)}." if result.algorithm else ""
     remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
     return (
@@ -87,11 +87,12 @@ def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) 
         '<meta name="viewport" content="width=device-width">'
         f"<title>{escape(mission)}: INS Lab</title><style>{_STYLE}</style>"
         f"{_bokeh()}</head><body>"
-        f'<h1>{escape(mission)}</h1><p class="quiet">{escape(facts)}.{algorithm} {escape(_versions())}</p>'
+        f'<h1>{escape(mission)}</h1><p class="quiet">{escape(shown)}.{algorithm} '
+        f"{escape(_versions(facts))}</p>"
         f"{verdict_html(result.tried_verdict)}{f'<ul>{remarks}</ul>' if remarks else ''}"
         f"<h2>Settings that differ</h2>{settings_html(result.experiment, changed_only=True)}"
         f'{_notes(notes)}{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
-        f"{_repetition(result)}{scripts}</body></html>"
+        f"{_repetition(result, facts)}{scripts}</body></html>"
     )
 
 
@@ -170,21 +171,24 @@ def _table(table: pd.DataFrame) -> str:
     return str(table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–"))
 
 
-def _versions() -> str:
-    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return f"Made on {made} with {', '.join(f'{name} {version(name)}' for name in (*PACKAGES, 'bokeh'))}."
+def _versions(facts: Mapping[str, Any]) -> str:
+    made = facts["made"].replace("T", " ").removesuffix("Z")
+    used = {**facts["versions"], "bokeh": version("bokeh")}
+    return f"Made on {made} UTC with {', '.join(f'{name} {one}' for name, one in used.items())}."
 
 
-def _repetition(result: Result) -> str:
-    """Return all settings, and how the run is repeated with them."""
+def _repetition(result: Result, facts: Mapping[str, Any]) -> str:
+    """Return all settings, how the run is repeated with them, and what `lab.open_result` reads."""
     name = result.experiment.mission
+    made = {name: value for name, value in facts.items() if name != "settings"}
     if result.experiment.hidden:
         how = "Some settings of this run are hidden, so the settings below do not repeat it."
     else:
         how = (
             "Save the settings below as <code>settings.toml</code>, and run "
             f"<code>ins-lab run {escape(name)} --config settings.toml</code>. On processors of one family, "
-            "it gives the same figures to the last bit."
+            "it gives the same figures to the last bit. <code>lab.open_result</code> of this file does so in "
+            "Python."
         )
     if result.algorithm:
         how += " The run was made by an algorithm of its own, which is not in this report."
@@ -192,4 +196,5 @@ def _repetition(result: Result) -> str:
         f"<h2>Repeat this run</h2><p>{how} SHA-256 of the recording: "
         f"<code>{escape(result.mission.content_hash)}</code>.</p>"
         f'<pre id="settings">{escape(result.experiment.to_toml())}</pre>'
+        f'<pre id="origin">\n{escape(block_of(made))}</pre>'
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.views.mission_card import title_of
+from lab.views.paper_figure import Layout
 from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
 from lab.views.sweep_figure import BAND, Panel, abscissa, is_text, is_wide, labelled, panel, tests
@@ -26,6 +27,8 @@ LEVEL = 5
 """Most texts that stand level below an axis; more are turned."""
 BESIDE = 0.5
 """Part of the distance between two texts on an axis that the marks at one text take."""
+MEAN, SPREAD = "over all seeds", "90 % of the runs"
+"""What the legend of a printed figure calls the line and the band."""
 _LEFT = 'style="text-align:left"'
 DEFAULT = ("position", "velocity", "attitude heading")
 """The quantities that are drawn unless others are chosen."""
@@ -33,7 +36,7 @@ COLOURS = (*AXIS_COLOURS, FIXES, "#7d6bd6", "#a38b1c")
 """Colours of the values of a second setting, visible on white and on black."""
 
 
-def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layout:
+def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> Layout:
     """Return the plots of a sweep; see `Sweep.plot`."""
     swept = sweep.dims
     data = sweep.dataset.sortby([dim for dim in swept if not is_text(sweep.dataset[dim])])
@@ -45,7 +48,8 @@ def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layo
     use_bokeh()
     panels = [panel(data, name) for name in (DEFAULT if quantities is None else quantities)]
     drawn = [draw(one, data, swept) for one in panels + tests(data)]
-    return hv.Layout(drawn).cols(columns(3)).opts(shared_axes=False)
+    shown: Layout = Layout(drawn, made_by=lambda: sweep.facts).cols(columns(3)).opts(shared_axes=False)
+    return shown
 
 
 def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
@@ -60,9 +64,17 @@ def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
         label = "" if value is None else f"{value} {data[second[0]].attrs['units']}".rstrip()
         # Marks of several values at one text stand side by side.
         aside = BESIDE * (place - (len(values) - 1) / 2) / len(values) if drawn is marks else 0.0
-        layers += drawn(
-            one, one.runs.sel(at), one.expected.sel(at), axis + aside, COLOURS[place % len(COLOURS)], label
-        )
+        layers += [
+            layer.relabel(group=f"{data[second[0]].attrs['long_name']} {label}") if layer.label else layer
+            for layer in drawn(
+                one,
+                one.runs.sel(at),
+                one.expected.sel(at),
+                axis + aside,
+                COLOURS[place % len(COLOURS)],
+                label,
+            )
+        ]
     about = data[first].attrs
     return hv.Overlay(layers).opts(
         width=WIDTH,
@@ -90,11 +102,13 @@ def curves(
     low, high = _band(runs)
     mean, assumed = _means(one, runs), _means(one, expected)
     drawn = [
-        hv.Area((axis, low, high), x, [y, f"{one.title} high"]).opts(color=colour, alpha=0.15, line_alpha=0),
-        hv.Curve((axis, assumed), x, y).opts(
+        hv.Area((axis, low, high), x, [y, f"{one.title} high"], group=SPREAD).opts(
+            color=colour, alpha=0.15, line_alpha=0
+        ),
+        hv.Curve((axis, assumed), x, y, group=_expected(one)).opts(
             color=colour if one.unit else TRUTH, line_dash="dashed", line_width=1.4
         ),
-        hv.Curve((axis, mean), x, y, label=label).opts(color=colour, line_width=2),
+        hv.Curve((axis, mean), x, y, label=label, group=MEAN).opts(color=colour, line_width=2),
         hv.Scatter((axis, mean), x, y).opts(color=colour, size=5),
     ]
     return drawn if axis.size > 1 else drawn[3:]
@@ -106,14 +120,19 @@ def marks(
     """Draw the same over values that are texts, between which there is nothing: no line joins them."""
     x, y = hv.Dimension("setting"), hv.Dimension(one.title, unit=one.unit or None)
     low, high = _band(runs)
-    assumed = hv.Scatter((axis, _means(one, expected)), x, y)
+    assumed = hv.Scatter((axis, _means(one, expected)), x, y, group=_expected(one))
     return [
-        hv.Segments((axis, low, axis, high), [x, y, "setting too", f"{one.title} high"]).opts(
+        hv.Segments((axis, low, axis, high), [x, y, "setting too", f"{one.title} high"], group=SPREAD).opts(
             color=colour, alpha=0.3, line_width=6
         ),
         assumed.opts(color=colour if one.unit else TRUTH, marker="dash", size=14),
-        hv.Scatter((axis, _means(one, runs)), x, y, label=label).opts(color=colour, size=7),
+        hv.Scatter((axis, _means(one, runs)), x, y, label=label, group=MEAN).opts(color=colour, size=7),
     ]
+
+
+def _expected(one: Panel) -> str:
+    """Return what the expected values are called in the legend of a printed figure."""
+    return "σ of the filter" if one.unit else "expected value"
 
 
 def _band(runs: xr.DataArray) -> tuple[FloatArray, FloatArray]:

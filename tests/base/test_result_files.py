@@ -34,7 +34,7 @@ def test_a_full_disk_is_named_whenever_it_is_full(tmp_path: Path) -> None:
     dataset = xr.Dataset({"error": ("time", np.arange(20_000.0))})
     path = tmp_path / "run.nc"
     with pytest.raises(OSError, match=r"No space left on device: .*run\.nc'"):
-        write_netcdf(path, lambda: {"errors": dataset}, "run", "", overwrite=False)
+        write_netcdf(path, lambda: {"errors": dataset}, {"title": "run"}, overwrite=False)
     assert list(tmp_path.iterdir()) == []
 
 

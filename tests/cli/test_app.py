@@ -27,6 +27,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
     [
         "missions",
         "run",
+        "figure",
         "ensemble",
         "sweep",
         "fly",
@@ -63,7 +64,7 @@ def test_the_version_is_the_one_installed() -> None:
             ["sail"],
             [
                 "no command 'sail'",
-                "missions, run, report, compare, ensemble, sweep, outage, budget, identify, numbers",
+                "missions, run, report, figure, compare, ensemble, sweep, outage, budget, identify, numbers",
                 "receiver, calibrate, judge, fly",
                 "cards",
                 "allan",

@@ -146,13 +146,13 @@ def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk, files: Give
     assert result is not None
     content = given(walk, "seen", files)
     assert len(content) < 200_000
-    read = pd.read_csv(io.BytesIO(content), index_col=0)
+    read = pd.read_csv(io.BytesIO(content), index_col=0, comment="#")
     assert (read.index[0], read.index[-1], len(read)) == (20.0, 30.0, 501)
     errors = result.errors.sel(time=slice(20, 30))
     np.testing.assert_allclose(read["errors position east [m]"], errors.position.values[:, 0], rtol=1e-11)
     assert len([name for name in read if name.startswith("sigma ")]) == 9
     walk.open("Innovations")
-    read = pd.read_csv(io.BytesIO(given(walk, "seen", files)), index_col=0)
+    read = pd.read_csv(io.BytesIO(given(walk, "seen", files)), index_col=0, comment="#")
     assert read.index.name == "time_gps [s]"
     assert 10 <= len(read) <= 11
     walk.page.axis.whole()

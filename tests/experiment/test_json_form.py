@@ -19,7 +19,10 @@ from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 
-FREE = {"versions", "settings", "changed", "missing", "identification.changes", "points[].values"}
+FREE = {
+    *("versions", "settings", "changed", "missing", "identification.changes", "points[].values"),
+    *("given.swept", "given.fixed"),
+}
 """Objects whose keys are names of other things."""
 VALUES = re.compile(r"(verdict\.\w+\[\]\.changes\[\]\.value|verdict\.suggestions\[\]\.changes\[\]).*")
 MAY_LACK = {"identification.at_bounds[]", "gaps.filled[][]", "gaps.breaks[][]", "out", "export", "report"}

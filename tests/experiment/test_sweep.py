@@ -295,7 +295,7 @@ def test_a_cancelled_sweep_has_the_runs_that_were_begun_and_says_so(tmp_path: Pa
     assert len(some.plot()) == 5
     assert "the sweep was stopped" in str(some._repr_html_())
     some.to_csv(tmp_path / "some.csv")
-    table = pd.read_csv(tmp_path / "some.csv")
+    table = pd.read_csv(tmp_path / "some.csv", comment="#")
     assert table["nis"].isna().sum() == some.missing
     sweeping.KEPT.clear()
     with pytest.raises(StoppedError, match="before the first of 12 runs"):
@@ -310,7 +310,7 @@ def test_files_of_a_sweep_hold_every_run_with_units(swept: Sweep, tmp_path: Path
         assert found.rms.attrs["units"] == "m, m/s, °"
         assert Experiment.from_toml(found.attrs["settings"]).to_dict() == small().to_dict()
     swept.to_csv(tmp_path / "sweep.csv")
-    table = pd.read_csv(tmp_path / "sweep.csv")
+    table = pd.read_csv(tmp_path / "sweep.csv", comment="#")
     assert table.shape == (2 * 2 * SEEDS, 3 + 3 * 9 + 5)
     row = table[(table["noise_density [°/s/√Hz]"] == 0.02) & (table["r_scale"] == 0.1) & (table["seed"] == 6)]
     there = swept.dataset.sel(noise_density=0.02, r_scale=0.1, seed=6)

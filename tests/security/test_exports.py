@@ -1,14 +1,41 @@
-"""What a mission is called is text in what is exported, too: a viewer of KML takes descriptions for HTML."""
+"""Exports: names are text in them, which a viewer of KML takes for HTML; none has what is hidden."""
 
 from __future__ import annotations
 
+import gzip
+import json
+import re
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
-from lab.missions import Mission
-from lab.views.export import gpx, kml
+import pytest
+import xarray as xr
+
+from lab import Result, ResultError, export_track, open_result, run_ensemble
+from lab.classroom.homework.homework import Homework
+from lab.classroom.homework.scenario import Hidden, Scenario
+from lab.classroom.homework.sealing import TeacherKey
+from lab.experiment.experiment import Experiment
+from lab.missions import Mission, MissionError
+from lab.views.export import ENDINGS, gpx, kml
 from lab.views.export.tracks import Tracks
 from lab.views.mission_card import mission_html
+from lab.views.paper_figure import ENDINGS as FIGURES
+from tests.security.test_hidden_settings import (
+    HIDDEN_SEED,
+    SECRET,
+    SEED,
+    SHOWN,
+    WORDS,
+    of_faults,
+    of_settings,
+    of_the_gallery,
+)
 
 MARK = '<img src="x" onerror="alert(1)"></description>&lt;b&gt;]]>'
 
@@ -31,3 +58,84 @@ def test_a_card_of_a_mission_has_no_tag_of_its_texts() -> None:
     card = mission_html(Mission(MARK, Path(MARK), MARK, MARK, MARK, MARK, MARK, (MARK,)))
     assert "No recording" in card
     assert "<img" not in card
+
+
+def sealed_by_a_teacher() -> Experiment:
+    """Return a homework with a key, of which a student takes another seed: that is sealed for the teacher."""
+    key = TeacherKey.new()
+    scenario = Scenario(
+        key.name, "A title", SHOWN, ("navigator",), Hidden((), SECRET, HIDDEN_SEED), key.public
+    )
+    return Homework(scenario, "", key.public).experiment()
+
+
+WRITERS: dict[str, Callable[[Result, Path], Any]] = {
+    "run.nc": lambda result, path: result.to_netcdf(path),
+    "folder": lambda result, path: result.to_csv(path),
+    "run.json": lambda result, path: path.write_text(result.to_json(), "utf-8"),
+    "run.html": lambda result, path: result.report(path),
+    **{f"run{ending}": export_track for ending in ENDINGS if ending != ".parquet"},
+    **{
+        f"{name}{ending}": lambda result, path: getattr(result.plot, path.stem)().save(path)
+        for name, ending in (("errors", ".pdf"), ("ground_track", ".svg"), ("covariance", ".png"))
+    },
+}
+
+
+def of_many_runs(experiment: Experiment, folder: Path) -> None:
+    """Write a sweep and an ensemble in all their formats."""
+    sweep = experiment.sweep({"navigator.r_scale": [0.5, 1.0]}, 2)
+    sweep.to_netcdf(folder / "sweep.nc")
+    sweep.to_csv(folder / "sweep.csv")
+    sweep.plot().save(folder / "sweep.pdf")
+    ensemble = run_ensemble(experiment, 3)
+    ensemble.to_netcdf(folder / "runs.nc")
+    forms = {"sweep.json": sweep.to_dict(), "runs.json": ensemble.to_dict()}
+    for name, form in forms.items():
+        (folder / name).write_text(json.dumps(form), "utf-8")
+
+
+def contents(path: Path) -> Iterator[bytes]:
+    """Iterate over all that a file contains: its bytes, and what is compressed in it."""
+    content = path.read_bytes()
+    yield content
+    if path.suffix == ".gz":
+        yield gzip.decompress(content)
+    for found in re.finditer(rb"stream\r?\n(.*?)\r?\nendstream", content, re.S):  # of a PDF
+        with suppress(zlib.error):
+            yield zlib.decompress(found[1])
+    if path.suffix == ".nc":
+        with xr.open_datatree(path) as tree:
+            yield repr([(leaf.attrs, leaf.to_dict()) for leaf in tree.subtree if leaf.sizes]).encode()
+            yield repr(tree.attrs).encode()
+
+
+@pytest.mark.parametrize(
+    "made", [of_settings, of_faults, of_the_gallery, sealed_by_a_teacher], ids=lambda one: one.__name__
+)
+def test_no_format_has_what_is_hidden_or_the_seed(made: Callable[[], Experiment], tmp_path: Path) -> None:
+    experiment = made()
+    experiment.set("seed", SEED)
+    experiment.set("navigator.q_scale", 0.5)
+    result = experiment.run()
+    for name, write in WRITERS.items():
+        write(result, tmp_path / name)
+    with suppress(MissionError):  # pyarrow is not installed
+        export_track(result, tmp_path / "run.parquet")
+    of_many_runs(experiment, tmp_path)
+    numbers = [SEED, SEED + 1, HIDDEN_SEED, (HIDDEN_SEED + SEED - 1) % 2**32]
+    binary = {number: (struct.pack("<q", number), struct.pack("<d", number)) for number in numbers}
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} >= {*FIGURES, ".nc", ".json", ".html", ".csv", ".gz", ".kml"}
+    for path in files:
+        for text in contents(path):
+            assert [word for word in WORDS if word.encode() in text] == [], path.name
+            assert [one for one, forms in binary.items() if any(form in text for form in forms)] == [], path
+    for name in WRITERS:
+        if name.endswith((".sbet", ".out")):
+            continue
+        saved = open_result(tmp_path / name)
+        assert saved.sealed.split()[0] in {"homework", "gallery"}, name
+        assert saved.experiment.navigator.q_scale == 0.5
+        with pytest.raises(ResultError, match="is sealed"):
+            saved.run()

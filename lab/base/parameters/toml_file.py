@@ -61,25 +61,34 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise TomlError(f"is not TOML: {error}") from error
 
 
-def toml_text(values: Mapping[str, Any]) -> str:
+def toml_text(values: Mapping[str, Any], *, inline: bool = False) -> str:
     """Return values as TOML text, the inverse of `parse_toml`.
 
     Parameters
     ----------
     values
         Texts, numbers, truth values, and lists and tables of them.
+    inline
+        Whether each value stands on one line, tables too.
     """
     import tomlkit  # noqa: PLC0415 - takes 0.1 s, and only writing needs it
+
+    def table(value: Mapping[str, Any]) -> Any:
+        found = tomlkit.inline_table()
+        found.update({key: written(item) for key, item in value.items()})
+        return found
 
     def written(value: Any) -> Any:
         if isinstance(value, str):
             # A carriage return within a multi-line string would be read as the end of a line.
-            return tomlkit.string(value, multiline="\n" in value and "\r" not in value)
+            return tomlkit.string(value, multiline="\n" in value and "\r" not in value and not inline)
+        if isinstance(value, Mapping) and inline:
+            return table(value)
         if isinstance(value, Mapping):
             return {key: written(item) for key, item in value.items()}
         return [written(item) for item in value] if isinstance(value, list | tuple) else value
 
-    return tomlkit.dumps(written(values))
+    return tomlkit.dumps({key: written(item) for key, item in values.items()})
 
 
 def read_toml(path: Path) -> dict[str, Any]:

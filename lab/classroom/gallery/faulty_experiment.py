@@ -45,6 +45,11 @@ class FaultyExperiment(Experiment):
         return self._fault.title
 
     @property
+    def sealed(self) -> str:
+        """That a fault is hidden, but not which."""
+        return "gallery"
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What every result of this experiment remarks."""
         return (NOTE,)

@@ -14,9 +14,11 @@ from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from lab.classroom.homework.exported_run import REFUSED, Repeated, repeat
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed, key_text, parse_key
 from lab.classroom.lessons.quantities import QUANTITIES
@@ -130,27 +132,30 @@ class BoundedRuns:
 
     def __call__(self, _judge: Judge, changes: Mapping[str, Any]) -> Examined:
         """Run the homework with the changes of a student."""
+        found = self._ask(dict(changes))
+        return Examined.failed(self._judge, f"cannot be run: {found}") if isinstance(found, str) else found
+
+    def repeat(self, path: Path) -> Repeated:
+        """Run again what a student exported; see `lab.classroom.homework.exported_run`."""
+        found = self._ask(path)
+        return Repeated(REFUSED, found) if isinstance(found, str) else found
+
+    def _ask(self, given: Any) -> Any:
+        """Return what the process finds, or why it finds nothing."""
         line = self._ready()
         try:
-            line.send(dict(changes))
+            line.send(given)
             if not line.poll(self._seconds):
                 self._end()
-                return self._failed(
-                    f"its run takes more than {self._seconds:g} s (--seconds), and was stopped"
-                )
-            found: Examined = line.recv()
+                return f"its run takes more than {self._seconds:g} s (--seconds), and was stopped"
+            found = line.recv()
         except (EOFError, OSError):
             self._end()
-            return self._failed(
-                f"its run ended the process; it may need more than {self._memory:g} GB (--memory)"
-            )
+            return f"its run ended the process; it may need more than {self._memory:g} GB (--memory)"
         if found.is_memory:
             self._end()
-            return self._failed(f"its run needs more than {self._memory:g} GB of memory (--memory)")
+            return f"its run needs more than {self._memory:g} GB of memory (--memory)"
         return found
-
-    def _failed(self, words: str) -> Examined:
-        return Examined.failed(self._judge, f"cannot be run: {words}")
 
     def _ready(self) -> Connection:
         """Return the line to the process, which has imported all it needs.
@@ -186,15 +191,16 @@ class BoundedRuns:
 def _serve(line: Connection, key: str, memory: int, examining: Examining) -> None:
     """Examine settings until the line is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C stops the grading, which ends this process
-    judge = parse_key(key).judge
+    keyed = parse_key(key)
     _limit(memory)
     line.send(True)
     while True:
         try:
-            changes = line.recv()
+            given = line.recv()
         except EOFError:
             return
-        line.send(examining(judge, changes))
+        is_export = isinstance(given, Path)
+        line.send(repeat(keyed, given, FIGURES) if is_export else examining(keyed.judge, given))
 
 
 def _limit(memory: int) -> None:

@@ -15,12 +15,13 @@ import math
 import os
 import stat
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from lab.base.progress import Progress
 from lab.classroom.homework.bounded_runs import FIGURES, Examining, examine
+from lab.classroom.homework.exported_run import ENDINGS, Repeated, repeat
 from lab.classroom.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, read_hand_in
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed
@@ -103,9 +104,15 @@ def _walk(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def grade(
-    files: list[Handed], keyed: Keyed, progress: Progress | None = None, examining: Examining = examine
+    files: list[Handed],
+    keyed: Keyed,
+    progress: Progress | None = None,
+    examining: Examining = examine,
+    repeating: Callable[[Path], Repeated] | None = None,
 ) -> list[Row]:
     """Return a row for each file, by the name of its column.
+
+    A file that was exported of a run of the homework is run again, and compared bit for bit.
 
     Parameters
     ----------
@@ -118,7 +125,10 @@ def grade(
     examining
         What runs the settings of a student; `lab.classroom.homework.bounded_runs.BoundedRuns` bounds time and
         memory.
+    repeating
+        What runs exports again; bounded likewise.
     """
+    repeating = repeating or (lambda path: repeat(keyed, path, FIGURES))
     opened = [_open(file, keyed) for file in files]
     names = Counter(_folded(found.name) for found, _ in opened if isinstance(found, HandIn))
     first: dict[str, str] = {}
@@ -128,6 +138,9 @@ def grade(
             progress(_one_line(file.name), number / len(files))
         row = dict.fromkeys(columns(keyed.judge), "")
         row |= {"file": text_cell(file.name), "homework": keyed.homework.name}
+        if isinstance(found, Path):
+            rows.append(row | _repeated(repeating(found)))
+            continue
         if isinstance(found, str):
             rows.append(row | {"status": REFUSED, "remark": text_cell(found)})
             continue
@@ -139,13 +152,26 @@ def grade(
     return rows
 
 
-def _open(file: Handed, keyed: Keyed) -> tuple[HandIn | str, str]:
-    """Return the hand-in in a file, or why there is none; and a digest of the file."""
+def _open(file: Handed, keyed: Keyed) -> tuple[HandIn | Path | str, str]:
+    """Return the hand-in in a file, the file if it is an export, or why there is none; and its digest."""
+    if file.name.lower().endswith(ENDINGS) and file.path.is_file() and not file.path.is_symlink():
+        return file.path, ""
     try:
         content = read_hand_in(file.path)
         return open_hand_in(content, keyed.homework, keyed.key), hashlib.sha256(content).hexdigest()
     except HandInError as error:
         return str(error), ""
+
+
+def _repeated(found: Repeated) -> Row:
+    """Return the cells of an export."""
+    row = {_column(name): _figure(value) for name, value in found.figures.items()}
+    settings = {path: value for path, value in found.changes.items() if path != "seed"}
+    return row | {
+        "status": found.status,
+        "remark": text_cell(found.remark),
+        "settings": text_cell(_assignments(settings)),
+    }
 
 
 def columns(judge: Judge) -> list[str]:

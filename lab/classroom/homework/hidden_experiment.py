@@ -62,6 +62,11 @@ class HiddenExperiment(Experiment):
         return self._scenario.key
 
     @property
+    def sealed(self) -> str:
+        """The name of the homework, and another seed than its own, sealed for the teacher."""
+        return self._scenario.sealed(self.seed)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What every result of this experiment remarks."""
         return (f"Some settings of this run are hidden. It is of the homework “{self._scenario.title}”.",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,6 +12,7 @@ from typing import Any
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
 from lab.classroom.gallery.faults import FAULTS, Fault
+from lab.classroom.homework.sealing import seal_for_teacher
 from lab.experiment.experiment import Experiment
 
 CHANGEABLE = ("navigator", "sensors")
@@ -73,6 +75,8 @@ class Scenario:
         Paths of settings and groups that the student may change.
     hidden : Hidden
         What is hidden.
+    public : bytes
+        The teacher's public keys; empty if nothing is sealed for anybody.
     """
 
     name: str
@@ -80,6 +84,17 @@ class Scenario:
     settings: Mapping[str, Any]
     change: tuple[str, ...]
     hidden: Hidden = field(repr=False)
+    public: bytes = field(default=b"", repr=False)
+
+    def sealed(self, seed: int) -> str:
+        """Return the name of the homework, and a seed other than the shown one, sealed for the teacher.
+
+        Unlike `key`, it has no digest of what is hidden, against which a guess could be tried.
+        """
+        if seed == self.shown.seed or not self.public:
+            return f"homework {self.name}"
+        sealed = seal_for_teacher(self.public, str(seed).encode(), seed_context(self.name))
+        return f"homework {self.name} {base64.b64encode(sealed).decode()}"
 
     @property
     def key(self) -> str:
@@ -155,6 +170,11 @@ class Scenario:
         outages = {*real.sensors.gps.outages, *experiment.sensors.gps.outages}
         real.set("sensors.gps.outages", sorted(outages))
         return real
+
+
+def seed_context(name: str) -> str:
+    """Return what the seed of a student's run is sealed as."""
+    return f"seed of a run of the homework {name}"
 
 
 def is_never(path: str) -> bool:

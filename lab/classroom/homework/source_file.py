@@ -68,7 +68,7 @@ def judge_of(tables: Mapping[str, Any], public: bytes, seed: int) -> Judge:
         )
     hidden = _hidden(tables.get("hidden", {}), trial, seed)
     title = text_of(tables, "title", "", LONGEST["title"])
-    scenario = Scenario(name_of(public), title, settings, _change(tables, trial), hidden)
+    scenario = Scenario(name_of(public), title, settings, _change(tables, trial), hidden, public)
     asked = [_question(one, where) for one, where in _tables(tables, "question")]
     goals = [_goal(one, where, trial) for one, where in _tables(tables, "goal")]
     names_faults = tables.get("names_faults", bool(hidden.faults))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -19,7 +19,21 @@ from lab.navigation.checks import DivergedError
 from lab.navigation.filters.kalman import MEASUREMENTS
 
 if TYPE_CHECKING:
+    import pandas as pd
     from distributed import Client
+
+
+COLUMNS = {
+    "position": "position [m]",
+    "velocity": "velocity [m/s]",
+    "heading": "heading [°]",
+    "nees": "NEES",
+    "degrees": "NEES expected",
+    "nis": "NIS",
+    "nis_degrees": "NIS expected",
+    "seconds": "time [s]",
+}
+"""Titles of the columns of the table, with their units."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +72,24 @@ class Compared:
 
 
 class Comparison(NotebookCard, tuple[Compared, ...]):
-    """What was compared, in order: a tuple that shows itself as a table in a notebook."""
+    """What was compared, in order: a tuple that shows itself as a table, in a notebook and printed."""
 
     CARD: ClassVar[str] = "comparison"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row for each model: errors, NEES and NIS with their expected values, time, verdict.
+
+        What is unknown is NaN; a model that did not run has the reason in ``refusal``.
+        """
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        return pd.DataFrame([asdict(row) for row in self]).rename(columns=COLUMNS).set_index("model")
+
+    def __repr__(self) -> str:
+        frame = self.to_frame()
+        words = frame.pop("verdict"), frame.pop("refusal")
+        frame["verdict"] = [said or f"Does not run: {why}" for said, why in zip(*words, strict=True)]
+        return str(frame.to_string(float_format=lambda value: f"{value:.3f}", na_rep="–", max_colwidth=60))
 
 
 def models() -> tuple[str, ...]:

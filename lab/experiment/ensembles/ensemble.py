@@ -32,8 +32,10 @@ from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.error_histogram import ErrorHistogram
 from lab.experiment.ensembles.run_at_fixes import ChannelSums
 from lab.experiment.experiment import Experiment
+from lab.missions import LogMission, mission
 from lab.navigation.belief import belief
 from lab.navigation.settings import NavigatorSettings
+from lab.run.provenance import ENSEMBLE, attributes_of, digest_of, facts_of, ranges_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -402,16 +404,18 @@ class Ensemble(NotebookCard):
 
         of_all, of_each = ("seed", "quantity"), "seed"
         units = ", ".join(dict.fromkeys(UNITS))
+        # The seed of a run that hides something is in no file: its runs are numbered.
+        seeds = list(range(1, len(self.seeds) + 1)) if self.experiment.hidden else list(self.seeds)
         return xr.Dataset(
             {
                 "rms": (of_all, self.rms, {"long_name": "root mean square error", "units": units}),
                 "largest": (of_all, self.largest, {"long_name": "largest error", "units": units}),
                 "horizontal_95": (of_each, self.most, {"long_name": HORIZONTAL_95, "units": "m"}),
                 "outage_end": (of_all, self.at_outage_ends[:, 0], {"long_name": OUTAGE_END, "units": units}),
-                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": ""}),
-                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": ""}),
+                "nees": (of_each, self.mean_nees, {"long_name": "NEES, mean over the fixes", "units": "1"}),
+                "nis": (of_each, self.mean_nis, {"long_name": "NIS, mean over the fixes", "units": "1"}),
             },
-            {"seed": list(self.seeds), "quantity": list(QUANTITIES), "unit": ("quantity", list(UNITS))},
+            {"seed": seeds, "quantity": list(QUANTITIES), "unit": ("quantity", list(UNITS))},
         )
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -431,13 +435,26 @@ class Ensemble(NotebookCard):
         """
         names = ("runs", "errors", "consistency")
         title = f"{len(self.seeds)} runs of {self.experiment.mission}"
-        settings = self.experiment.to_toml()
         write_netcdf(
             Path(path),
             lambda: {name: getattr(self, name) for name in names},
-            title,
-            settings,
+            attributes_of(self.facts, title),
             overwrite=overwrite,
+        )
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What makes this ensemble again, as every export has it; see `lab.run.provenance`."""
+        figures = (self.rms, self.largest, self.most, self.mean_nees, self.mean_nis)
+        flight = mission(self.experiment.mission)
+        is_one = self.experiment.hidden or isinstance(flight, LogMission)
+        return facts_of(
+            self.experiment,
+            flight,
+            ENSEMBLE,
+            algorithm=self.algorithm or None,
+            seeds=None if is_one else ranges_of(self.seeds),
+            result_sha256=digest_of(figures),
         )
 
     def to_dict(self, verdict: Verdict | None = None) -> dict[str, Any]:

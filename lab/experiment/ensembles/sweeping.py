@@ -41,6 +41,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.run.memory import at_once
+from lab.run.provenance import SWEEP, facts_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -149,7 +150,18 @@ def sweep(
         dataset(base, missions, swept, numbers, values),
         tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items() if count),
         refusals[STOPPED],
+        _made_of(base, swept),
+        {"fast": fast, "fixed": dict(fixed)},
     )
+
+
+def _made_of(experiment: Experiment, swept: Sequence[Swept]) -> dict[str, Any]:
+    """Return what made a sweep, and the given values of each setting with those of the dataset."""
+    pairs = {
+        one.path: list(zip(names_of(one.values), coordinate(experiment, one)[1], strict=True))
+        for one in swept
+    }
+    return facts_of(experiment, mission(experiment.mission), SWEEP) | {"swept": pairs}
 
 
 class _Done:
@@ -394,13 +406,15 @@ def dataset(
     }
     for at, name in enumerate(("nees", "nees_degrees", "nis", "nis_degrees"), 3 * WIDE):
         words = "expected value" if name.endswith("degrees") else "mean over the fixes"
-        about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": ""}
+        about = {"long_name": f"{name.partition('_')[0].upper()}, {words}", "units": "1"}
         variables[name] = ((*dims, "seed"), shaped[..., at], about)
     about = {"long_name": HORIZONTAL_95, "units": "m"}
     variables["horizontal_95"] = ((*dims, "seed"), shaped[..., -1], about)
     coords: dict[str, Any] = {one.dim: coordinate(experiment, one) for one in swept}
+    # The seed of a run that hides something is in no file: its runs are numbered.
+    numbers = list(range(1, len(seeds) + 1)) if experiment.hidden else list(seeds)
     coords |= {
-        "seed": list(seeds),
+        "seed": ("seed", numbers, {"long_name": "seed of the run", "units": "1"}),
         "quantity": list(QUANTITIES),
         "unit": ("quantity", list(UNITS)),
     }

@@ -87,11 +87,11 @@ def flight_duration(path: Path) -> float:
     return read_duration(path, COLUMNS, MIN_SAMPLES)
 
 
-def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None:
+def write_flight_csv(path: str | os.PathLike[str], recording: Recording, head: str = "") -> None:
     """Write a flight csv, compressed if the name ends with ``.gz``; the file appears whole or not at all.
 
-    The same recording gives the same bytes. Precision: 1e-12° of position (0.1 µm), 0.1 µm of height,
-    10 nm/s of velocity, 1e-9° of attitude.
+    The same recording and `head`, lines that begin with ``#``, give the same bytes. Precision: 1e-12° of
+    position (0.1 µm), 0.1 µm of height, 10 nm/s of velocity, 1e-9° of attitude.
 
     Raises
     ------
@@ -113,6 +113,7 @@ def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None
             # No name and no time of day in the gzip header: the same flight gives the same bytes.
             out = gzip.GzipFile("", "wb", 9, file, mtime=0) if compressed else contextlib.nullcontext(file)
             with out as stream:
+                stream.write(head.encode())
                 _write_rows(cast(BinaryIO, stream), columns, table)
     except (OSError, ValueError) as error:
         raise MissionError(

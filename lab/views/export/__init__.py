@@ -12,6 +12,7 @@ from pathlib import Path
 from lab.base.files.atomic_file import atomic_file
 from lab.experiment.result import Result
 from lab.missions import Mission, write_flight_csv
+from lab.run.provenance import block_of, facts_of_mission
 from lab.views.export import gpx, kml
 from lab.views.export.tracks import Tracks, recording_of, tracks_of
 from lab.views.export.trajectory_files import WRITERS, trajectory_of
@@ -25,6 +26,9 @@ __all__ = ["ENDINGS", "Tracks", "export_track", "tracks_of"]
 
 def export_track(source: Result | Mission, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write where a flight was into a file, of the kind its ending says; it appears whole or not at all.
+
+    All but SBET, which has no room for it, say what made them: `lab.open_result` reads that. In files of
+    columns, it stands in comments before them.
 
     Parameters
     ----------
@@ -59,13 +63,14 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     ending = next((one for one in (*WRITERS, *TEXTS) if path.name.lower().endswith(one)), "")
+    facts = source.facts if isinstance(source, Result) else facts_of_mission(source)
     if not ending:
-        write_flight_csv(path, recording_of(source))
+        write_flight_csv(path, recording_of(source), block_of(facts, "# ", short=True))
         return
     blocks = (
         [TEXTS[ending](tracks_of(source)).encode()]
         if ending in TEXTS
-        else WRITERS[ending](trajectory_of(source))
+        else WRITERS[ending](trajectory_of(source), facts)
     )
     with atomic_file(path) as file:
         for block in blocks:

@@ -23,11 +23,13 @@ _POINT = '   <trkpt lat="%.9f" lon="%.9f"><ele>%.4f</ele><time>%sZ</time></trkpt
 
 def text(tracks: Tracks) -> str:
     """Return a GPX document."""
+    origin = f'<origin xmlns="urn:ins-lab">{tracks.origin}</origin>' if tracks.origin else ""
     words = f"{tracks.description}\nTime 0 of the flight is {START} here, as it has no date."
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<gpx version="1.1" creator="INS Lab" xmlns="http://www.topografix.com/GPX/1/1">\n'
-        f" <metadata><name>{xml(tracks.title)}</name><desc>{xml(words)}</desc></metadata>\n"
+        f" <metadata><name>{xml(tracks.title)}</name><desc>{xml(words)}</desc>"
+        f"{f'<extensions>{origin}</extensions>' if origin else ''}</metadata>\n"
         f"{''.join(_track(one) for one in tracks.known)}</gpx>\n"
     )
 

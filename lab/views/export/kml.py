@@ -40,7 +40,16 @@ def text(tracks: Tracks) -> str:
         f"  <description>{xml(_plain(tracks.description))}</description>\n{styles}"
         '  <Style id="fixes"><IconStyle><color>ff00d7ff</color><scale>0.4</scale>'
         f"<Icon><href>{_DOT}</href></Icon></IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
-        f"{''.join(marks)} </Document>\n</kml>\n"
+        f"{_origin(tracks)}{''.join(marks)} </Document>\n</kml>\n"
+    )
+
+
+def _origin(tracks: Tracks) -> str:
+    """Return what made the file; Google Earth shows nothing of what is in a namespace of its own."""
+    if not tracks.origin:
+        return ""
+    return (
+        f'  <ExtendedData xmlns:lab="urn:ins-lab"><lab:origin>{tracks.origin}</lab:origin></ExtendedData>\n'
     )
 
 

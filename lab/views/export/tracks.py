@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -13,6 +15,7 @@ from lab.experiment.result import Result
 from lab.missions import LogMission, Mission, Recording
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
+from lab.run.provenance import block_of, facts_of_mission
 from lab.views.envelope import thin_path
 
 HEIGHTS = (
@@ -77,6 +80,8 @@ class Tracks:
         For people.
     true, estimated, fixes : Track or None
         The true path, or the reference of a log; the navigator's; the GPS fixes.
+    facts : mapping
+        What made them; see `lab.run.provenance`.
     """
 
     title: str
@@ -84,6 +89,12 @@ class Tracks:
     true: Track | None
     estimated: Track | None
     fixes: Track | None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def origin(self) -> str:
+        """What made the tracks, as text of XML."""
+        return xml(f"\n{block_of(self.facts)}") if self.facts else ""
 
     @property
     def known(self) -> tuple[Track, ...]:
@@ -105,12 +116,15 @@ def tracks_of(source: Result | Mission) -> Tracks:
         If a mission cannot be read.
     """
     if isinstance(source, Result):
-        return _of_result(source)
+        return replace(_of_result(source), facts=source.facts)
+    facts = facts_of_mission(source)
     if isinstance(source, LogMission):
-        return _of_log(source)
+        return replace(_of_log(source), facts=facts)
     recording = source.recording
     track = _shown("Flight", recording.time - recording.time[0], recording.position)
-    return Tracks(source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None)
+    return Tracks(
+        source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None, facts
+    )
 
 
 def recording_of(source: Result | Mission) -> Recording:

@@ -13,8 +13,9 @@ Applanix, *POSPac MMS*: smoothed best estimate of trajectory; the record is that
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,6 +29,7 @@ from lab.missions import LogMission, Mission
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import C_nb_from_euler, wrap
 from lab.navigation.filters.error_models import ATT, POS, VEL
+from lab.run.provenance import block_of
 
 MISSING = "parquet needs pyarrow, which is not installed: pip install 'ins-lab[parquet]'"
 """Why no parquet file is written."""
@@ -162,14 +164,18 @@ def _reference(mission: LogMission) -> tuple[FloatArray, FloatArray, FloatArray,
     return one.time[known] + epoch, one.position[known], one.velocity_n[known], one.euler[known]
 
 
-def tum(trajectory: Trajectory) -> Iterator[bytes]:
-    """Yield a TUM file: time, metres east, north, up of the origin, and the quaternion of b, scalar last."""
+def tum(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
+    """Yield a TUM file: time, metres east, north, up of the origin, and the quaternion of b, scalar last.
+
+    Comments say what made it.
+    """
     latitude, longitude = trajectory.origin[:2]
     north_east_down = ecef.axes(latitude, longitude)
     axes = np.column_stack((north_east_down[:, 1], north_east_down[:, 0], -north_east_down[:, 2]))
     place = (ecef.position(trajectory.position) - ecef.position(trajectory.origin[None])) @ axes
     quaternion = Rotation.from_matrix(axes.T @ trajectory.attitude_e).as_quat()
     degrees = np.degrees(trajectory.origin[:2])
+    yield block_of(facts, "# ").encode()
     yield (
         f"# east, north, up from latitude {degrees[0]:.12g} deg, longitude {degrees[1]:.12g} deg, "
         f"height {trajectory.origin[2]:.6f} m; body axes forward, right, down\n"
@@ -179,15 +185,16 @@ def tum(trajectory: Trajectory) -> Iterator[bytes]:
     yield from _lines("%.9f" + " %.6f" * 3 + " %.9f" * 4, table)
 
 
-def pos(trajectory: Trajectory) -> Iterator[bytes]:
-    """Yield a solution file of RTKLIB, with weeks and seconds, and velocities."""
+def pos(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
+    """Yield a solution file of RTKLIB, with weeks and seconds, and velocities, and what made it."""
     week = np.floor(trajectory.time / WEEK)
     latitude, longitude, height = trajectory.position.T
     sigma = trajectory.sigma[:, :3]
     north_east, north_down, east_down = trajectory.covariance.T
     off = np.column_stack((north_east, -east_down, -north_down))
     north, east, down = trajectory.velocity_n.T
-    yield _POS_HEAD.encode()
+    first, _, columns = _POS_HEAD.partition("\n")
+    yield f"{first}\n{block_of(facts, '% ')}{columns}".encode()
     table = np.column_stack((
         week, trajectory.time - week * WEEK, np.degrees(latitude), np.degrees(wrap(longitude)), height,
         np.nan_to_num(sigma), np.nan_to_num(np.sign(off) * np.sqrt(np.abs(off))), north, east, -down,
@@ -195,9 +202,10 @@ def pos(trajectory: Trajectory) -> Iterator[bytes]:
     yield from _lines(_POS_ROW, table)
 
 
-def sbet(trajectory: Trajectory) -> Iterator[bytes]:
+def sbet(trajectory: Trajectory, _facts: Mapping[str, Any]) -> Iterator[bytes]:
     """Yield an SBET file; its wander angle is zero, so that x, y and z of velocities are north, east, down.
 
+    There is no room for what made it.
     Accelerations and rates are those over the Earth along the body's axes, of central differences.
     """
     time, records = trajectory.time, np.zeros(len(trajectory.time), SBET)
@@ -239,17 +247,18 @@ def table_of(trajectory: Trajectory) -> dict[str, FloatArray]:
     return {name: one for name, one in known.items() if np.isfinite(one).any()}
 
 
-def csv(trajectory: Trajectory) -> Iterator[bytes]:
-    """Yield a csv file with a header and a row for each sample."""
+def csv(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
+    """Yield a csv file with what made it in comments, a header, and a row for each sample."""
     columns = table_of(trajectory)
+    yield block_of(facts, "# ", short=True).encode()
     yield (",".join(columns) + "\n").encode()
     forms = dict(zip(_NAMES, _ROW.split(","), strict=True))
     for block in _lines(",".join(forms[name] for name in columns), np.column_stack(list(columns.values()))):
         yield block.replace(b"nan", b"")
 
 
-def parquet(trajectory: Trajectory) -> Iterator[bytes]:
-    """Yield a parquet file with the columns of the csv.
+def parquet(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
+    """Yield a parquet file with the columns of the csv, and what made it in its metadata.
 
     Raises
     ------
@@ -262,7 +271,7 @@ def parquet(trajectory: Trajectory) -> Iterator[bytes]:
     except ImportError:
         raise MissionError(MISSING) from None
     out = BufferOutputStream()
-    write_table(table(table_of(trajectory)), out)
+    write_table(table(table_of(trajectory)).replace_schema_metadata({"ins-lab": block_of(facts)}), out)
     yield out.getvalue().to_pybytes()
 
 

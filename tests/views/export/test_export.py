@@ -44,7 +44,8 @@ def places(path) -> dict[str, etree._Element]:
     assert root.tag == f"{KML}kml"
     document = root.find(f"{KML}Document")
     order = [child.tag.removeprefix(KML) for child in document]
-    assert order == ["name", "open", "description", *["Style"] * 3, *["Placemark"] * (len(order) - 6)]
+    first = ["name", "open", "description", *["Style"] * 3, *["ExtendedData"] * ("ExtendedData" in order)]
+    assert order == [*first, *["Placemark"] * (len(order) - len(first))]
     styles = {f"#{style.get('id')}" for style in document.findall(f"{KML}Style")}
     for mark in document.findall(f"{KML}Placemark"):
         tags = [child.tag.removeprefix(KML) for child in mark]

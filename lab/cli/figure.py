@@ -1,0 +1,98 @@
+"""``ins-lab figure``: a plot of a run as PDF, SVG or PNG, as a journal takes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lab.cli.app import CommandError, working
+from lab.cli.options import (
+    AlgorithmFile,
+    Assignments,
+    Assumed,
+    Card,
+    Config,
+    Force,
+    Mission,
+    Seed,
+    algorithms,
+    check_out,
+    experiment,
+)
+from lab.views.cards import PLOTS
+
+ENDINGS = (".pdf", ".svg", ".png")
+
+EXAMPLES = """\b
+Examples:
+  ins-lab figure montreal --to errors.pdf --width "88 mm"
+  ins-lab figure montreal --plot ground_track --to path.svg
+  ins-lab figure montreal --plot covariance --set navigator.q_scale=10 --to sigma.png --width "180 mm"
+Fonts are embedded, and curves differ in line style, too, so that they can be told apart in grey."""
+
+
+def figure(
+    mission: Mission,
+    to: Annotated[
+        Path,
+        typer.Option(
+            "--to",
+            metavar="FILE",
+            help=f"File to write, ending in {', '.join(ENDINGS)}.",
+            show_default=False,
+        ),
+    ],
+    plot: Annotated[
+        str, typer.Option("--plot", metavar="NAME", help=f"What it shows: {', '.join(PLOTS)}.")
+    ] = PLOTS[0],
+    width: Annotated[
+        str | None,
+        typer.Option(
+            "--width",
+            metavar="LENGTH",
+            help='Such as "88 mm", "8.8 cm", "3.5 in", "252 pt"; 88 mm for one panel, 180 mm for several.',
+            show_default=False,
+        ),
+    ] = None,
+    height: Annotated[
+        str | None,
+        typer.Option(
+            "--height",
+            metavar="LENGTH",
+            help="Likewise; what the panels need by default.",
+            show_default=False,
+        ),
+    ] = None,
+    config: Config = None,
+    card: Card = None,
+    assumed: Assumed = True,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    own: AlgorithmFile = None,
+    force: Force = False,
+) -> None:
+    """Write a plot of a run as a figure for print: PDF, SVG or PNG."""
+    check_out(to, force, ENDINGS, "a figure", "--to")
+    if plot not in PLOTS:
+        raise CommandError(f"--plot {plot[:40]}: accepted are {', '.join(PLOTS)}")
+    from lab.views.paper_figure import millimetres  # noqa: PLC0415 - help does not need it
+
+    try:
+        for option, length in (("--width", width), ("--height", height)):
+            if length is not None:
+                millimetres(length, option)
+    except ValueError as error:
+        raise CommandError(str(error)) from error
+    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    with working(chosen.mission) as progress:
+        navigators = algorithms([own] if own else None)
+        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
+        if reason := result.missing_reason(plot):
+            raise CommandError(f"--plot {plot}: {reason} Accepted are {', '.join(dir(result.plot))}")
+        try:
+            getattr(result.plot, plot)().save(to, width, height=height, overwrite=force)
+        except OSError as error:
+            raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
+    print(to)
