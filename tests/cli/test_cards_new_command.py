@@ -103,12 +103,13 @@ def test_a_wrong_answer_is_asked_again_until_it_is_right_or_empty(capsys: pytest
 def test_a_person_at_a_terminal_is_asked(tmp_path: Path) -> None:
     """In a process of its own, on a terminal: answers, and an end in the middle that writes nothing."""
     out = tmp_path / "mine.toml"
-    answers = ["Mine", "", "own", "sheet, rev. 1", "2000 dps", "3.8 mdps/sqrt(Hz)", *[""] * 16]
+    rest = len(asked("gyro")) + len(asked("accelerometer")) - 2
+    answers = ["Mine", "", "own", "sheet, rev. 1", "2000 dps", "3.8 mdps/sqrt(Hz)", *[""] * rest]
     said = _at_a_terminal([*answers, "y"], str(out))
     assert "Noise density" in said
     assert cards.card(out).name == "Mine"
     other = tmp_path / "other.toml"
-    assert "Grade" in _at_a_terminal(["Mine", "", "\x03"], str(other))
+    assert "Grade" in _at_a_terminal(["Mine", "", "\x04"], str(other))  # the end of the input
     assert not other.exists()
 
 
@@ -122,7 +123,7 @@ def _at_a_terminal(answers: list[str], out: str) -> str:
         os.close(theirs)
         said, left, until = "", list(answers), time.monotonic() + RUN_SECONDS
         asked_at = 0
-        while time.monotonic() < until:
+        while process.poll() is None and time.monotonic() < until:
             if select.select([ours], [], [], 0.2)[0]:
                 try:
                     piece = os.read(ours, 65536).decode(errors="replace")
@@ -133,7 +134,8 @@ def _at_a_terminal(answers: list[str], out: str) -> str:
                 said += piece
             if left and said[asked_at:].rstrip(" ").endswith(":"):
                 asked_at = len(said)
-                os.write(ours, (left.pop(0) + "\n").encode())
-        process.wait(timeout=RUN_SECONDS)
+                answer = left.pop(0)
+                os.write(ours, answer.encode() + (b"" if answer == "\x04" else b"\n"))
+        process.kill()
     os.close(ours)
     return said
