@@ -25,10 +25,13 @@ White noise is the two-sided N of IEEE 952, which is 1/√2 of a one-sided noise
 class CardCommands(Commands):
     """The commands about cards; a name that is no command is the name of a card to show."""
 
+    default = "show"
+    """The command that is meant without one."""
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments: without a command, they are those of ``show``."""
+        """Read the arguments: without a command, they are those of the default one."""
         if not args or args[0] not in (*self.commands, *ctx.help_option_names):
-            args = ["show", *args]
+            args = [self.default, *args]
         return list(super().parse_args(ctx, args))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,11 +18,11 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Examples:
-  ins-lab numbers --static still.csv --moving my_drive
+  ins-lab numbers --static still.csv --moving drive.ulg
   ins-lab numbers --moving my_drive --for px4
   ins-lab numbers --static still.csv --for kalibr
-The drive is a sensor log: ins-lab import FILE --as log adds one. Without --static, the longest rest of the
-drive is taken. Intervals are 95 % intervals."""
+The drive is a file with an IMU and a GPS receiver, or a sensor log among the missions. Without --static, the
+longest rest of the drive is taken. Intervals are 95 % intervals."""
 
 
 def numbers(
@@ -31,7 +32,7 @@ def numbers(
     ] = None,
     moving: Annotated[
         str | None,
-        typer.Option("--moving", metavar="MISSION", help="Sensor log of a drive.", show_default=False),
+        typer.Option("--moving", metavar="MISSION|FILE", help="Sensor log of a drive.", show_default=False),
     ] = None,
     program: Annotated[
         str | None,
@@ -49,13 +50,15 @@ def numbers(
 ) -> None:
     """Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume."""
     from lab.experiment import filter_programs, imu_numbers  # noqa: PLC0415 - help does not need them
+    from lab.experiment.log_file import opened  # noqa: PLC0415 - beside them
 
     if static is None and moving is None:
-        raise CommandError("numbers needs --static FILE, --moving MISSION, or both")
+        raise CommandError("numbers needs --static FILE, --moving MISSION|FILE, or both")
     if program is not None and program not in filter_programs.PROGRAMS:
         raise CommandError(f"--for {program}: accepted are {', '.join(filter_programs.PROGRAMS)}")
-    chosen = None if moving is None else experiment(moving, config, None, assignments, None)
-    with working(moving or str(static)) as progress:
+    with working(moving or str(static)) as progress, contextlib.ExitStack() as stack:
+        drive = None if moving is None else stack.enter_context(opened(moving))
+        chosen = None if drive is None else experiment(drive, config, None, assignments, None)
         found = imu_numbers.numbers(static, chosen, progress)
     lines = "" if program is None else filter_programs.lines(found, program)
     if as_json:

@@ -93,7 +93,8 @@ class ImuNumbers:
         Random walk intensities of the vehicle's angular rate [rad²/s³] and acceleration [m²/s⁵] at
         30 Hz, NaN without a drive.
     experiment : Experiment or None
-        The drive with these numbers in the filter; None without a drive.
+        The drive with these numbers in the filter; None without a drive, and for the file of one, which is
+        no mission.
     remarks : tuple of str
         What else a reader must know, each with what it rests on.
     """
