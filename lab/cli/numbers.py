@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +13,7 @@ from lab.cli.options import AsJson, Assignments, Config, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.experiment.number_table import Estimate, ImuNumbers
+    from lab.experiment.number_table import ImuNumbers
 
 EXAMPLES = """\b
 Examples:
@@ -70,26 +69,11 @@ def numbers(
 
 
 def _text(found: ImuNumbers) -> str:
-    rows = [
-        (
-            row.triad,
-            row.term,
-            _interval(row.at_rest),
-            _interval(row.in_motion),
-            _interval(row.factor),
-            _number(row.used),
-            row.unit,
-            _number(row.discrete),
-        )
-        for row in found.rows
-    ]
-    header = ("group", "term", "at rest", "in motion", "factor", "use", "unit", "one sample [SI]")
-    parts = [f"At rest: {found.static or 'unknown'}. In motion: {found.moving or 'unknown'}."]
-    parts.append(table(header, rows, right={5, 7}))
-    parts.append(
-        f"Densities are two-sided (N of IEEE 952); a data sheet's one-sided noise density is √2 times as "
-        f"large. One sample is σ of a sample at {found.rate:.4g} Hz, or the step of the bias between two."
-    )
+    from lab.experiment.number_table import HEADS, UNKNOWN  # noqa: PLC0415 - help does not need it
+
+    parts = [f"At rest: {found.static or UNKNOWN}. In motion: {found.moving or UNKNOWN}."]
+    parts.append(table(HEADS, found.cells, right={5, 7}))
+    parts.append(found.convention)
     parts.append(
         "\n".join(
             f"- {row.triad}, {row.term}: {row.basis}. Cause of the factor: {row.cause}" for row in found.rows
@@ -98,15 +82,3 @@ def _text(found: ImuNumbers) -> str:
     if found.remarks:
         parts.append("\n".join(f"- {remark}" for remark in found.remarks))
     return "\n\n".join(parts)
-
-
-def _number(value: float) -> str:
-    return "unknown" if math.isnan(value) else f"{value:.3g}"
-
-
-def _interval(one: Estimate | None) -> str:
-    if one is None:
-        return "unknown"
-    if not one.low > 0:
-        return f"at most {one.high:.3g}"
-    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"

@@ -22,7 +22,7 @@ FLIGHT = "INS Lab flight csv"
 
 
 def is_log_file(source: str | os.PathLike[str]) -> bool:
-    """Return whether a source is the file of a logger, and no mission by its name, TOML file or flight csv."""
+    """Return whether a source is the file of a logger, and no mission: no name, TOML file or flight csv."""
     path = Path(source)
     try:
         if not path.is_file() or path.suffix.lower() == ".toml" or os.fspath(source) in missions():

@@ -82,7 +82,7 @@ def test_a_receiver_without_a_log_is_refused(folder, tmp_path):
 
 @pytest.mark.proof
 def test_the_file_of_a_log_stands_in_place_of_a_mission(tmp_path, monkeypatch):
-    """The same figures from a file and from the mission that an import of it makes; nothing is left behind."""
+    """The same figures from a file and from the mission that an import of it makes; nothing stays behind."""
     monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path / "missions"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()

@@ -28,6 +28,7 @@ PAGES = (
     "States",
     "Cards",
     "Allan",
+    "Numbers",
     "Ground track",
     "Flight",
     "3-D",
