@@ -32,6 +32,8 @@ WORDS = (
     f"with a GPS receiver, too, up to {MAX_BYTES // 2**20} MB; or logs among the missions.</p>"
 )
 _STYLE = """
+table { margin-bottom: 12px; }
+@media (max-width: 600px) { th, td:not(.words) { white-space: normal; } }
 pre { font: 12.5px/1.5 "Roboto Mono", ui-monospace, monospace; padding: 10px 12px; margin: 6px 0;
       border: 1px solid rgba(128,128,128,.3); border-radius: 6px; white-space: pre-wrap;
       overflow-wrap: anywhere; }
@@ -70,7 +72,7 @@ class Numbers(Page):
             for name, label in (("still", "A log at rest of mine"), ("drive", "A log of a drive of mine"))
         }
         self._button = pmui.Button(
-            label="Find the numbers", variant="contained", size="small", margin=(10, 16)
+            label="Find the numbers", variant="contained", size="small", margin=(10, 8)
         )
         self._button.on_click(lambda _event: self.start())
         self._program = pmui.Select(
@@ -82,7 +84,7 @@ class Numbers(Page):
             label="Download the lines", visible=False, size="small", variant="outlined", margin=(10, 8),
         )  # fmt: skip
         self.words = pn.pane.HTML(
-            WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE]
+            WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE, _STYLE]
         )
         self.pasted = pn.pane.HTML(
             "", sizing_mode="stretch_width", margin=(0, 20), stylesheets=[TABLE_STYLE, _STYLE], visible=False
@@ -93,7 +95,7 @@ class Numbers(Page):
             pn.FlexBox(
                 self._drive, self._uploads["drive"], self._button, margin=(0, 8), align_items="center"
             ),
-            self.job.view,
+            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
             self.words,
             pn.FlexBox(self._program, self._download, margin=(0, 12), align_items="center"),
             self.pasted,
