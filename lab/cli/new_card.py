@@ -16,7 +16,7 @@ from lab.cli.options import AsJson, Force, check_out
 
 if TYPE_CHECKING:
     from lab.sensors.cards import Card
-    from lab.sensors.data_sheet import DataSheet
+    from lab.sensors.data_sheet import DataSheet, SheetNumber
 
 NEW_EXAMPLES = """\b
 Examples:
@@ -96,8 +96,9 @@ def new_card(
         if lacking:
             raise CommandError(f"cards new: {lacking[0]} is missing")
         sheet = DataSheet(name or "", maker, grade or "", source or "")
-        for triad, text in sorted(given, key=lambda one: "range" not in one[1] and "scale" not in one[1]):
-            _take(sheet, triad, text)
+        for found in sheet.take_all(given):
+            if found.reading:
+                _say(_reading(found))
         made = sheet.card()
     else:
         made = interview(_ask, name or (out.stem if out else ""), maker, grade, source)
@@ -114,20 +115,8 @@ def new_card(
         print(f"\nWritten: {out}. Use it with ins-lab run montreal --card {out}")
 
 
-def _take(sheet: DataSheet, triad: str, text: str) -> None:
-    """Take a number as an option gives it."""
-    word, sign, size = text.partition("=")
-    if not sign:
-        raise CommandError(
-            f"--{triad} {text}: accepted is WORD=NUMBER UNIT, such as noise density=5 mdps/sqrt(Hz)"
-        )
-    found = sheet.take(triad, word, size)
-    if found.reading:
-        print(_reading(found.reading, found.datum.value, found.datum.unit), file=sys.stderr)
-
-
-def _reading(reading: str, value: object, unit: str) -> str:
-    return f"read as {number(value)} {unit}: {reading}"
+def _reading(found: SheetNumber) -> str:
+    return f"read as {number(found.datum.value)} {found.datum.unit}: {found.reading}"
 
 
 def _ask(question: str, default: str) -> str:
@@ -198,7 +187,7 @@ def _about_triad(
                 _say(str(error))
                 continue
             if found.reading:
-                _say(_reading(found.reading, found.datum.value, found.datum.unit))
+                _say(_reading(found))
             break
 
 

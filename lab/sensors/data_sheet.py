@@ -11,7 +11,7 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -156,6 +156,31 @@ class DataSheet:
         known[setting] = found.datum
         self._said.append(f"{triad} {setting.replace('_', ' ')} {' '.join(text.split())}")
         return found
+
+    def take_all(self, given: Sequence[tuple[str, str]]) -> list[SheetNumber]:
+        """Take numbers in any order; ranges first, since others may be parts of them.
+
+        Parameters
+        ----------
+        given
+            Triad, and word and number with ``=`` between them, such as ``ARW = 0.15 deg/√h``.
+
+        Raises
+        ------
+        SettingError
+            As `take`, or if there is no ``=``.
+        """
+        split = []
+        for triad, text in given:
+            word, sign, number = text.partition("=")
+            if not sign:
+                raise SettingError(
+                    f"{triad} {text.strip()[:LONGEST_TEXT]}: accepted is WORD=NUMBER UNIT, such as noise "
+                    "density=5 mdps/sqrt(Hz)"
+                )
+            split.append((triad, word, number))
+        split.sort(key=lambda one: term_of(one[0], one[1]) != "range")
+        return [self.take(*one) for one in split]
 
     def card(self) -> Card:
         """Return the card: the given numbers, what is typical of the grade for the others, and what was read.
