@@ -96,7 +96,7 @@ def test_lines_of_a_data_sheet_become_a_card_to_download_and_to_load(walk: Walk,
         "5 numbers of the sheet",
         "read as 120 µg/√Hz: rms",
         "gyro, assumed: flicker",
-        "missing and off",
+        "missing",
     ):
         assert words in str(shown.answer.object)
     path = tmp_path / "mine.toml"
