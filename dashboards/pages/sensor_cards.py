@@ -17,6 +17,7 @@ from dashboards.pages.base import Page
 from dashboards.pages.sheet_form import SheetForm
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.widgets import shown
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -89,7 +90,13 @@ class SensorCards(Page):
         words = pn.pane.HTML(_WORDS, sizing_mode="stretch_width", margin=(8, 16, 0, 16), stylesheets=[_TERMS])
         self._form = SheetForm(self._session)
         return pn.Column(
-            words, self._table, self._terms, self._form.view, sizing_mode="stretch_width", margin=0
+            words,
+            self._table,
+            self._terms,
+            self._form.view,
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[WHOLE],
         )
 
     def draw(self, result: Result) -> None:

@@ -19,7 +19,7 @@ from lab.missions import MissionError
 from lab.missions.mission_name import accepted_name
 from lab.sensors.cards import GRADES, Card
 from lab.sensors.data_sheet import DataSheet, SheetNumber
-from lab.sensors.suite import TRIADS
+from lab.sensors.suite import TRIADS, SensorSuite
 
 MOST_LINES = 40
 """Most lines that are read: ten terms of two triads, twice."""
@@ -137,9 +137,10 @@ def answer_html(card: Card, read: list[SheetNumber]) -> str:
     items = [
         f"read as {shown(one.datum.value)} {one.datum.unit}: {one.reading}" for one in read if one.reading
     ]
+    groups = SensorSuite().groups()
     for triad, data in card.assumed.items():
-        if data:
-            items.append(f"{triad}, assumed: {', '.join(name.replace('_', ' ') for name in data)}")
+        labels = [groups[triad].param[name].label for name in data]
+        items.append(f"{triad}, assumed: {', '.join(labels)}")
     items += [
         f"{triad}, missing and off: {', '.join(labels)}" for triad, labels in card.missing().items() if labels
     ]

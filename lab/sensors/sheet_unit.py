@@ -22,9 +22,16 @@ PURE: Dimension = (0.0, 0.0, 0.0, 0.0, 0.0)
 """Dimension of a pure number."""
 ANGLE: Dimension = (1.0, 0.0, 0.0, 0.0, 0.0)
 """Dimension of an angle."""
-_LENGTH, _TIME = (0.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
-_KELVIN, _STEP = (0.0, 0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
-_FORCE = (0.0, 1.0, -2.0, 0.0, 0.0)
+_LENGTH: Dimension = (0.0, 1.0, 0.0, 0.0, 0.0)
+"""Dimension of a length."""
+_TIME: Dimension = (0.0, 0.0, 1.0, 0.0, 0.0)
+"""Dimension of a time."""
+_KELVIN: Dimension = (0.0, 0.0, 0.0, 1.0, 0.0)
+"""Dimension of a temperature."""
+_STEP: Dimension = (0.0, 0.0, 0.0, 0.0, 1.0)
+"""Dimension of steps of the output."""
+_FORCE: Dimension = (0.0, 1.0, -2.0, 0.0, 0.0)
+"""Dimension of a specific force."""
 _ATOMS: dict[str, tuple[float, Dimension]] = {
     "deg": (DEGREE, ANGLE),
     "rad": (1.0, ANGLE),
@@ -43,7 +50,9 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "%": (0.01, PURE),
     "ppm": (1e-6, PURE),
 }
+"""The units of which others are made: factor to SI and dimension."""
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
+"""Factors of the prefixes of the SI that data sheets have."""
 _SPELLINGS = (
     (r"°\s*c\b|\bdeg(?:rees?)?\.?\s*c\b|℃|\bkelvin\b|\bc\b", "k"),
     (r"\bdegrees?\b|°|º|\bdeg\b\.?", "deg"),

@@ -95,7 +95,7 @@ def test_lines_of_a_data_sheet_become_a_card_to_download_and_to_load(walk: Walk,
     for words in (
         "5 numbers of the sheet",
         "read as 120 µg/√Hz: rms",
-        "gyro, assumed: flicker",
+        "gyro, assumed: Flicker",
         "missing",
     ):
         assert words in str(shown.answer.object)
