@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 
 import panel as pn
@@ -61,7 +62,7 @@ class Numbers(Page):
         self.job = Job(closeable=True)
         self._uploads = {
             name: Upload(
-                lambda paths, name=name: self._arrived(name, paths[0]),
+                partial(self._arrived, name),
                 self.job.say,
                 most=1,
                 label=label,
@@ -141,8 +142,8 @@ class Numbers(Page):
                 kept = select.value if select.value in options.values() else first
                 select.param.update(options=options, value=kept)
 
-    def _arrived(self, name: str, path: Path) -> None:
-        self._files[name] = path
+    def _arrived(self, name: str, paths: list[Path]) -> None:
+        path = self._files[name] = paths[0]
         self._offer()
         (self._still if name == "still" else self._drive).value = name
         self.job.say(f"{path.name} is here. Press Find the numbers when both logs are chosen.", "info")

@@ -140,9 +140,9 @@ def answer_html(card: Card, read: list[SheetNumber]) -> str:
     groups = SensorSuite().groups()
     for triad, data in card.assumed.items():
         labels = [groups[triad].param[name].label for name in data]
-        items.append(f"{triad}, assumed: {', '.join(labels)}")
+        items.append(f"{triad}, assumed: {'; '.join(labels)}")
     items += [
-        f"{triad}, missing and off: {', '.join(labels)}" for triad, labels in card.missing().items() if labels
+        f"{triad}, missing and off: {'; '.join(labels)}" for triad, labels in card.missing().items() if labels
     ]
     given = sum(map(len, card.terms.values()))
     rows = "".join(f"<li>{escape(item)}</li>" for item in items)
