@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from functools import partial
+from html import escape
 from pathlib import Path
 
 import panel as pn
@@ -19,11 +20,10 @@ from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
 from lab.experiment.filter_programs import PROGRAMS, lines
 from lab.experiment.imu_numbers import numbers
-from lab.experiment.number_table import ImuNumbers
+from lab.experiment.number_table import HEADS, UNKNOWN, ImuNumbers
 from lab.experiment.result import Result
 from lab.missions import LogMission, missions
 from lab.views.figures import TimeAxis
-from lab.views.number_table import lines_html, numbers_html
 
 OWN_REST = "The longest rest of the drive"
 NO_DRIVE = "No drive"
@@ -197,4 +197,26 @@ class Numbers(Page):
         self._lines = self._seen(lines(self._found, program))
         self._download.param.update(filename=f"{program}_noise.txt", visible=True)
         self._program.visible = self.pasted.visible = True
-        self.pasted.object = lines_html(self._lines)
+        self.pasted.object = f"<pre>{escape(self._lines)}</pre>"
+
+
+def numbers_html(found: ImuNumbers) -> str:
+    """Return the table of terms, what each number rests on, and the remarks."""
+    heads = "".join(f"<th>{escape(head)}</th>" for head in ("", *HEADS[2:]))
+    rows = "".join(
+        f"<tr><td>{escape(triad)}, {escape(term)}</td>"
+        + "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        + "</tr>"
+        for triad, term, *cells in found.cells
+    )
+    why = "".join(
+        f"<li><b>{escape(row.triad)}, {escape(row.term)}</b>: {escape(row.basis)}. Cause of the factor: "
+        f"{escape(row.cause)}</li>"
+        for row in found.rows
+    )
+    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in found.remarks)
+    return (
+        f"<p>At rest: {escape(found.static or UNKNOWN)}. In motion: {escape(found.moving or UNKNOWN)}. "
+        f"Intervals are 95 % intervals.</p><table><tr>{heads}</tr>{rows}</table>"
+        f"<p>{escape(found.convention)}</p><ul>{why}{remarks}</ul>"
+    )

@@ -29,6 +29,7 @@ PAGES = (
     "Cards",
     "Allan",
     "Numbers",
+    "Calibration",
     "Ground track",
     "Flight",
     "3-D",
